@@ -1,0 +1,238 @@
+"""The command line end to end, on whatever adapter there is: files, messages, exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wgpu_gi.__main__ import main
+from wgpu_gi.image import load_image
+
+TINY = ["--size", "32x18", "--spp", "2"]
+BUFFERS = ["radiance", "direct", "indirect", "emission", "albedo", "normal", "depth", "position", "standard_error"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def start(*arguments: str, **options) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, "-m", "wgpu_gi", *arguments], text=True, **options)
+
+
+def picture(*arguments: str, name: str = "p.npy") -> np.ndarray:
+    """Render in this process to linear floats."""
+    assert main(["render", "-o", name, *TINY, *arguments]) == 0
+    return load_image(name)
+
+
+def test_command_makes_a_picture(folder):
+    process = start("render", "cornell", "-o", "out.png", *TINY, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    out, err = process.communicate()
+    assert process.returncode == 0, err
+    assert re.fullmatch(r"out\.png: 32x18, 2 spp, [\d.]+ s on .+\n", out)
+    assert "\r" not in err  # no progress bar off a terminal
+    assert load_image("out.png").shape == (18, 32, 3)
+    assert os.listdir(folder) == ["out.png"]
+
+
+def test_npy_is_linear_radiance():
+    values = picture("--exposure", "5")
+    assert (values.shape, values.dtype) == ((18, 32, 3), np.float32)
+    assert np.isfinite(values).all()
+    assert values.min() >= 0.0
+    assert values.max() > 1.0  # the lamp, neither exposed nor tone-mapped
+    assert np.array_equal(values, picture())
+
+
+@pytest.mark.parametrize("suffix", ["exr", "npz"])
+def test_every_buffer_in_one_file(suffix):
+    shows = [argument for name in BUFFERS for argument in ("--show", name)]
+    assert main(["render", "-o", f"p.{suffix}", *TINY, *shows]) == 0
+    layers = {name: load_image(f"p.{suffix}", name) for name in BUFFERS}
+    for name, layer in layers.items():
+        assert layer.shape[:2] == (18, 32), name
+        assert np.isfinite(layer).all(), name
+    assert np.array_equal(load_image(f"p.{suffix}"), layers["radiance"])
+    total = layers["direct"] + layers["indirect"] + layers["emission"]
+    assert np.allclose(total, layers["radiance"], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["normal", "depth", "albedo"])
+def test_png_of_another_buffer(name):
+    assert main(["render", *TINY, "--show", name]) == 0
+    shown = load_image("out.png")
+    assert shown.max() > shown.min()
+
+
+def test_seed_makes_the_picture():
+    assert np.array_equal(picture("--seed", "7"), picture("--seed", "7"))
+    assert not np.array_equal(picture("--seed", "7"), picture("--seed", "8"))
+
+
+def test_without_bounces_is_without_gi():
+    assert np.array_equal(picture("--bounces", "0"), picture("--gi", "none"))
+    assert picture("--bounces", "0").sum() < picture().sum()
+
+
+def test_light_environment_and_camera_of_the_command_line(folder):
+    Path("cam.json").write_text(json.dumps({"position": [0.1, 1.0, 3.0], "target": [0, 1, 0], "yfov_deg": 50}))
+    plain = picture()
+    assert not np.array_equal(picture("--camera", "cam.json"), plain)
+    assert np.array_equal(picture("--camera", "0"), plain)
+    assert picture("--light", "point 0,1,0 3,3,3").sum() > plain.sum()
+    assert picture("--env", "1,1,1").sum() > plain.sum()
+    assert not np.array_equal(picture("--set", "camera.jitter=false"), plain)
+
+
+def test_plan_timings_and_check_print(capsys):
+    assert main(["render", *TINY, "--plan", "--timings", "--check", "--diffuse"]) == 0
+    printed = capsys.readouterr().out
+    assert "ran" in printed
+    assert "ms" in printed
+    assert printed.splitlines()[-1].startswith("out.png: 32x18")
+
+
+def test_info_tells_what_will_be_used(capsys):
+    assert main(["info"]) == 0
+    printed = capsys.readouterr().out
+    for words in ("will be used", "wgpu 0.32", "features: ", "limits: ", "missing"):
+        assert words in printed
+
+
+def test_info_is_quick():
+    start_time = time.perf_counter()
+    assert start("info", stdout=subprocess.DEVNULL).wait() == 0
+    # The aim is 2 s; a loaded machine gets as much again.
+    assert time.perf_counter() - start_time < 4.0
+
+
+def hostile_glb(announced: int) -> bytes:
+    """Return a GLB whose buffer claims to have `announced` bytes."""
+    text = json.dumps(
+        {
+            "asset": {"version": "2.0"},
+            "buffers": [{"byteLength": announced}],
+            "bufferViews": [{"buffer": 0, "byteLength": announced}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": announced // 12, "type": "VEC3"}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "nodes": [{"mesh": 0}],
+            "scenes": [{"nodes": [0]}],
+            "scene": 0,
+        }
+    ).encode()
+    text += b" " * (-len(text) % 4)
+    return struct.pack("<4sII", b"glTF", 2, 20 + len(text)) + struct.pack("<I4s", len(text), b"JSON") + text
+
+
+BAD_FILES = {
+    "empty.glb": b"",
+    "truncated.glb": hostile_glb(1200)[:60],
+    "magic.glb": b"NotAGlTF" * 4,
+    "json.gltf": b'{"hello": "world"}',
+    "broken.gltf": b'{"asset": ',
+    "huge.glb": hostile_glb(10**10),
+    "nothing.obj": b"# nothing\n",
+    "picture.xyz": b"1 2 3",
+    "sky.hdr": b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n",
+    "cam.json": b'{"position": [0, 0, 0], "target": [0, 0, 0]}',
+}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("missing.glb", "missing.glb"),
+        ("picture.xyz", r"\.xyz"),
+        ("empty.glb", "empty"),
+        ("truncated.glb", "truncated.glb"),
+        ("magic.glb", "magic.glb"),
+        ("json.gltf", "json.gltf"),
+        ("broken.gltf", "broken.gltf"),
+        ("huge.glb", "huge.glb"),
+        ("nothing.obj", "nothing.obj"),
+        ("nonsense", "no built-in scene"),
+        ("--env sky.hdr", "100000x100000"),
+        ("--env missing.hdr", "missing.hdr"),
+        ("--env 1,nan,1", "finite"),
+        ("--camera missing.json", "missing.json"),
+        ("--camera cam.json", "same point"),
+        ("--camera 99", "no camera"),
+        ("--light sun", "sun"),
+        ("--size 0x0", "0x0"),
+        ("--size 100000x100000", "100000x100000"),
+        ("--spp 0", "spp"),
+        ("--seed -1", "seed"),
+        ("--show beauty", "beauty"),
+        ("--set path.nonsense=1", "path.nonsense"),
+        ("--adapter nonesuch", "nonesuch"),
+        ("-o out.jpeg", r"\.jpeg"),
+        ("-o missing/out.png", "no folder"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_nothing_is_written(arguments, words, capsys, folder):
+    for name in BAD_FILES.keys() & set(arguments.split()):
+        Path(name).write_bytes(BAD_FILES[name])
+    before = sorted(os.listdir(folder))
+    assert main(["render", *TINY, *arguments.split()]) == 2
+    printed = capsys.readouterr()
+    error = [line for line in printed.err.splitlines() if not line.startswith(("note: ", "warning: "))]
+    assert len(error) == 1, printed.err
+    assert error[0].startswith("wgpu-gi: error: ")
+    assert re.search(words, error[0])
+    assert printed.out == ""
+    assert sorted(os.listdir(folder)) == before
+
+
+def test_light_that_is_no_number_is_refused():
+    import wgpu_gi as gi
+
+    scene = gi.load("cornell-point")
+    scene.lights[0].intensity = float("nan")
+    with pytest.raises(gi.GiError, match="light"):
+        gi.render(scene, size=(8, 8), spp=1)
+
+
+def test_no_adapter_is_one_sentence(folder):
+    environment = {**os.environ, "VK_DRIVER_FILES": "/nonexistent.json", "VK_ICD_FILENAMES": "/nonexistent.json"}
+    process = start("render", *TINY, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    _, err = process.communicate()
+    if sys.platform != "linux":
+        pytest.skip("only the Vulkan loader can be told to find no driver")
+    assert process.returncode == 2
+    assert "install" in err
+    assert "Traceback" not in err
+    assert not os.listdir(folder)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_interrupt_leaves_no_file(folder):
+    """Interrupt a render that would take minutes, on a terminal, once its progress bar shows that it runs."""
+    master, slave = pytest.importorskip("pty").openpty()
+    process = start("render", "-o", "out.exr", "--size", "640x360", "--spp", "100000", stdout=slave, stderr=slave)
+    os.close(slave)
+    seen = b""
+    while b"rendering" not in seen:
+        seen += os.read(master, 4096)
+    process.send_signal(signal.SIGINT)
+    while True:
+        try:
+            seen += os.read(master, 4096)
+        except OSError:  # the terminal is closed by its last user
+            break
+    assert process.wait(timeout=30) == 130
+    assert b"interrupted; no picture was written" in seen
+    assert b"Traceback" not in seen
+    assert not os.listdir(folder)

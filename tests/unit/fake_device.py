@@ -1,0 +1,127 @@
+"""A device that computes nothing and writes down what it is told: for tests of the render graph without a driver."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from wgpu_gi.gpu.pipelines import Pipelines
+
+
+class FakeObject:
+    """A wgpu object: what it was made with are its attributes."""
+
+    def __init__(self, kind, log, **made_with):
+        self.kind, self.log, self.destroyed = kind, log, False
+        self.__dict__.update(made_with)
+
+    def destroy(self):
+        self.destroyed = True
+        self.log.append(("destroy", self.label))
+
+
+class FakeBuffer(FakeObject):
+    map_state = "unmapped"
+
+
+class FakeTexture(FakeObject):
+    def create_view(self, **made_with):
+        return FakeObject("view", self.log, texture=self, **made_with)
+
+
+class FakePass:
+    """A pass encoder; a dispatch or draw is noted as (pass label, arguments)."""
+
+    def __init__(self, log, label):
+        self.log, self.label, self.groups = log, label, {}
+
+    def set_pipeline(self, pipeline):
+        assert pipeline is not None
+
+    def set_bind_group(self, index, group):
+        self.groups[index] = group
+
+    def dispatch_workgroups(self, *groups):
+        self.log.append(("dispatch", self.label, groups))
+
+    def dispatch_workgroups_indirect(self, buffer, offset):
+        self.log.append(("dispatch", self.label, buffer.label))
+
+    def draw(self, *counts):
+        self.log.append(("draw", self.label, counts))
+
+    def end(self):
+        pass
+
+
+class FakeEncoder:
+    def __init__(self, log):
+        self.log = log
+
+    def begin_compute_pass(self, label, **_):
+        return FakePass(self.log, label)
+
+    def begin_render_pass(self, label, **attachments):
+        self.log.append(("targets", label, attachments))
+        return FakePass(self.log, label)
+
+    def clear_buffer(self, buffer):
+        self.log.append(("clear", buffer.label))
+
+    def finish(self):
+        return self
+
+
+class FakeQueue:
+    def __init__(self, log):
+        self.log = log
+
+    def write_buffer(self, buffer, offset, data):
+        buffer.data = bytes(data)
+        self.log.append(("write", buffer.label, bytes(data)))
+
+    def write_texture(self, *_):
+        pass
+
+    def submit(self, encoders):
+        self.log.append(("submit",))
+
+
+class FakeGpu:
+    def __init__(self):
+        self.log = []
+        self.queue = FakeQueue(self.log)
+
+    def create_command_encoder(self, label):
+        return FakeEncoder(self.log)
+
+    def create_buffer(self, **made_with):
+        return FakeBuffer("buffer", self.log, **made_with)
+
+    def create_texture(self, **made_with):
+        return FakeTexture("texture", self.log, **made_with)
+
+    def __getattr__(self, name):
+        """Return a maker of any other object: create_sampler, create_compute_pipeline ..."""
+        if not name.startswith("create_"):
+            raise AttributeError(name)
+
+        def create(**made_with):
+            self.log.append((name, made_with.get("label")))
+            return FakeObject(name.removeprefix("create_"), self.log, **made_with)
+
+        return create
+
+
+def fake_device():
+    """Return what a Graph needs of a device."""
+    gpu = FakeGpu()
+    return SimpleNamespace(
+        gpu=gpu,
+        pipelines=Pipelines(gpu),
+        features=set(),
+        limits={},
+        is_cpu=True,
+        compute_timestamps=False,
+        render_timestamps=False,
+        wait=lambda: None,
+    )

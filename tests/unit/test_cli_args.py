@@ -1,0 +1,234 @@
+"""The command line's own part, with a stand-in for the renderer: arguments, messages, exit codes, what is printed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wgpu_gi import cli_info, cli_render
+from wgpu_gi.__main__ import main
+from wgpu_gi.errors import GiError
+from wgpu_gi.image import load_image
+from wgpu_gi.scene.scene import DirectionalLight, Scene
+
+DEFAULTS = ("path", None, 64, 0, False)  # gi, bounces, spp, seed, diffuse
+
+
+class FakeRenderer:
+    """Makes a grey picture and remembers what it was asked."""
+
+    adapter_name, is_cpu = "a fake", True
+    interrupt: type[BaseException] | None = None
+
+    def __init__(self, scene, **arguments):
+        FakeRenderer.made = self
+        self.scene, self.arguments = scene, arguments
+        self.size = arguments["size"]
+
+    def run(self, progress, *, show, check, timings):
+        self.ran = (progress, show, check, timings)
+        if self.interrupt is not None:
+            raise self.interrupt()
+
+    def read_back(self, name):
+        width, height = self.size
+        return np.full((height, width) if name == "depth" else (height, width, 3), 0.5, np.float32)
+
+    def plan(self):
+        return "THE PLAN"
+
+    def timings(self):
+        return "THE TIMINGS"
+
+
+def fake_load(name, environment, lights):
+    return Scene(name=name, environment=environment, lights=list(lights), notes=["a remark"])
+
+
+@pytest.fixture(autouse=True)
+def stand_ins(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli_render, "Renderer", FakeRenderer)
+    monkeypatch.setattr(cli_render, "load", fake_load)
+    monkeypatch.setattr(cli_render, "choose_camera", lambda scene, selector, folder: f"camera {selector}")
+    monkeypatch.setattr(FakeRenderer, "interrupt", None)
+
+
+def test_defaults(capsys, tmp_path):
+    assert main(["render"]) == 0
+    made = FakeRenderer.made
+    assert made.scene.name == "cornell"
+    assert made.arguments["size"] == (640, 360)
+    assert made.arguments["camera"] == "camera None"
+    assert made.arguments["adapter"] is None
+    settings = made.arguments["settings"]
+    assert (settings.gi, settings.bounces, settings.spp, settings.seed, settings.diffuse) == DEFAULTS
+    assert made.ran == (None, ("radiance",), False, False)
+    printed = capsys.readouterr()
+    assert printed.out.startswith("out.png: 640x360, 64 spp, ")
+    assert printed.out.endswith(" s on a fake\n")
+    assert "note: a remark\n" in printed.err
+    assert "a fake IS A CPU" in printed.err
+    assert (tmp_path / "out.png").stat().st_size > 0
+
+
+def test_everything_is_passed_on(capsys):
+    arguments = "render s.glb -o o.exr --size 32x18 --camera front --gi none --bounces 3 --spp 2 --env 1,2,3 --seed 9"
+    more = ["--light", "sun 0,-1,0 1,1,1", "--light", "sun 1,-1,0 1,1,1", "--show", "radiance", "--show", "depth"]
+    flags = "--set camera.jitter=false --adapter lavapipe --plan --timings --check --diffuse --exposure -1.5"
+    assert main([*arguments.split(), *more, *flags.split()]) == 0
+    made = FakeRenderer.made
+    assert made.arguments["camera"] == "camera front"
+    assert made.arguments["adapter"] == "lavapipe"
+    assert made.ran == (None, ("radiance", "depth"), True, True)
+    assert made.scene.environment.color == (1.0, 2.0, 3.0)
+    assert [type(light) for light in made.scene.lights] == [DirectionalLight, DirectionalLight]
+    settings = made.arguments["settings"]
+    assert (settings.gi, settings.bounces, settings.spp, settings.seed, settings.diffuse) == ("none", 3, 2, 9, True)
+    assert settings.camera.jitter is False
+    printed = capsys.readouterr().out
+    assert "THE PLAN" in printed
+    assert "THE TIMINGS" in printed
+    assert load_image("o.exr", "depth").shape == (18, 32)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("", "required"),
+        ("paint", "invalid choice"),
+        ("render --nonsense", "unrecognized arguments: --nonsense"),
+        ("render a.glb b.glb", "unrecognized arguments: b.glb"),
+        ("render --size 640", "WIDTHxHEIGHT"),
+        ("render --size -1x5", "--size"),
+        ("render --size 0x0", "0x0"),
+        ("render --size 100000x100000", "100000x100000"),
+        ("render --size 99999999999x1", "WIDTHxHEIGHT"),
+        ("render --gi magic", "invalid choice: 'magic'"),
+        ("render --bounces -1", "--bounces"),
+        ("render --bounces many", "0, 1, 2 ... or unlimited"),
+        ("render --spp 0", "spp"),
+        ("render --spp two", "--spp"),
+        ("render --seed -1", "seed"),
+        ("render --exposure nan", "--exposure"),
+        ("render --exposure bright", "--exposure"),
+        ("render --env 1,nan,1", "radiance must be finite and not negative"),
+        ("render --env 1,-1,1", "radiance must be finite and not negative"),
+        ("render --env missing.hdr", "missing.hdr"),
+        ("render --light sun", "sun"),
+        ("render --show beauty", "--show takes one of radiance, direct"),
+        ("render --set camera.jitter", "section.name=value"),
+        ("render --set camera.shake=1", "no setting 'camera.shake'"),
+        ("render --set camera.jitter=maybe", "true or false"),
+        ("render -o out.jpeg", "unknown picture format"),
+        ("render -o missing/out.png", "there is no folder missing"),
+        ("render -o .", "unknown picture format"),
+        ("render -o out.png --show radiance --show depth", "holds one buffer"),
+    ],
+)
+def test_bad_arguments_are_one_sentence_and_exit_code_2(arguments, words, capsys, tmp_path):
+    assert main(arguments.split()) == 2
+    printed = capsys.readouterr()
+    assert words in printed.err
+    assert printed.err.startswith("wgpu-gi: error: ")
+    assert printed.err.count("\n") == 1
+    assert printed.out == ""
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (GiError, 2, "wgpu-gi: error: "),
+        (MemoryError, 2, "not enough memory"),
+        (KeyboardInterrupt, 130, "interrupted; no picture was written"),
+    ],
+)
+def test_trouble_while_rendering_leaves_no_file(error, code, words, monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(FakeRenderer, "interrupt", error)
+    assert main(["render", "--size", "8x8"]) == code
+    assert words in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_bug_shows_itself(monkeypatch):
+    monkeypatch.setattr(FakeRenderer, "interrupt", ZeroDivisionError)
+    with pytest.raises(ZeroDivisionError):
+        main(["render", "--size", "8x8"])
+
+
+@pytest.mark.parametrize(("flag", "words"), [("--set", "camera.jitter="), ("--show", "radiance direct")])
+def test_help_lists_settings_and_buffers(flag, words, capsys, tmp_path):
+    assert main(["render", flag, "help"]) == 0
+    assert words in capsys.readouterr().out
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("arguments", [["-h"], ["render", "-h"], ["info", "-h"], ["--version"]])
+def test_help(arguments, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 0
+    assert "wgpu" in capsys.readouterr().out
+
+
+def test_progress_bar_is_silent_off_a_terminal_and_counts_on_one(monkeypatch, capsys):
+    with cli_render.progress_bar() as report:
+        assert report is None
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with cli_render.progress_bar() as report:
+        report(0.5)
+        report(1.0)
+    assert "rendering" in capsys.readouterr().err
+
+
+def adapter(**changes):
+    values = {
+        "name": "a card", "backend": "Vulkan", "type": "DiscreteGPU", "driver": "1.2", "features": ("timestamp-query",),
+        "limits": {"max-buffer-size": 7}, "usable": True, "why_not": "",
+    }  # fmt: skip
+    return SimpleNamespace(**{**values, **changes})
+
+
+def test_info_names_what_will_be_used(monkeypatch, capsys):
+    bad = adapter(name="an old card", usable=False, why_not="it is too old")
+    monkeypatch.setattr(cli_info, "list_adapters", lambda: [adapter(), adapter(name="llvmpipe", type="CPU"), bad])
+    assert main(["info"]) == 0
+    printed = capsys.readouterr().out
+    assert "a card: Vulkan, DiscreteGPU, 1.2: will be used" in printed
+    assert "llvmpipe: Vulkan, CPU, 1.2: can be used with --adapter" in printed
+    assert "this is a CPU" in printed
+    assert "it is too old" in printed
+    assert "max-buffer-size 7" in printed
+    assert "timestamp-query" in printed
+    assert "numpy " in printed
+
+
+@pytest.mark.parametrize("adapters", [[], [adapter(usable=False, why_not="OpenGL only")]])
+def test_info_without_adapter_says_what_to_install(adapters, monkeypatch, capsys):
+    monkeypatch.setattr(cli_info, "list_adapters", lambda: adapters)
+    assert main(["info"]) == 2
+    assert "apt-get install mesa-vulkan-drivers libvulkan1" in " ".join(capsys.readouterr().out.split())
+
+
+def test_import_and_help_load_nothing_heavy():
+    code = (
+        "import sys, wgpu_gi, wgpu_gi.__main__ as m\n"
+        "m.build_parser().format_help()\n"
+        "print(*[n for n in ('numpy', 'wgpu', 'trimesh', 'PIL', 'OpenEXR', 'rich') if n in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""
+
+
+def test_public_names_exist():
+    import wgpu_gi
+
+    for name in wgpu_gi.__all__:
+        assert getattr(wgpu_gi, name) is not None
+    assert set(wgpu_gi.__all__) <= set(dir(wgpu_gi))
+    with pytest.raises(AttributeError):
+        wgpu_gi.nonsense  # noqa: B018

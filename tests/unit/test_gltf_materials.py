@@ -1,0 +1,145 @@
+"""Materials, textures and images of the glTF reader, on files made here."""
+
+from __future__ import annotations
+
+import base64
+
+import numpy as np
+import pytest
+from unit.gltf_builder import encode, triangle_scene
+
+from wgpu_gi.scene.gltf import load_gltf
+
+RED = np.full((2, 2, 4), (255, 0, 0, 255), np.uint8)
+
+
+def test_material_factors(tmp_path):
+    builder = triangle_scene()
+    builder.material(
+        name="lamp",
+        pbrMetallicRoughness={"baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.5, "roughnessFactor": 0.6},
+        emissiveFactor=[1, 0.5, 0],
+        doubleSided=True,
+        alphaMode="MASK",
+        alphaCutoff=0.7,
+        extensions={"KHR_materials_emissive_strength": {"emissiveStrength": 20}, "KHR_materials_unlit": {}},
+    )
+    builder.json["meshes"][0]["primitives"][0]["material"] = 0
+    material = load_gltf(builder.glb(tmp_path)).materials[0]
+    assert (material.name, material.base_color) == ("lamp", (0.1, 0.2, 0.3, 0.4))
+    assert (material.metallic, material.roughness, material.emission) == (0.5, 0.6, (20.0, 10.0, 0.0))
+    assert material.double_sided and material.unlit
+    assert (material.alpha_mode, material.alpha_cutoff) == ("mask", 0.7)
+
+
+def test_blend_becomes_a_mask_with_a_note(tmp_path):
+    builder = triangle_scene()
+    builder.json["meshes"][0]["primitives"][0]["material"] = builder.material(name="glass", alphaMode="BLEND")
+    scene = load_gltf(builder.glb(tmp_path))
+    assert (scene.materials[0].alpha_mode, scene.materials[0].alpha_cutoff) == ("mask", 0.5)
+    assert any("'glass'" in note for note in scene.notes)
+
+
+def test_all_five_textures_with_samplers_and_transforms(tmp_path):
+    builder = triangle_scene()
+    sampler = {"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}
+    colors = [np.full((1, 2, 4), (10 * i, 20, 30, 255), np.uint8) for i in range(5)]
+    t = [builder.texture(c, sampler if i == 0 else None) for i, c in enumerate(colors)]
+    transform = {"offset": [0.1, 0.2], "scale": [2, 3], "rotation": 0.5, "texCoord": 1}
+    material = builder.material(
+        pbrMetallicRoughness={
+            "baseColorTexture": {"index": t[0], "extensions": {"KHR_texture_transform": transform}},
+            "metallicRoughnessTexture": {"index": t[1], "texCoord": 1},
+        },
+        normalTexture={"index": t[2], "scale": 0.5},
+        occlusionTexture={"index": t[3], "strength": 0.5},
+        emissiveTexture={"index": t[4]},
+    )
+    other = builder.material(emissiveTexture={"index": t[4]})
+    builder.json["meshes"][0]["primitives"][0]["material"] = material
+    builder.json["meshes"][0]["primitives"].append(builder.primitive(material=other))
+    m, shared = load_gltf(builder.glb(tmp_path)).materials
+    textures = (
+        m.base_color_texture,
+        m.metallic_roughness_texture,
+        m.normal_texture,
+        m.occlusion_texture,
+        m.emission_texture,
+    )
+    for texture, color in zip(textures, colors, strict=True):
+        np.testing.assert_array_equal(texture.image.pixels, color)
+    base = m.base_color_texture
+    assert (base.wrap_u, base.wrap_v, base.filter, base.texcoord) == ("clamp", "mirror", "nearest", 1)
+    assert (base.offset, base.scale, base.rotation) == ((0.1, 0.2), (2.0, 3.0), 0.5)
+    plain = m.metallic_roughness_texture
+    assert (plain.wrap_u, plain.wrap_v, plain.filter, plain.texcoord) == ("repeat", "repeat", "linear", 1)
+    assert m.normal_scale == 0.5 and m.emission_texture.texcoord == 0
+    assert shared.emission_texture.image is m.emission_texture.image
+
+
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP"])
+def test_image_formats(tmp_path, kind):
+    builder = triangle_scene()
+    texture = builder.texture(np.full((8, 8, 3), (200, 100, 50), np.uint8), kind=kind)
+    if kind == "WEBP":
+        source = builder.json["textures"][texture].pop("source")
+        builder.json["textures"][texture]["extensions"] = {"EXT_texture_webp": {"source": source}}
+    material = builder.material(pbrMetallicRoughness={"baseColorTexture": {"index": texture}})
+    builder.json["meshes"][0]["primitives"][0]["material"] = material
+    pixels = load_gltf(builder.glb(tmp_path)).materials[0].base_color_texture.image.pixels
+    assert pixels.shape == (8, 8, 4) and pixels.dtype == np.uint8
+    assert np.abs(pixels.astype(int) - (200, 100, 50, 255)).max() <= (3 if kind == "JPEG" else 0)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "expected"),
+    [
+        (np.full((2, 2), 0x8000, np.uint16), (128, 128, 128, 255)),
+        (np.full((2, 2), 7, np.uint8), (7, 7, 7, 255)),
+        (np.full((2, 2, 2), (7, 9), np.uint8), (7, 7, 7, 9)),
+    ],
+)
+def test_grey_images(tmp_path, pixels, expected):
+    builder = triangle_scene()
+    builder.json["meshes"][0]["primitives"][0]["material"] = builder.material(
+        emissiveTexture={"index": builder.texture(pixels)}
+    )
+    image = load_gltf(builder.glb(tmp_path)).materials[0].emission_texture.image
+    np.testing.assert_array_equal(image.pixels, np.broadcast_to(expected, (2, 2, 4)))
+
+
+def test_external_image_and_data_uri_image(tmp_path):
+    builder = triangle_scene()
+    (tmp_path / "red.png").write_bytes(encode(RED))
+    data_uri = "data:image/png;base64," + base64.b64encode(encode(RED)).decode()
+    sources = [builder.add("images", {"uri": uri}) for uri in ("red.png", data_uri)]
+    textures = [builder.add("textures", {"source": source}) for source in sources]
+    builder.json["meshes"][0]["primitives"][0]["material"] = builder.material(
+        normalTexture={"index": textures[0]}, emissiveTexture={"index": textures[1]}
+    )
+    material = load_gltf(builder.glb(tmp_path)).materials[0]
+    np.testing.assert_array_equal(material.normal_texture.image.pixels, RED)
+    np.testing.assert_array_equal(material.emission_texture.image.pixels, RED)
+    assert material.normal_texture.image.name == "red.png"
+
+
+def test_missing_corrupt_and_foreign_images_leave_the_factor(tmp_path):
+    builder = triangle_scene()
+    images = [
+        builder.add("images", {"uri": "nowhere.png"}),
+        builder.add("images", {"bufferView": builder.view(encode(np.zeros((64, 64, 3), np.uint8))[:60])}),
+        builder.add("images", {"bufferView": builder.view(b"\xabKTX 20\xbb\r\n\x1a\n" + bytes(64))}),
+    ]
+    t = [builder.add("textures", {"source": image}) for image in images] + [builder.add("textures", {})]
+    builder.json["meshes"][0]["primitives"][0]["material"] = builder.material(
+        pbrMetallicRoughness={"baseColorFactor": [0.5, 0.5, 0.5, 1], "baseColorTexture": {"index": t[0]}},
+        normalTexture={"index": t[1]},
+        occlusionTexture={"index": t[2]},
+        emissiveTexture={"index": t[3]},
+    )
+    scene = load_gltf(builder.glb(tmp_path))
+    material = scene.materials[0]
+    assert material.base_color == (0.5, 0.5, 0.5, 1.0)
+    assert material.base_color_texture is material.normal_texture is material.occlusion_texture is None
+    assert material.emission_texture is None and len(scene.notes) == 4
+    assert "'nowhere.png' is missing" in scene.notes[1] and "textures[3]" in scene.notes[0]

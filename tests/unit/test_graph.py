@@ -1,0 +1,755 @@
+"""The render graph with a fake device: what is culled, kept, run, in which order; history, settle, split; messages."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+from unit.fake_device import fake_device
+
+from wgpu_gi.errors import GiError
+from wgpu_gi.gpu.describe import table
+from wgpu_gi.gpu.execute import next_chunk
+from wgpu_gi.gpu.graph import Graph
+
+HEAD = """
+struct View { offset: vec4f }
+struct Params { gain: f32, settle_index: u32, first_workgroup: u32, width: u32 }
+"""
+SHADERS = {
+    "fill": HEAD
+    + """
+@group(1) @binding(0) var<uniform> params: Params;
+@group(1) @binding(1) var out: texture_storage_2d<rgba16float, write>;
+@compute @workgroup_size(8, 8) fn main() { textureStore(out, vec2u(params.width), vec4f(params.gain)); }
+""",
+    "look": HEAD
+    + """
+@group(0) @binding(0) var<uniform> view: View;
+@group(1) @binding(0) var source: texture_2d<f32>;
+@group(1) @binding(1) var out: texture_storage_2d<rgba16float, write>;
+@compute @workgroup_size(8, 8)
+fn main() { textureStore(out, vec2u(0), textureLoad(source, vec2u(0), 0) + view.offset); }
+""",
+    "copy": """
+@group(1) @binding(0) var source: texture_2d<f32>;
+@group(1) @binding(1) var out: texture_storage_2d<rgba16float, write>;
+override SIZE: u32 = 8;
+override NEEDED: f32;
+@compute @workgroup_size(SIZE, 8) fn main() { textureStore(out, vec2u(0), textureLoad(source, vec2u(0), 0)); }
+@compute @workgroup_size(SIZE, 8) fn other() { let x = NEEDED; }
+""",
+    "blend": """
+@group(1) @binding(0) var source: texture_2d<f32>;
+@group(1) @binding(1) var before: texture_2d<f32>;
+@group(1) @binding(2) var out: texture_storage_2d<rgba16float, write>;
+@compute @workgroup_size(8, 8)
+fn main() { textureStore(out, vec2u(0), textureLoad(source, vec2u(0), 0) + textureLoad(before, vec2u(0), 0)); }
+""",
+    "sum": HEAD
+    + """
+@group(1) @binding(0) var<uniform> params: Params;
+@group(1) @binding(1) var<storage, read_write> total: array<vec4f>;
+@compute @workgroup_size(64) fn main() { total[params.first_workgroup] = vec4f(params.gain, f32(params.width), 0, 0); }
+""",
+    "add": """
+@group(1) @binding(0) var<storage> points: array<vec4f>;
+@group(1) @binding(1) var<storage, read_write> total: array<vec4f>;
+@compute @workgroup_size(64) fn main() { total[0] = points[0]; }
+""",
+    "sample": """
+@group(1) @binding(0) var source: texture_2d<f32>;
+@group(1) @binding(1) var smooth_sampler: sampler;
+@group(1) @binding(2) var out: texture_storage_2d<rgba16float, write>;
+@compute @workgroup_size(8, 8)
+fn main() { textureStore(out, vec2u(0), textureSampleLevel(source, smooth_sampler, vec2f(0), 0)); }
+""",
+    "draw": """
+struct Out { @location(0) color: vec4f, @location(1) normal: vec4f }
+@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return vec4f(f32(i)); }
+@fragment fn fs() -> Out { return Out(); }
+""",
+    "wide": "".join(f"@group(1) @binding({i}) var<storage, read_write> b{i}: array<u32>;\n" for i in range(9))
+    + f"@compute @workgroup_size(64) fn main() {{ {' '.join(f'b{i}[0] = 1;' for i in range(9))} }}",
+    "odd": """
+@group(2) @binding(0) var<storage, read_write> total: array<vec4f>;
+@group(1) @binding(0) var<storage, read_write> one: array<u32>;
+@group(1) @binding(0) var<storage, read_write> same: array<u32>;
+@compute @workgroup_size(64) fn main() { total[0] = vec4f(0); }
+@compute @workgroup_size(64) fn twins() { one[0] = same[0]; }
+@compute @workgroup_size(32, 32) fn large() { one[0] = 1; }
+@compute fn sizeless() { one[0] = 1; }
+""",
+}
+VIEW = np.dtype([("offset", "f4", (4,))])
+VEC4 = np.dtype((np.float32, (4,)))
+
+
+@pytest.fixture
+def graph(tmp_path):
+    for name, text in SHADERS.items():
+        (tmp_path / f"{name}.wgsl").write_text(text)
+    graph = Graph(fake_device(), shader_root=tmp_path)
+    graph.uniform("view", np.zeros((), VIEW))
+    return graph
+
+
+def fill(g, name="a", gain=1.0, **more):
+    out = g.texture(name, "rgba16float")
+    g.compute(f"fill {name}", "fill.wgsl", over=out, writes={"out": out}, params={"gain": gain, "width": 1}, **more)
+    return out
+
+
+def read(g, source, name, shader="look", **more):
+    """Declare a pass called like the texture that it writes."""
+    out = g.texture(name, "rgba16float")
+    g.compute(name, f"{shader}.wgsl", over=out, reads={"source": source}, writes={"out": out}, **more)
+    return out
+
+
+def chain(g, gain=1.0, settle=0, size=(16, 16), outputs=("c",)):
+    """Declare fill a -> look b (binds view) -> copy c, and copy d of a that nothing needs unless it is an output."""
+    g.begin(size)
+    a = fill(g, "a", gain)
+    b = read(g, a, "b", settle=settle)
+    read(g, b, "c", "copy")
+    read(g, a, "d", "copy")
+    g.compile(outputs)
+
+
+def ran(g, **how):
+    """Run a frame and return which passes were dispatched or drawn, in order."""
+    log = g.device.gpu.log
+    log.clear()
+    g.run(**how)
+    return [entry[1] for entry in log if entry[0] in ("dispatch", "draw")]
+
+
+def params_of(g, name):
+    """Return the params as the GPU has them: gain, settle_index, first_workgroup, width."""
+    return np.frombuffer(g.passes[name].state.params_buffer.data, np.dtype("f4,u4,u4,u4"))[0].item()
+
+
+def state_of(g, name):
+    return next(row for row in g.plan() if row.name == name)
+
+
+# Culling, staleness and order.
+
+
+def test_runs_in_order_and_then_rests(graph):
+    chain(graph)
+    assert ran(graph) == ["fill a", "b", "c"]
+    assert graph.at_rest
+    assert ran(graph) == [] and graph.device.gpu.log == []  # nothing recorded, nothing submitted
+
+
+def test_one_submit_per_frame(graph):
+    chain(graph)
+    graph.run()
+    assert graph.device.gpu.log.count(("submit",)) == 1
+
+
+def test_group_counts_are_rounded_up(graph):
+    chain(graph, size=(17, 9))
+    graph.run()
+    assert ("dispatch", "b", (3, 2, 1)) in graph.device.gpu.log
+
+
+def test_what_no_output_needs_is_culled(graph):
+    chain(graph)
+    graph.run()
+    assert state_of(graph, "d").state == "culled" and "no output needs d" in state_of(graph, "d").reason
+    with pytest.raises(GiError, match="'d' holds nothing"):
+        graph.read_back("d")
+    chain(graph, outputs=("d",))
+    assert ran(graph) == ["d"]  # what it needs was kept
+    assert state_of(graph, "c").state == "culled" and state_of(graph, "fill a").state == "kept"
+
+
+def test_params_make_their_pass_and_its_readers_stale(graph):
+    chain(graph)
+    graph.run()
+    chain(graph, gain=2.0)
+    assert ran(graph) == ["fill a", "b", "c"]
+    assert state_of(graph, "fill a").reason == "input changed: params"
+    assert state_of(graph, "b").reason == "input changed: a"
+    chain(graph, gain=2.0)
+    assert ran(graph) == []
+    assert state_of(graph, "b").reason == "inputs unchanged: view, a"
+
+
+def test_shared_uniform_makes_only_those_stale_that_bind_it(graph):
+    chain(graph)
+    graph.run()
+    value = np.zeros((), VIEW)
+    graph.set_uniform("view", value)
+    assert graph.at_rest  # the same bytes
+    value["offset"] = 1
+    graph.set_uniform("view", value)
+    assert ran(graph) == ["b", "c"]
+    assert state_of(graph, "b").reason == "input changed: view"
+
+
+def test_force_runs_all_that_is_not_culled(graph):
+    chain(graph)
+    graph.run()
+    assert ran(graph, force=True) == ["fill a", "b", "c"]
+    assert graph.at_rest
+
+
+def test_shared_resource_is_stale_by_version_or_object(graph):
+    def declare(texture, version):
+        graph.begin((8, 8))
+        source = graph.share("image", texture, version)
+        graph.compile([read(graph, source, "b")])
+        return ran(graph)
+
+    make = graph.device.gpu.create_texture
+    one, two = (make(label="t", format="rgba8unorm", size=(8, 8, 1)) for _ in range(2))
+    assert declare(one, 1) == ["b"]
+    assert declare(one, 1) == []
+    assert declare(one, 2) == ["b"]
+    assert declare(two, 2) == ["b"]
+    graph.share("image", two, 3)  # also without a new declaration
+    assert ran(graph) == ["b"]
+    graph.begin((8, 8))
+    graph.compile([])
+    assert not two.destroyed  # it is its owner's
+
+
+def accumulate(g, version, outputs=("total",), settle=0):
+    """Declare clear total -> add points (its input has a version) -> tail."""
+    g.begin((8, 8))
+    points = g.share("points", g.points, version)
+    total = g.buffer("total", dtype=VEC4, count=100)
+    g.compute("clear", "sum.wgsl", over=total, writes={"total": total}, params={"gain": 0.0, "width": 0})
+    g.compute("add", "add.wgsl", over=total, reads={"points": points}, writes={"total": total}, settle=settle)
+    g.compile(outputs)
+
+
+def test_staleness_spreads_back_to_earlier_writers(graph):
+    graph.points = graph.device.gpu.create_buffer(label="points", size=160)
+    accumulate(graph, 1)
+    assert ran(graph) == ["clear", "add"]
+    accumulate(graph, 1)
+    assert ran(graph) == []
+    accumulate(graph, 2)
+    assert ran(graph) == ["clear", "add"]
+    assert state_of(graph, "clear").reason == "pass add needs it again"
+
+
+def test_earlier_writer_repeated_for_a_settling_one_does_not_restart_it(graph):
+    graph.points = graph.device.gpu.create_buffer(label="points", size=160)
+    accumulate(graph, 1, settle=3)
+    assert [ran(graph) for _ in range(4)] == [["clear", "add"]] * 3 + [[]]
+
+
+def test_pass_between_two_writers_sees_the_first(graph):
+    graph.points = graph.device.gpu.create_buffer(label="points", size=160)
+
+    def declare(version, gain=1.0):
+        graph.begin((8, 8))
+        points = graph.share("points", graph.points, version)
+        a, b = (graph.buffer(name, dtype=VEC4, count=10) for name in "ab")
+        graph.compute("first", "sum.wgsl", over=a, writes={"total": a}, params={"gain": gain, "width": 0})
+        graph.compute("between", "add.wgsl", over=b, reads={"points": a}, writes={"total": b})
+        graph.compute("second", "add.wgsl", over=a, reads={"points": points}, writes={"total": a})
+        graph.compile([a, b])
+        return ran(graph)
+
+    assert declare(1) == ["first", "between", "second"]
+    assert declare(1) == []
+    assert declare(2) == ["first", "second"]  # what is between would compute the same
+    assert declare(2, 2.0) == ["first", "between", "second"]
+
+
+def test_mip_levels_are_tracked_apart(graph):
+    def declare(gain):
+        graph.begin((8, 8))
+        a = fill(graph, "a", gain)
+        pyramid = graph.texture("pyramid", "rgba16float", mips=4)
+        source = a
+        for level in range(4):
+            out = pyramid.mip(level)
+            reads, writes = {"source": source}, {"out": out}
+            graph.compute(f"mip {level}", "copy.wgsl", over=out, reads=reads, writes=writes)
+            source = out
+        graph.compile([pyramid])
+        return ran(graph)
+
+    assert declare(1.0) == ["fill a", "mip 0", "mip 1", "mip 2", "mip 3"]
+    assert declare(1.0) == []
+    assert declare(2.0) == ["fill a", "mip 0", "mip 1", "mip 2", "mip 3"]
+
+
+# Redeclaration.
+
+
+def test_same_declaration_keeps_contents_and_handles(graph):
+    chain(graph)
+    graph.run()
+    kept = graph.resources["a"], graph.resources["a"].object()
+    chain(graph, gain=5.0)
+    assert (graph.resources["a"], graph.resources["a"].object()) == kept
+    assert not kept[1].destroyed
+
+
+def test_resize_destroys_and_rebuilds(graph):
+    chain(graph)
+    graph.run()
+    old = [graph.resources[name].object() for name in "abc"]
+    chain(graph, size=(32, 16))
+    assert all(texture.destroyed for texture in old)
+    assert graph.resources["a"].object().size == (32, 16, 1)
+    assert ran(graph) == ["fill a", "b", "c"]
+
+
+def test_pass_is_rebuilt_for_other_constants_and_pipelines_are_cached(graph):
+    def declare(size):
+        graph.begin((16, 16))
+        graph.compile([read(graph, fill(graph), "c", "copy", constants={"SIZE": size})])
+        names = ran(graph)
+        return names, ("dispatch", "c", (16 // size, 2, 1)) in graph.device.gpu.log
+
+    assert declare(8) == (["fill a", "c"], True)
+    assert declare(16) == (["c"], True)
+    graph.device.gpu.log.clear()
+    declare(8)
+    assert not [entry for entry in graph.device.gpu.log if "pipeline" in entry[0]]
+
+
+def test_failed_declaration_does_not_forget_the_one_before(graph):
+    chain(graph)
+    graph.run()
+    kept = graph.resources["a"].object()
+    graph.begin((16, 16))
+    graph.texture("a", "r32float")
+    with pytest.raises(GiError):
+        graph.texture("a", "r32float")
+    with pytest.raises(GiError, match="not compiled"):
+        graph.run()
+    chain(graph)
+    assert graph.resources["a"].object() is kept and ran(graph) == []
+
+
+def test_changed_shader_file_is_run_again(graph, tmp_path):
+    chain(graph)
+    graph.run()
+    (tmp_path / "look.wgsl").write_text(SHADERS["look"] + "// changed\n")
+    os.utime(tmp_path / "look.wgsl", ns=(1, 1))
+    chain(graph)
+    assert ran(graph) == ["b", "c"]
+
+
+def test_later_reader_does_not_cost_the_contents(graph):
+    graph.begin((8, 8))
+    graph.compile([fill(graph)])
+    graph.run()
+    graph.begin((8, 8))
+    graph.compile([read(graph, fill(graph), "c", "copy")])
+    assert ran(graph) == ["c"]
+
+
+def test_release_destroys_what_is_ours(graph):
+    image = graph.device.gpu.create_texture(label="image", format="rgba8unorm", size=(8, 8, 1))
+    graph.begin((8, 8))
+    a = fill(graph)
+    read(graph, graph.share("image", image), "b")
+    read(graph, graph.neutral("texture_2d"), "c", "copy")
+    graph.compile([a, "b", "c"])
+    graph.run()
+    graph.release()
+    gone = {entry[1] for entry in graph.device.gpu.log if entry[0] == "destroy"}
+    assert gone == {"a", "b", "c", "fill a params", "uniform view", "neutral texture_2d 0.0"}
+    assert graph.at_rest and not graph.run()
+
+
+# History, settle, split.
+
+
+def temporal(g, gain=1.0, settle=0):
+    g.begin((8, 8))
+    a = fill(g, "a", gain)
+    mean = g.texture("mean", "rgba16float", history=True)
+    reads = {"source": a, "before": mean.previous}
+    g.compute("blend", "blend.wgsl", over=mean, reads=reads, writes={"out": mean}, settle=settle)
+    read(g, mean, "shown", "copy")
+    g.compile(["shown"])
+
+
+def test_history_swaps_only_when_written(graph):
+    temporal(graph)
+    first = graph.resources["mean"].object()
+    graph.run()
+    second = graph.resources["mean"].object()
+    assert first is not second
+    graph.run()
+    assert graph.resources["mean"].object() is second
+    temporal(graph, gain=2.0)
+    graph.run()
+    assert graph.resources["mean"].object() is first
+
+
+def test_bind_groups_follow_the_swap(graph):
+    temporal(graph, settle=2)
+    state = graph.passes["blend"].state
+    bound = []
+    for _ in range(2):
+        graph.run()
+        _, group = list(state.bind_groups.values())[-1]
+        bound.append([e["resource"].texture.label for e in group.entries])
+    assert bound == [["a", "mean", "mean (history)"], ["a", "mean (history)", "mean"]]
+    made = len(state.bind_groups)
+    graph.run(force=True)
+    assert len(state.bind_groups) == made
+
+
+def test_history_does_not_keep_its_own_pass_stale(graph):
+    temporal(graph)
+    assert ran(graph) == ["fill a", "blend", "shown"]
+    assert ran(graph) == []
+
+
+def test_settle_runs_n_times_and_spreads_downstream(graph):
+    temporal(graph, settle=3)
+    assert ran(graph) == ["fill a", "blend", "shown"]
+    assert graph.settle_progress() == pytest.approx(1 / 3) and not graph.at_rest
+    assert ran(graph) == ["blend", "shown"]
+    assert state_of(graph, "blend").reason == "settling: run 2 of 3"
+    assert ran(graph) == ["blend", "shown"]
+    assert graph.settle_progress() == 1.0 and graph.at_rest
+    assert ran(graph) == []
+
+
+def test_more_settle_goes_on_and_a_change_starts_again(graph):
+    def progressive(settle, gain=1.0):
+        graph.begin((8, 8))
+        total = graph.buffer("total", dtype=VEC4, count=64)
+        params = {"gain": gain, "width": 0}
+        graph.compute("sum", "sum.wgsl", over=total, writes={"total": total}, params=params, settle=settle)
+        graph.compile([total])
+        indices = []
+        while graph.run():
+            indices.append(params_of(graph, "sum")[1])
+        return indices
+
+    assert progressive(2) == [0, 1]
+    assert progressive(5) == [2, 3, 4]
+    assert progressive(3) == []
+    assert progressive(3, gain=2.0) == [0, 1, 2]
+    assert progressive(0, gain=2.0) == []
+    assert progressive(0, gain=3.0) == [0]
+
+
+def split(g, threads, chunk=64):
+    g.begin((8, 8))
+    total = g.buffer("total", dtype=VEC4, count=threads)
+    params = {"gain": 1.0, "width": 0}
+    g.compute("sum", "sum.wgsl", over=total, writes={"total": total}, params=params, split=True, clear=[total])
+    g.compile([total])
+    g.passes["sum"].state.chunk = chunk
+
+
+def test_split_covers_all_workgroups_once_each_with_its_own_submit(graph, monkeypatch):
+    monkeypatch.setattr("wgpu_gi.gpu.execute.next_chunk", lambda chunk, count, seconds: chunk)
+    split(graph, 64 * 150 + 1)
+    done = []
+    graph.run(on_chunk=done.append)
+    log = graph.device.gpu.log
+    firsts = [np.frombuffer(e[2], "u4")[2] for e in log if e[0] == "write" and e[1] == "sum params"]
+    assert firsts == [0, 64, 128]
+    assert [e[2] for e in log if e[0] == "dispatch"] == [(64, 1, 1), (64, 1, 1), (23, 1, 1)]
+    assert log.count(("submit",)) == 3 and log.count(("clear", "total")) == 1
+    assert done == pytest.approx([64 / 151, 128 / 151, 1.0])
+
+
+def test_split_may_be_wider_than_a_dispatch(graph):
+    split(graph, 64 * 100_000, chunk=10**6)
+    graph.run()
+    groups = [e[2][0] for e in graph.device.gpu.log if e[0] == "dispatch"]
+    assert sum(groups) == 100_000 and max(groups) <= 65535
+
+
+def test_interrupted_split_starts_again(graph):
+    split(graph, 64 * 200)
+
+    def stop(_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        graph.run(on_chunk=stop)
+    assert not graph.at_rest
+    assert ran(graph)[0] == "sum" and graph.at_rest
+
+
+@pytest.mark.parametrize(
+    ("chunk", "count", "seconds", "expected"),
+    [
+        (64, 64, 0.0001, 512),  # at most eight times as many
+        (64, 64, 0.05, 256),
+        (64, 64, 0.2, 64),  # as it should be
+        (64, 20, 0.01, 64),  # a rest says nothing of a full one
+        (64, 64, 0.4, 32),
+        (64, 64, 20.0, 16),  # compilation, most likely: no less than a quarter
+        (1, 1, 20.0, 1),
+        (65535, 65535, 0.001, 65535),
+    ],
+)
+def test_chunks_adapt(chunk, count, seconds, expected):
+    assert next_chunk(chunk, count, seconds) == expected
+
+
+def test_clear_and_indirect(graph):
+    graph.points = graph.device.gpu.create_buffer(label="points", size=160)
+    graph.begin((8, 8))
+    counts = graph.buffer("counts", dtype=VEC4, count=1)
+    total = graph.buffer("total", dtype=VEC4, count=10)
+    graph.compute("count", "sum.wgsl", over=1, writes={"total": counts}, params={"gain": 1.0, "width": 0})
+    points = graph.share("points", graph.points)
+    graph.compute("add", "add.wgsl", indirect=counts, reads={"points": points}, writes={"total": total}, clear=[total])
+    graph.compile([total])
+    assert ran(graph) == ["count", "add"]
+    assert ("clear", "total") in graph.device.gpu.log and ("dispatch", "add", "counts") in graph.device.gpu.log
+
+
+# Raster, samplers, neutral inputs, describing.
+
+
+def test_raster_targets_by_name(graph):
+    graph.begin((8, 8))
+    color, normal = (graph.texture(name, "rgba8unorm") for name in ("color", "normal"))
+    depth = graph.texture("depth", "depth32float")
+    targets = {"normal": normal, "color": color}
+    graph.raster("draw", "draw.wgsl", draw=3, color=targets, depth=depth)
+    graph.compile([color])
+    assert ran(graph) == ["draw"]
+    (attachments,) = [e[2] for e in graph.device.gpu.log if e[0] == "targets"]
+    assert [a["view"].texture.label for a in attachments["color_attachments"]] == ["color", "normal"]
+    assert attachments["depth_stencil_attachment"]["depth_clear_value"] == 0.0
+    assert ("draw", "draw", (3, 1)) in graph.device.gpu.log
+
+
+def test_draw_function_gets_the_encoder(graph):
+    graph.begin((8, 8))
+    depth = graph.texture("depth", "depth32float")
+    color = {n: graph.texture(n, "rgba8unorm") for n in ("color", "normal")}
+    graph.raster("draw", "draw.wgsl", draw=lambda encoder: encoder.draw(7, 2), color=color, depth=depth)
+    graph.compile([depth])
+    graph.run()
+    assert ("draw", "draw", (7, 2)) in graph.device.gpu.log
+
+
+def test_neutral_input_stands_in(graph):
+    graph.begin((8, 8))
+    graph.compile([read(graph, graph.neutral("texture_2d", 1.0), "b")])
+    assert ran(graph) == ["b"]
+    graph.begin((8, 8))
+    graph.compile([read(graph, graph.neutral("texture_2d", 1.0), "b")])
+    assert ran(graph) == []
+    with pytest.raises(GiError, match="there is no neutral 'texture_9d'"):
+        graph.neutral("texture_9d")
+
+
+def test_plan_as_text(graph):
+    chain(graph)
+    graph.run(timings=True)
+    text = table(graph.plan())
+    assert text.splitlines()[0] == "ran 3, kept 0, culled 1"
+    assert state_of(graph, "b").ms is not None and state_of(graph, "b").bytes == 16 * 16 * 8
+
+
+# Messages: each names the pass and the shader file.
+
+
+def wrong(g, shader, message, name="p", **declaration):
+    with pytest.raises(GiError, match=rf"pass '{name}' \({shader}\.wgsl\): .*{message}"):
+        g.compute(name, f"{shader}.wgsl", **declaration)
+
+
+@pytest.fixture
+def begun(graph):
+    graph.begin((8, 8))
+    graph.out = graph.texture("out", "rgba16float")
+    graph.source = fill(graph, "source")
+    graph.total = graph.buffer("total", dtype=VEC4, count=10)
+    graph.good = {"reads": {"source": graph.source}, "writes": {"out": graph.out}, "over": graph.out}
+    graph.fill = {"writes": {"out": graph.out}, "over": graph.out}
+    return graph
+
+
+def test_binding_messages(begun):
+    g, good = begun, begun.good
+    reads, writes = good["reads"], good["writes"]
+    wrong(g, "copy", "'sauce' is no binding; there is source, out", **good | {"reads": {"sauce": g.source}})
+    wrong(g, "look", r"'view' is no binding \(group 0: set it", **good | {"reads": reads | {"view": g.source}})
+    wrong(g, "copy", r"nothing is given for 'out' \(a storage texture\)", over=8, reads=reads)
+    wrong(g, "copy", "'source' is read-only in the shader", **good | {"reads": {}, "writes": {"source": g.source}})
+    wrong(g, "copy", "'out' is write in the shader, but is given in reads", over=8, reads=reads | writes)
+    wrong(g, "copy", "out is in reads and in writes", **good | {"reads": reads | writes})
+    wrong(g, "copy", "'source' is a texture, but 'total' is a buffer", **good | {"reads": {"source": g.total}})
+    wrong(g, "add", "is a storage buffer, but 'source' is a texture", over=8, reads={"points": g.source})
+    wrong(g, "copy", "3 is no texture, buffer or shared resource", **good | {"reads": {"source": 3}})
+    wrong(g, "copy", "'out' is read and written in one pass", **good | {"reads": {"source": g.out}})
+    wrong(g, "add", "'total' is read and written in", over=8, reads={"points": g.total}, writes={"total": g.total})
+    wrong(g, "odd", r"odd\.wgsl:2: 'total' is in group 2", over=8)
+    wrong(g, "odd", r"odd\.wgsl:4: 'same' and 'one' have the same group", over=8, entry="twins")
+    many = {f"b{i}": g.buffer(f"b{i}", dtype=np.uint32, count=4) for i in range(9)}
+    wrong(g, "wide", "it binds 9 storage buffers; WebGPU guarantees 8", over=8, writes=many)
+
+
+def test_format_messages(begun):
+    g, good = begun, begun.good
+    other = g.texture("other", "rgba32float")
+    wrong(
+        g, "copy", "texture_storage_2d<rgba16float, write>, but 'other' is rgba32", **good | {"writes": {"out": other}}
+    )
+    ids = g.texture("ids", "r32uint")
+    wrong(g, "copy", "'source' is texture_2d<f32>, but 'ids' is r32uint", **good | {"reads": {"source": ids}})
+    layers = g.texture("layers", "rgba16float", layers=2)
+    wrong(g, "copy", "but 'layers' is a 2d texture of 2 layers", **good | {"reads": {"source": layers}})
+    words = g.buffer("words", dtype=np.uint32, count=4)
+    given = {"over": 8, "reads": {"points": words}, "writes": {"total": g.total}}
+    wrong(g, "add", "'words' has elements of 4 bytes, but those of array<vec4f> take 16", **given)
+    small = g.share("small", g.device.gpu.create_buffer(label="small", size=8))
+    wrong(g, "add", "'small' has 8 bytes, but array<vec4f> needs 16", **given | {"reads": {"points": small}})
+
+
+def test_sampler_messages(begun):
+    g = begun
+    texture = g.texture("precise", "rgba32float")
+    given = {"over": g.out, "writes": {"out": g.out}}
+    linear, nearest = g.sampler("linear"), g.sampler("nearest")
+    reads = {"source": texture, "smooth_sampler": linear}
+    wrong(
+        g, "sample", "'source' has a format that cannot be filtered, but 'smooth_sampler' filters", reads=reads, **given
+    )
+    wrong(g, "sample", "'smooth_sampler' is a sampler, but", reads=reads | {"smooth_sampler": 1}, **given)
+    shadow = reads | {"smooth_sampler": g.sampler(compare="greater")}
+    wrong(g, "sample", "'smooth_sampler' is sampler, but the sampler given is comparison", reads=shadow, **given)
+    g.compute("p", "sample.wgsl", reads=reads | {"smooth_sampler": nearest}, **given)
+    with pytest.raises(GiError, match="there is no sampler 'cubic'"):
+        g.sampler("cubic")
+
+
+def test_params_messages(begun):
+    g, given = begun, begun.fill
+    wrong(g, "fill", "params lacks gain; Params has gain, width", params={"width": 1}, **given)
+    wrong(g, "fill", "no field 'again' in params; there is gain, width", params={"again": 1}, **given)
+    wrong(g, "fill", "no field 'settle_index' in params", params={"settle_index": 1}, **given)
+    wrong(g, "fill", "params gain is nan, which is not finite", params={"gain": float("nan"), "width": 1}, **given)
+    wrong(g, "fill", r"params gain cannot be \(1, 2\)", params={"gain": (1, 2), "width": 1}, **given)
+    wrong(
+        g,
+        "fill",
+        "params width cannot be -1: it must lie between 0 and 4294967295",
+        params={"gain": 1, "width": -1},
+        **given,
+    )
+    wrong(g, "copy", "params gain given, but its entry point uses no uniform `params`", params={"gain": 1}, **g.good)
+
+
+def test_constants_and_entry_messages(begun):
+    g, good = begun, begun.good
+    wrong(g, "copy", "there is no override 'SICE'; there is SIZE, NEEDED", constants={"SICE": 1}, **good)
+    wrong(g, "copy", "constant SIZE is inf, which is not finite", constants={"SIZE": float("inf")}, **good)
+    wrong(g, "copy", "override NEEDED has no default", entry="other", over=8)
+    wrong(g, "copy", "no compute entry point 'maine'; there is main, other", entry="maine", **good)
+    one = g.buffer("one", dtype=np.uint32, count=4)
+    wrong(g, "odd", "a workgroup of 32 x 32 x 1 threads", entry="large", over=8, writes={"one": one})
+    wrong(g, "odd", "it has no @workgroup_size", entry="sizeless", over=8, writes={"one": one})
+
+
+def test_over_messages(begun):
+    g, good = begun, begun.good
+    given = {"reads": good["reads"], "writes": good["writes"]}
+    wrong(g, "copy", "give either over=", **given)
+    wrong(g, "copy", r"65536 x 1 x 1 workgroups; a dispatch has at most 65535", over=65536 * 8, **given)
+    wrong(g, "copy", "one to three numbers", over=(1, 2, 3, 4), **given)
+    wrong(g, "copy", "one to three numbers", over=-1, **given)
+    wrong(g, "copy", "split=True needs a field first_workgroup", split=True, **good)
+    shared = g.share("shared", g.device.gpu.create_texture(label="s", format="rgba8unorm", size=(8, 8, 1)))
+    wrong(g, "copy", "over cannot be the shared resource 'shared'", **good | {"over": shared})
+    wrong(g, "copy", "clear takes buffers that the pass writes", clear=[g.total], **good)
+
+
+def test_name_and_life_messages(begun):
+    g = begun
+    wrong(g, "copy", "two passes have this name", name="fill source", **g.good)
+    wrong(g, "copy", "it writes nothing", over=8, entry="other", constants={"NEEDED": 1})
+    wrong(g, "nowhere", "there is no shader 'nowhere.wgsl'", over=8)
+    for _ in range(2):
+        message = "two resources are called 'total'"
+        with pytest.raises(GiError, match=message):
+            g.buffer("total", dtype=np.float32, count=1)
+    old = dict(g.good)
+    g.begin((8, 8))
+    wrong(g, "copy", "'source' is of another declaration", **old)
+    g.compile([])
+    wrong(g, "sum", "declared outside of begin", over=1, writes={"total": g.total}, params={"gain": 1, "width": 1})
+
+
+def test_shared_uniform_messages(begun):
+    g = begun
+    g.uniform("view", np.dtype([("shift", "f4", (4,))]))
+    wrong(g, "look", "has the fields shift@0, but View here has offset@0", **g.good)
+    g.uniform("view", np.dtype("f4"))
+    wrong(g, "look", "'view' has 4 bytes, but View here has 16", **g.good)
+    del g.uniforms["view"]
+    wrong(g, "look", "there is no shared uniform 'view'; there is none", **g.good)
+    with pytest.raises(GiError, match="there is no shared uniform 'view'"):
+        g.set_uniform("view", 0)
+
+
+def test_compile_messages(begun):
+    g = begun
+    silent = g.texture("silent", "rgba16float")
+    late = g.texture("late", "rgba16float")
+    with pytest.raises(GiError, match=r"output 'silent' is written by no pass"):
+        g.compile([silent])
+    with pytest.raises(GiError, match=r"there is no resource 'nothing'"):
+        g.compile(["nothing"])
+    read(g, late, "early", "copy")
+    with pytest.raises(GiError, match=r"pass 'early' \(copy\.wgsl\): 'source' reads 'late', which no pass writes"):
+        g.compile(["early"])
+    g.compute("late", "copy.wgsl", over=late, reads={"source": g.source}, writes={"out": late})
+    with pytest.raises(GiError, match=r"pass 'early' .*reads 'late' before pass 'late' writes it"):
+        g.compile(["early"])
+
+
+def test_raster_messages(begun):
+    g = begun
+    g.texture("depth", "depth32float", size=(4, 4))
+    color = {n: g.texture(n, "rgba8unorm") for n in ("color", "normal")}
+
+    def wrong_raster(message, shader="draw", **declaration):
+        with pytest.raises(GiError, match=rf"pass 'r' \({shader}\.wgsl\): .*{message}"):
+            g.raster("r", f"{shader}.wgsl", draw=3, **declaration)
+
+    depth = g.resources["depth"]
+    wrong_raster("color targets colour given, but its outputs are color, normal", color={"colour": color["color"]})
+    wrong_raster("its targets differ in size: color 8x8, normal 8x8, depth 4x4", color=color, depth=depth)
+    wrong_raster("'color' is rgba8unorm; a depth format is needed", color=color, depth=color["color"])
+    wrong_raster("'depth' is depth32float; a color format is needed", color=color | {"color": depth})
+    wrong_raster("it has no vertex entry point", shader="copy", color=color)
+    wrong_raster("there is no vertex entry point 'vx'; there is vs", color=color, entry=("vx", "fs"))
+
+
+def test_resource_messages(graph):
+    graph.begin((8, 8))
+    with pytest.raises(GiError, match="viewport of 0 x 5"):
+        graph.begin((0, 5))
+    for message, call in [
+        ("texture 't': there is no texture format 'rgb8'", lambda: graph.texture("t", "rgb8")),
+        ("texture 't': 9000 x 1 pixels", lambda: graph.texture("t", "r32float", size=(9000, 1))),
+        ("1 layers and 5 mip levels do not fit 8 x 8", lambda: graph.texture("t", "r32float", mips=5)),
+        ("dimension '1d'", lambda: graph.texture("t", "r32float", dimension="1d")),
+        ("buffer 'b': -1 elements", lambda: graph.buffer("b", count=-1)),
+        ("buffer 'b' needs 4096 MiB; this device binds 128 MiB", lambda: graph.buffer("b", count=2**30)),
+        ("'n' has no previous contents", lambda: graph.buffer("n", count=1).previous),
+        ("has 1 mip levels; there is no level 1", lambda: graph.texture("m", "r32float").mip(1)),
+        ("has 1 layers; there is no layer 1", lambda: graph.texture("l", "r32float").layer(1)),
+    ]:
+        with pytest.raises(GiError, match=message):
+            call()

@@ -1,0 +1,79 @@
+"""Global illumination on WebGPU: load a scene, render it, read the picture.
+
+>>> import wgpu_gi as gi
+>>> scene = gi.load("cornell")                                    # or a path: .glb .gltf .obj .ply .stl .off
+>>> picture = gi.render(scene, size=(640, 360), gi="path", spp=64)  # (height, width, 3) float32 linear radiance
+
+Names are imported when first used, so that `import wgpu_gi` stays cheap.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .camera import Camera
+    from .errors import GiError
+    from .image import load_image, save_image
+    from .renderer import Renderer, Settings, render
+    from .scene.load import load
+    from .scene.scene import (
+        DirectionalLight,
+        Environment,
+        Image,
+        Instance,
+        Material,
+        Mesh,
+        PointLight,
+        Scene,
+        SpotLight,
+        Texture,
+    )
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Camera",
+    "DirectionalLight",
+    "Environment",
+    "GiError",
+    "Image",
+    "Instance",
+    "Material",
+    "Mesh",
+    "PointLight",
+    "Renderer",
+    "Scene",
+    "Settings",
+    "SpotLight",
+    "Texture",
+    "__version__",
+    "load",
+    "load_image",
+    "render",
+    "save_image",
+]
+
+_MODULE_OF_NAME = {
+    "Camera": "camera",
+    "GiError": "errors",
+    "load_image": "image",
+    "save_image": "image",
+    "Renderer": "renderer",
+    "Settings": "renderer",
+    "render": "renderer",
+    "load": "scene.load",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f".{_MODULE_OF_NAME.get(name, 'scene.scene')}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

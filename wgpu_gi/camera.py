@@ -1,0 +1,72 @@
+"""Camera: pose and lens, and the matrices of the View uniform.
+
+World is right-handed with Y up; the camera looks down its -Z. Clip depth is reversed and infinite: 1 at the near
+plane, 0 at infinity (Upchurch and Desbrun 2012, "Tightening the precision of perspective rendering").
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import GiError
+
+
+@dataclass
+class Camera:
+    """A pinhole or orthographic camera.
+
+    `world_from_view` is a (4, 4) float64 rigid transform (no scale), `yfov` the full vertical angle in radians.
+    With `orthographic_height` (metres, full height of the picture) the projection is parallel and `yfov` unused.
+    """
+
+    world_from_view: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    yfov: float = math.radians(60.0)
+    orthographic_height: float | None = None
+    name: str = ""
+
+    @classmethod
+    def look_at(
+        cls,
+        position: Sequence[float],
+        target: Sequence[float],
+        up: Sequence[float] = (0.0, 1.0, 0.0),
+        yfov_deg: float = 60.0,
+        name: str = "",
+    ) -> Camera:
+        """Place a perspective camera at `position` (metres) so that it looks at `target`.
+
+        An `up` parallel to the view direction is replaced by another axis. Raises GiError if position and target
+        coincide, a value is not finite, or the angle is outside (0, 180) degrees.
+        """
+        eye, aim, upward = (np.asarray(v, np.float64) for v in (position, target, up))
+        for label, value in (("position", eye), ("target", aim), ("up", upward)):
+            if value.shape != (3,) or not np.isfinite(value).all():
+                raise GiError(f"camera {name!r}: {label} must be three finite numbers")
+        if not 0.0 < yfov_deg < 180.0:
+            raise GiError(f"camera {name!r}: yfov_deg must lie between 0 and 180, not {yfov_deg}")
+        back = eye - aim
+        length = float(np.linalg.norm(back))
+        if length == 0.0:
+            raise GiError(f"camera {name!r}: position and target are the same point; move one of them")
+        back /= length
+        right = np.cross(upward, back)
+        if np.linalg.norm(right) < 1e-9 * max(float(np.linalg.norm(upward)), 1e-300):
+            # Looking straight along up: any horizontal axis will do; -Z matches a camera tilted down from the front.
+            right = np.cross((0.0, 0.0, -1.0) if abs(back[1]) > 0.5 else (0.0, 1.0, 0.0), back)
+        right /= np.linalg.norm(right)
+        world_from_view = np.eye(4)
+        world_from_view[:3, 0] = right
+        world_from_view[:3, 1] = np.cross(back, right)
+        world_from_view[:3, 2] = back
+        world_from_view[:3, 3] = eye
+        return cls(world_from_view, math.radians(yfov_deg), None, name)
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """World position, (3,) metres."""
+        return self.world_from_view[:3, 3]

@@ -1,0 +1,125 @@
+"""`wgpu-gi render`: from arguments to a scene, a renderer and a file."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from . import __version__
+from .errors import GiError
+from .image import check_output, save_image
+from .renderer import BUFFERS, Renderer, Settings, check_size
+from .scene.camera_files import choose_camera
+from .scene.environment_files import load_environment
+from .scene.load import load, parse_light
+from .scene.scene import Scene
+from .settings import assign, describe, format_rows, validate
+
+
+def render(arguments: Namespace) -> int:
+    """Carry out `wgpu-gi render`; return the exit code. Raises GiError for all that the user can put right."""
+    settings = settings_from(arguments)
+    if "help" in arguments.set:
+        print(format_rows(describe(settings)))
+        return 0
+    if "help" in arguments.show:
+        print(*BUFFERS)
+        return 0
+    # Refuse what cannot work before any time is spent on it.
+    shown = buffers_from(arguments)
+    check_size(*arguments.size)
+    if not math.isfinite(arguments.exposure):
+        raise GiError(f"--exposure takes a finite number of stops, not {arguments.exposure}")
+    check_output(arguments.output, shown)
+
+    scene = scene_from(arguments)
+    camera = choose_camera(scene, arguments.camera, Path(arguments.scene).parent)
+    for note in scene.notes:
+        print(f"note: {note}", file=sys.stderr)
+
+    start = time.perf_counter()
+    renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
+    if renderer.is_cpu:
+        print(f"warning: {renderer.adapter_name} IS A CPU, not a GPU: this is slow", file=sys.stderr)
+    with progress_bar() as report:
+        renderer.run(progress=report, show=tuple(shown), check=arguments.check, timings=arguments.timings)
+    layers = {name: renderer.read_back(name) for name in shown}
+    seconds = time.perf_counter() - start
+
+    metadata = metadata_of(arguments, renderer.adapter_name)
+    save_image(arguments.output, layers, exposure=arguments.exposure, metadata=metadata)
+    if arguments.plan:
+        print(renderer.plan())
+    if arguments.timings:
+        print(renderer.timings())
+    width, height = arguments.size
+    print(f"{arguments.output}: {width}x{height}, {settings.spp} spp, {seconds:.1f} s on {renderer.adapter_name}")
+    return 0
+
+
+def settings_from(arguments: Namespace) -> Settings:
+    """Return the settings that the flags and then every `--set` ask for, checked."""
+    settings = Settings(
+        gi=arguments.gi, bounces=arguments.bounces, spp=arguments.spp, seed=arguments.seed, diffuse=arguments.diffuse
+    )
+    validate(settings)
+    for text in arguments.set:
+        if text != "help":
+            assign(settings, text)
+    return settings
+
+
+def buffers_from(arguments: Namespace) -> list[str]:
+    """Return the buffers to write, each once, in the order given."""
+    shown = list(dict.fromkeys(arguments.show or ["radiance"]))
+    for name in shown:
+        if name not in BUFFERS:
+            raise GiError(f"--show takes one of {', '.join(BUFFERS)}, not {name!r}")
+    return shown
+
+
+def scene_from(arguments: Namespace) -> Scene:
+    """Load the scene, with the environment and the lights of the command line."""
+    notes: list[str] = []
+    lights = [parse_light(text) for text in arguments.light]
+    environment = None if arguments.env is None else load_environment(arguments.env, notes)
+    scene = load(arguments.scene, environment=environment, lights=lights)
+    scene.notes.extend(notes)
+    return scene
+
+
+def metadata_of(arguments: Namespace, adapter_name: str) -> dict[str, object]:
+    """Return what a picture file says of its making; the same for the same command, so that files can be compared."""
+    return {
+        "software": f"wgpu_gi {__version__}",
+        "scene": arguments.scene,
+        "camera": "" if arguments.camera is None else arguments.camera,
+        "gi": arguments.gi,
+        "bounces": "unlimited" if arguments.bounces is None else arguments.bounces,
+        "spp": arguments.spp,
+        "seed": arguments.seed,
+        "diffuse": arguments.diffuse,
+        "environment": arguments.env or "",
+        "lights": "; ".join(arguments.light),
+        "settings": " ".join(arguments.set),
+        "adapter": adapter_name,
+    }
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[float], None] | None]:
+    """Yield a function that takes the fraction done, or None where no person watches."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("rendering", total=1.0)
+        yield lambda fraction: progress.update(task, completed=fraction)

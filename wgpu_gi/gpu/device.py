@@ -1,0 +1,196 @@
+"""Adapter choice, features and limits: the one file that knows what wgpu and its drivers get wrong.
+
+Only Vulkan, Metal and Direct3D 12 are used. wgpu would fall back to OpenGL silently, where sampling a mip view returns
+wrong data without an error. Processes must be spawned, not forked, once a device exists: a forked child hangs.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import wgpu
+from wgpu.backends.wgpu_native import lib
+from wgpu.backends.wgpu_native.extras import set_instance_extras
+
+from ..errors import GiError
+from .messages import reason
+from .pipelines import Pipelines
+
+BACKENDS = ("Vulkan", "Metal", "D3D12")
+WANTED_FEATURES = {"timestamp-query", "float32-filterable"}
+# The kinds of adapter, best first; anything else comes last.
+PREFERENCE = ("DiscreteGPU", "IntegratedGPU", "CPU")
+LARGE_BUFFER = 2**31 - 4  # the largest multiple of 4 that drivers with 32-bit signed sizes accept
+
+# The defaults of the WebGPU specification (section 3.6.2), so that what runs here runs everywhere. wgpu would
+# otherwise grant all that the adapter has.
+DEFAULT_LIMITS = {
+    "max-texture-dimension-1d": 8192,
+    "max-texture-dimension-2d": 8192,
+    "max-texture-dimension-3d": 2048,
+    "max-texture-array-layers": 256,
+    "max-bind-groups": 4,
+    "max-bindings-per-bind-group": 1000,
+    "max-dynamic-uniform-buffers-per-pipeline-layout": 8,
+    "max-dynamic-storage-buffers-per-pipeline-layout": 4,
+    "max-sampled-textures-per-shader-stage": 16,
+    "max-samplers-per-shader-stage": 16,
+    "max-storage-buffers-per-shader-stage": 8,
+    "max-storage-textures-per-shader-stage": 4,
+    "max-uniform-buffers-per-shader-stage": 12,
+    "max-uniform-buffer-binding-size": 65536,
+    "max-storage-buffer-binding-size": 128 * 2**20,
+    "min-uniform-buffer-offset-alignment": 256,
+    "min-storage-buffer-offset-alignment": 256,
+    "max-vertex-buffers": 8,
+    "max-buffer-size": 256 * 2**20,
+    "max-vertex-attributes": 16,
+    "max-vertex-buffer-array-stride": 2048,
+    "max-inter-stage-shader-variables": 16,
+    "max-color-attachments": 8,
+    "max-color-attachment-bytes-per-sample": 32,
+    "max-compute-workgroup-storage-size": 16384,
+    "max-compute-invocations-per-workgroup": 256,
+    "max-compute-workgroup-size-x": 256,
+    "max-compute-workgroup-size-y": 256,
+    "max-compute-workgroup-size-z": 64,
+    "max-compute-workgroups-per-dimension": 65535,
+}
+
+
+@dataclass(frozen=True)
+class AdapterInfo:
+    """What `wgpu-gi info` shows of an adapter; `why_not` is a sentence if it is not `usable`."""
+
+    name: str
+    backend: str
+    type: str
+    driver: str
+    features: tuple[str, ...]
+    limits: dict[str, int]
+    usable: bool
+    why_not: str = ""
+
+
+class Device:
+    """An open adapter. `gpu` is the wgpu device; there is one per adapter and process (devices leak memory)."""
+
+    def __init__(self, adapter: Any, large_buffers: bool = False) -> None:
+        info = adapter.info
+        self.adapter_name: str = info["device"]
+        self.backend: str = info["backend_type"]
+        self.driver: str = info["description"]
+        self.is_cpu: bool = info["adapter_type"] == "CPU"
+        limits = dict(DEFAULT_LIMITS)
+        if large_buffers:
+            for name in ("max-storage-buffer-binding-size", "max-buffer-size"):
+                limits[name] = max(limits[name], min(adapter.limits[name], LARGE_BUFFER))
+        features = sorted(WANTED_FEATURES & set(adapter.features))
+        try:
+            self.gpu = adapter.request_device_sync(label="wgpu_gi", required_features=features, required_limits=limits)
+        except Exception as error:  # wgpu raises RuntimeError, KeyError or GPUError, by version and driver
+            raise GiError(f"adapter {self.adapter_name!r} refused a device: {reason(error)}") from error
+        self.pipelines = Pipelines(self.gpu)
+        self.features = set(self.gpu.features)
+        self.limits: dict[str, int] = dict(self.gpu.limits)
+        self.render_timestamps = "timestamp-query" in self.features
+        self.compute_timestamps = self.render_timestamps and not _compute_timestamps_lie(self.driver, self.is_cpu)
+        # Nanoseconds per tick of a timestamp; wgpu-py has no name for it.
+        self.timestamp_period: float = lib.wgpuQueueGetTimestampPeriod(self.gpu.queue._internal)
+        self._wait_buffer = self.gpu.create_buffer(label="wait", size=4, usage=wgpu.BufferUsage.COPY_SRC)
+
+    def wait(self) -> None:
+        """Block until all submitted work is done."""
+        # queue.on_submitted_work_done_* raises TypeError in wgpu 0.32.0 (wgpu-py issue 834).
+        poll = getattr(self.gpu, "_poll_wait", None)
+        if poll is not None:
+            poll()
+        else:
+            self.gpu.queue.read_buffer(self._wait_buffer, 0, 4)
+
+
+def open_device(adapter: str | None = None, large_buffers: bool = False) -> Device:
+    """Return the device of the best adapter, or of the first whose name contains `adapter` (case-insensitive).
+
+    Limits are WebGPU's defaults; `large_buffers` raises those on buffer and storage binding size to what the adapter
+    has, at most 2 GiB. Raises GiError if there is no adapter, or none of that name.
+    """
+    found = _adapters()
+    usable = [a for a in found if not _why_not(a)]
+    if not usable:
+        seen = "; ".join(f"{_name(a)!r} is unusable: {_why_not(a)}" for a in found)
+        raise GiError(
+            "no Vulkan, Metal or Direct3D 12 adapter found; on Debian or Ubuntu install "
+            "mesa-vulkan-drivers libvulkan1, else the driver of your GPU" + (f" ({seen})" if seen else "")
+        )
+    matching = [a for a in usable if adapter is None or adapter.lower() in _name(a).lower()]
+    if not matching:
+        names = ", ".join(repr(_name(a)) for a in usable)
+        raise GiError(f"no adapter is called {adapter!r}; there is {names}")
+    best = min(matching, key=_rank)
+    return _open(_name(best), best.info["backend_type"], large_buffers)
+
+
+def list_adapters() -> list[AdapterInfo]:
+    """Return all adapters, the one that `open_device()` takes first; an empty list if there is no driver."""
+    return [
+        AdapterInfo(
+            name=_name(a),
+            backend=a.info["backend_type"],
+            type=a.info["adapter_type"],
+            driver=a.info["description"],
+            features=tuple(sorted(a.features)),
+            limits=dict(a.limits),
+            usable=not _why_not(a),
+            why_not=_why_not(a),
+        )
+        for a in sorted(_adapters(), key=lambda a: (bool(_why_not(a)), _rank(a)))
+    ]
+
+
+@cache
+def _adapters() -> list[Any]:
+    """Ask the drivers, once per process, without waking OpenGL."""
+    # Mesa's device-select layer prints errors to stderr if this is unset.
+    os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())
+    set_instance_extras(backends=["Vulkan", "Metal", "DX12"])
+    return list(wgpu.gpu.enumerate_adapters_sync())
+
+
+@cache
+def _open(name: str, backend: str, large_buffers: bool) -> Device:
+    adapter = next(a for a in _adapters() if (_name(a), a.info["backend_type"]) == (name, backend))
+    return Device(adapter, large_buffers)
+
+
+def _name(adapter: Any) -> str:
+    return str(adapter.info["device"])
+
+
+def _rank(adapter: Any) -> int:
+    kind = adapter.info["adapter_type"]
+    return PREFERENCE.index(kind) if kind in PREFERENCE else len(PREFERENCE)
+
+
+def _why_not(adapter: Any) -> str:
+    """Return why an adapter cannot be used, or an empty string."""
+    backend = adapter.info["backend_type"]
+    if backend not in BACKENDS:
+        return f"{backend} returns wrong data for mip views; a Vulkan, Metal or Direct3D 12 driver is needed"
+    # A limit of 0 is one that the driver does not report. Alignments are the wrong way round: smaller is better.
+    for name, needed in DEFAULT_LIMITS.items():
+        has = adapter.limits.get(name, 0)
+        if has and (has > needed if name.startswith("min-") else has < needed):
+            return f"its {name} is {has}, and {needed} is needed"
+    return ""
+
+
+def _compute_timestamps_lie(driver: str, is_cpu: bool) -> bool:
+    """Tell whether timestamps around compute passes are garbage: so it is on llvmpipe before Mesa 25."""
+    mesa = re.match(r"Mesa (\d+)", driver)
+    return is_cpu and mesa is not None and int(mesa[1]) < 25

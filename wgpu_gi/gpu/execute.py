@@ -1,0 +1,247 @@
+"""Runs the stale passes of a graph: history swap, bind groups, recording, submission, and split passes."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import wgpu
+
+from ..errors import GiError
+from .handles import Buffer, Resource, Shared, Texture
+from .messages import reason
+from .passes import Pass, RasterState, Use
+from .schedule import Stale, inputs, stale_passes
+from .values import MAX_GROUPS
+from .watch import check_written
+
+if TYPE_CHECKING:
+    from .graph import Graph
+
+# A part of a split pass takes 0.1 to 0.3 s: short enough that no driver takes it for a hang (2 s and up) and that
+# Ctrl-C is prompt, long enough that submit and wait (0.1 ms) do not matter.
+CHUNK_SECONDS = (0.1, 0.2, 0.3)
+CHUNK_STEP = (0.25, 8.0)  # bounds on the change from part to part; the first run includes compilation by the driver
+
+_serials = itertools.count(1)
+
+
+def run(graph: Graph, force: bool, timings: bool, check: bool, on_chunk: Callable[[float], None] | None) -> bool:
+    """Run what is stale, in the order of declaration; return False if there was nothing to do."""
+    stale = stale_passes(graph.order, force)
+    graph.last_run = {p.name: why.reason for p, why in stale.items()}
+    if not stale:
+        return False
+    frame = _Frame(graph, timings, check, on_chunk)
+    try:
+        for resource in dict.fromkeys(r for p in stale for r in p.written() if r.history):
+            resource.flip ^= 1
+        for p in graph.order:
+            if p in stale:
+                _prepare(graph, p, stale[p])
+                frame.run(p)
+        frame.submit()
+    except BaseException:
+        # Half a frame is on the GPU: what was to run must run again, from its beginning.
+        for p in stale:
+            p.state.restart()
+        raise
+    if timings:
+        graph.timing.collect()
+    return True
+
+
+class _Frame:
+    """One encoder, submitted once, unless a split pass, a measurement or a check comes between."""
+
+    def __init__(self, graph: Graph, timings: bool, check: bool, on_chunk: Callable[[float], None] | None) -> None:
+        self.graph = graph
+        self.device = graph.device
+        self.gpu = graph.device.gpu
+        self.timings = timings
+        self.check = check
+        self.on_chunk = on_chunk
+        self.encoder: Any = None
+
+    def run(self, p: Pass) -> None:
+        """Record a pass, or run it at once where it must be alone."""
+        by_wait = self.timings and not self.graph.timing.has_timestamps(p)
+        if by_wait or p.split:
+            self.submit()
+            self.device.wait()
+        started = time.perf_counter()
+        if p.split:
+            self.run_split(p)
+        else:
+            stamps = self.graph.timing.writes(p) if self.timings and not by_wait else None
+            if p.raster is not None:
+                self.record_raster(p, p.raster, stamps)
+            else:
+                self.record_compute(p, p.groups, stamps)
+        if by_wait:
+            self.submit()
+            self.device.wait()
+        if self.timings and (by_wait or p.split):
+            self.graph.timing.add(p.name, (time.perf_counter() - started) * 1e3)
+        if self.check:
+            self.submit()
+            check_written(self.gpu, p)
+
+    def begin(self) -> Any:
+        """Return the encoder."""
+        if self.encoder is None:
+            self.encoder = self.gpu.create_command_encoder(label="frame")
+        return self.encoder
+
+    def submit(self) -> None:
+        """Send what is recorded. Raises GiError for what only the driver finds wrong."""
+        if self.encoder is None:
+            return
+        encoder, self.encoder = self.encoder, None
+        try:
+            self.gpu.queue.submit([encoder.finish()])
+        except (wgpu.GPUError, RuntimeError) as error:
+            raise GiError(f"the GPU refused the frame: {reason(error)}") from error
+
+    def record_compute(self, p: Pass, groups: tuple[int, int, int] | None, stamps: Any, clear: bool = True) -> None:
+        """Record a dispatch."""
+        encoder = self.begin()
+        for resource in p.clear if clear else ():
+            encoder.clear_buffer(resource.object())
+        compute = encoder.begin_compute_pass(label=p.name, **({"timestamp_writes": stamps} if stamps else {}))
+        compute.set_pipeline(p.pipeline)
+        for index, group in enumerate(_bind_groups(self.graph, p)):
+            compute.set_bind_group(index, group)
+        if p.indirect is not None:
+            compute.dispatch_workgroups_indirect(p.indirect.object(), 0)
+        elif groups is not None:
+            compute.dispatch_workgroups(*groups)
+        compute.end()
+
+    def record_raster(self, p: Pass, raster: RasterState, stamps: Any) -> None:
+        """Record a render pass."""
+        load = "load" if raster.load else "clear"
+        colors = [
+            {
+                "view": _bound(use),
+                "load_op": load,
+                "store_op": "store",
+                "clear_value": raster.clear_color,
+            }
+            for _, use in sorted(raster.targets, key=lambda target: target[0])
+        ]
+        depth = None
+        if raster.depth is not None:
+            depth = {"view": _bound(raster.depth), "depth_read_only": not raster.depth_write}
+            if raster.depth_write:
+                depth |= {"depth_load_op": load, "depth_store_op": "store", "depth_clear_value": raster.clear_depth}
+        encoder = self.begin().begin_render_pass(
+            label=p.name,
+            color_attachments=colors,
+            depth_stencil_attachment=depth,
+            **({"timestamp_writes": stamps} if stamps else {}),
+        )
+        encoder.set_pipeline(p.pipeline)
+        for index, group in enumerate(_bind_groups(self.graph, p)):
+            encoder.set_bind_group(index, group)
+        if callable(raster.draw):
+            raster.draw(encoder)
+        else:
+            encoder.draw(*raster.draw)
+        encoder.end()
+
+    def run_split(self, p: Pass) -> None:
+        """Dispatch consecutive ranges of workgroups along x, each submitted and waited for."""
+        assert p.groups is not None
+        total, y, z = p.groups
+        first = 0
+        while first < total:
+            count = min(p.state.chunk, total - first, MAX_GROUPS)
+            _write_params(self.graph, p, first)
+            started = time.perf_counter()
+            self.record_compute(p, (count, y, z), None, clear=first == 0)
+            self.submit()
+            self.device.wait()
+            p.state.chunk = next_chunk(p.state.chunk, count, time.perf_counter() - started)
+            first += count
+            if self.on_chunk is not None:
+                self.on_chunk(first / total)
+
+
+def next_chunk(chunk: int, count: int, seconds: float) -> int:
+    """Return how many workgroups to dispatch next, after `count` (at most `chunk`) took `seconds`."""
+    low, aim, high = CHUNK_SECONDS
+    if seconds > high or (seconds < low and count == chunk):
+        change = min(max(aim / max(seconds, 1e-6), CHUNK_STEP[0]), CHUNK_STEP[1])
+        return min(max(int(count * change), 1), MAX_GROUPS)
+    return chunk
+
+
+def _prepare(graph: Graph, p: Pass, why: Stale) -> None:
+    """Note the run and send the params."""
+    state = p.state
+    if why.kind != "repeated":
+        state.settle_index = state.settle_index + 1 if why.kind == "settling" else 0
+        state.serial = next(_serials)
+    state.seen = inputs(p)
+    state.runs += 1
+    _write_params(graph, p, 0)
+
+
+def _write_params(graph: Graph, p: Pass, first_workgroup: int) -> None:
+    if p.params is None:
+        return
+    state, names = p.state, p.params.dtype.names or ()
+    if state.params_buffer is None:
+        size = -(-p.params.dtype.itemsize // 16) * 16
+        usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
+        state.params_buffer = graph.device.gpu.create_buffer(label=f"{p.name} params", size=size, usage=usage)
+    block = p.params.copy()
+    if "settle_index" in names:
+        block["settle_index"] = state.settle_index
+    if "first_workgroup" in names:
+        block["first_workgroup"] = first_workgroup
+    data = block.tobytes()
+    if data != state.params_on_gpu:
+        graph.device.gpu.queue.write_buffer(state.params_buffer, 0, data)
+        state.params_on_gpu = data
+
+
+def _bind_groups(graph: Graph, p: Pass) -> tuple[Any, Any]:
+    """Return the groups of shared uniforms and of the rest, made anew only for resources that are."""
+    key = tuple((u.view.resource.generation, u.view.resource.flip) for u in p.uses)
+    found = p.state.bind_groups.get(key)
+    if found is not None:
+        return found
+    if len(p.state.bind_groups) >= 8:  # a few combinations of swapped histories; more are of resources that are gone
+        p.state.bind_groups.clear()
+    shared = [{"binding": b.number, "resource": _whole(u.gpu)} for b, u in p.uniforms]
+    own = [{"binding": u.binding.number, "resource": _bound(u)} for u in p.uses if u.binding is not None]
+    own += [{"binding": b.number, "resource": s.gpu} for b, s in p.samplers]
+    if p.params_binding is not None:
+        own.append({"binding": p.params_binding.number, "resource": _whole(p.state.params_buffer)})
+    layouts = graph.device.pipelines.layouts(p)
+    try:
+        groups = tuple(
+            graph.device.gpu.create_bind_group(label=p.name, layout=layout, entries=entries)
+            for layout, entries in zip(layouts, (shared, own), strict=True)
+        )
+    except (wgpu.GPUError, RuntimeError) as error:
+        raise GiError(f"{p.where}: {reason(error)}") from error
+    p.state.bind_groups[key] = (groups[0], groups[1])
+    return groups[0], groups[1]
+
+
+def _bound(use: Use) -> Any:
+    """Return what a bind group or an attachment takes for a use."""
+    resource: Resource = use.view.resource
+    if isinstance(resource, Buffer) or (isinstance(resource, Shared) and resource.is_buffer):
+        return _whole(resource.object(use.view.previous))
+    assert isinstance(resource, Texture | Shared)
+    return resource.view(use.view, use.dimension or "2d")
+
+
+def _whole(buffer: Any) -> dict[str, Any]:
+    return {"buffer": buffer, "offset": 0, "size": buffer.size}

@@ -1,0 +1,76 @@
+"""The texture formats of WebGPU that a pass may write: texels as numpy sees them, and what each may be used for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import GiError
+
+
+@dataclass(frozen=True)
+class Format:
+    """A texel is `channels` values of `dtype`; `kind` is float, unfilterable, uint, sint or depth (sample types)."""
+
+    name: str
+    channels: int
+    dtype: np.dtype
+    kind: str
+    storage: bool = False
+    normalized: bool = False
+
+    @property
+    def texel_bytes(self) -> int:
+        """Bytes per texel."""
+        return self.channels * self.dtype.itemsize
+
+    @property
+    def is_depth(self) -> bool:
+        """True for formats that only a depth attachment writes."""
+        return self.kind == "depth"
+
+    @property
+    def is_float(self) -> bool:
+        """True if a texel can hold NaN or infinity."""
+        return self.dtype.kind == "f"
+
+
+def _table() -> dict[str, Format]:
+    numbers = {
+        "8unorm": ("u1", "float", True),
+        "8snorm": ("i1", "float", True),
+        "8uint": ("u1", "uint", False),
+        "8sint": ("i1", "sint", False),
+        "16float": ("f2", "float", False),
+        "16uint": ("u2", "uint", False),
+        "16sint": ("i2", "sint", False),
+        "32float": ("f4", "unfilterable", False),
+        "32uint": ("u4", "uint", False),
+        "32sint": ("i4", "sint", False),
+    }
+    table = {}
+    for channels, letters in ((1, "r"), (2, "rg"), (4, "rgba")):
+        for suffix, (dtype, kind, normalized) in numbers.items():
+            # The storage formats of the specification's core: all of 32 bits per channel, and rgba of the others.
+            storage = suffix.startswith("32") or channels == 4
+            name = letters + suffix
+            table[name] = Format(name, channels, np.dtype(dtype), kind, storage, normalized)
+    for name in ("rgba8unorm-srgb", "bgra8unorm", "bgra8unorm-srgb"):
+        table[name] = Format(name, 4, np.dtype("u1"), "float", normalized=True)
+    # Packed into one word; read back as that word.
+    table["rg11b10ufloat"] = Format("rg11b10ufloat", 1, np.dtype("u4"), "float")
+    table["rgb10a2unorm"] = Format("rgb10a2unorm", 1, np.dtype("u4"), "float")
+    table["depth32float"] = Format("depth32float", 1, np.dtype("f4"), "depth")
+    table["depth16unorm"] = Format("depth16unorm", 1, np.dtype("u2"), "depth", normalized=True)
+    return table
+
+
+FORMATS = _table()
+
+
+def format_of(name: str, what: str) -> Format:
+    """Return the format `name`. Raises GiError, beginning with `what`, if there is none."""
+    if name not in FORMATS:
+        raise GiError(f"{what}: there is no texture format {name!r}; there is {', '.join(FORMATS)}")
+    return FORMATS[name]

@@ -1,0 +1,311 @@
+"""What a declaration hands around: textures, buffers, shared resources, uniforms and samplers, and views of them.
+
+A handle is a name and a size until `Graph.compile`, which allocates what the passes use. The same declaration by the
+same name gives the same handle again, with its contents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import wgpu
+
+from ..errors import GiError
+from .formats import FORMATS, Format
+from .messages import reason
+
+VIEW_DIMENSIONS = {
+    "1d": "1d",
+    "2d": "2d",
+    "2d_array": "2d-array",
+    "3d": "3d",
+    "cube": "cube",
+    "cube_array": "cube-array",
+}
+
+
+class Resource:
+    """Something that passes read and write. `gpu` holds the wgpu object, with history two, and is empty until used.
+
+    `generation` grows with each allocation; contents before it are lost. `flip` tells which of two is the current one.
+    """
+
+    name: str
+    history = False
+    nonnegative = False
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.gpu: list[Any] = []
+        self.usage = 0
+        self.generation = 0
+        self.flip = 0
+
+    @property
+    def previous(self) -> View:
+        """What it held before the last run of the pass that writes it; needs `history=True`."""
+        if not self.history:
+            raise GiError(f"{self.name!r} has no previous contents; declare it with history=True")
+        return View(self, previous=True)
+
+    def slots(self, mip: int | None) -> Iterable[Slot]:
+        """Return the parts that are tracked separately: each mip level."""
+        return ((self, 0),)
+
+    def object(self, previous: bool = False) -> Any:
+        """Return the wgpu texture or buffer. Raises GiError if no pass that runs uses it."""
+        if not self.gpu:
+            raise GiError(f"{self.name!r} holds nothing: no pass that an output needs uses it")
+        return self.gpu[(self.flip + previous) % len(self.gpu)]
+
+    def allocate(self, device: Any, usage: int) -> None:
+        """Make the wgpu objects, unless there are some that allow `usage`."""
+        if self.gpu and usage | self.usage == self.usage:
+            return
+        self.release()
+        self.usage |= usage
+        self.generation += 1
+        try:
+            self.gpu = [self.create(device, label) for label in self.labels()]
+        except (wgpu.GPUError, RuntimeError) as error:
+            raise GiError(
+                f"{self.name!r} ({self.bytes / 2**20:.1f} MiB) cannot be allocated: {reason(error)}"
+            ) from error
+
+    def labels(self) -> list[str]:
+        """Return a label for each wgpu object."""
+        return [self.name, self.name + " (history)"] if self.history else [self.name]
+
+    def create(self, device: Any, label: str) -> Any:
+        """Make one wgpu object."""
+        raise NotImplementedError
+
+    def release(self) -> None:
+        """Destroy the wgpu objects now; waiting for the garbage collector would double the peak."""
+        for item in self.gpu:
+            item.destroy()
+        self.gpu = []
+
+    @property
+    def spec(self) -> tuple:
+        """All that, when changed, makes it another resource."""
+        raise NotImplementedError
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of video memory, with history."""
+        return 0
+
+
+Slot = tuple[Resource, int]
+
+
+class Texture(Resource):
+    """A texture of `size` (width, height) pixels; `layers` is the depth of a 3d texture."""
+
+    def __init__(
+        self,
+        name: str,
+        format: Format,
+        size: tuple[int, int],
+        layers: int = 1,
+        mips: int = 1,
+        history: bool = False,
+        dimension: str = "2d",
+    ) -> None:
+        super().__init__(name)
+        self.format = format
+        self.size = size
+        self.layers = layers
+        self.mips = mips
+        self.history = history
+        self.dimension = dimension
+        self._views: dict[tuple, Any] = {}
+
+    @property
+    def spec(self) -> tuple:
+        """Format, size and so on."""
+        return ("texture", self.format.name, self.size, self.layers, self.mips, self.history, self.dimension)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of all levels and layers, with history."""
+        layers = self.layers * (2 if self.history else 1)
+        return sum(np.prod(self.mip_size(m), dtype=int) for m in range(self.mips)) * layers * self.format.texel_bytes
+
+    def mip(self, level: int) -> View:
+        """Return one mip level, to read or to write."""
+        if not 0 <= level < self.mips:
+            raise GiError(f"texture {self.name!r} has {self.mips} mip levels; there is no level {level}")
+        return View(self, mip=level)
+
+    def layer(self, index: int) -> View:
+        """Return mip level 0 of one array layer."""
+        if not 0 <= index < self.layers:
+            raise GiError(f"texture {self.name!r} has {self.layers} layers; there is no layer {index}")
+        return View(self, mip=0, layer=index)
+
+    def mip_size(self, level: int) -> tuple[int, int]:
+        """Return (width, height) of a mip level."""
+        return max(1, self.size[0] >> level), max(1, self.size[1] >> level)
+
+    def slots(self, mip: int | None) -> Iterable[Slot]:
+        """Return the mip levels, or the one given."""
+        return ((self, m) for m in (range(self.mips) if mip is None else (mip,)))
+
+    def create(self, device: Any, label: str) -> Any:
+        """Make one wgpu texture."""
+        self._views.clear()
+        return device.create_texture(
+            label=label,
+            size=(*self.size, self.layers),
+            mip_level_count=self.mips,
+            dimension="3d" if self.dimension == "3d" else "2d",
+            format=self.format.name,
+            usage=self.usage,
+        )
+
+    def view(self, view: View, dimension: str) -> Any:
+        """Return the wgpu view of a part of it, as the shader's `dimension` ("2d", "2d-array" ...) wants it."""
+        key = (view.mip, view.layer, dimension, (self.flip + view.previous) % len(self.labels()))
+        found = self._views.get(key)
+        if found is None:
+            layers = {} if dimension == "3d" else {"array_layer_count": 1 if dimension == "2d" else self.layers}
+            found = self._views[key] = self.object(view.previous).create_view(
+                label=self.name,
+                dimension=dimension,
+                aspect="depth-only" if self.format.is_depth else "all",
+                base_mip_level=view.mip or 0,
+                mip_level_count=self.mips if view.mip is None else 1,
+                base_array_layer=view.layer or 0,
+                **layers,
+            )
+        return found
+
+
+class Buffer(Resource):
+    """A buffer of `count` elements of a numpy dtype, structured or not."""
+
+    def __init__(self, name: str, dtype: np.dtype, count: int, history: bool = False) -> None:
+        super().__init__(name)
+        self.dtype = dtype
+        self.count = count
+        self.history = history
+
+    @property
+    def spec(self) -> tuple:
+        """Element type and count."""
+        return ("buffer", self.dtype, self.count, self.history)
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of one copy: at least one element, since WebGPU binds nothing smaller."""
+        return -(-max(self.count, 1) * self.dtype.itemsize // 4) * 4
+
+    @property
+    def bytes(self) -> int:
+        """Bytes, with history."""
+        return self.size_bytes * (2 if self.history else 1)
+
+    def create(self, device: Any, label: str) -> Any:
+        """Make one wgpu buffer."""
+        return device.create_buffer(label=label, size=self.size_bytes, usage=self.usage)
+
+
+class Shared(Resource):
+    """A wgpu buffer, texture or texture view that someone else owns; a new `version` means new contents."""
+
+    def __init__(self, name: str, resource: Any, version: Any) -> None:
+        super().__init__(name)
+        self._views: dict[str, Any] = {}
+        self.set(resource, version)
+
+    def set(self, resource: Any, version: Any) -> None:
+        """Exchange the wgpu object or its version."""
+        if not self.gpu or self.gpu[0] is not resource:
+            self._views.clear()
+            self.generation += 1
+        self.gpu = [resource]
+        self.version = version
+        self.is_buffer = hasattr(resource, "map_state")
+        texture = resource if hasattr(resource, "create_view") else getattr(resource, "texture", None)
+        self.format = None if self.is_buffer or texture is None else FORMATS.get(texture.format)
+        self.texture = texture
+
+    @property
+    def spec(self) -> tuple:
+        """Its kind; who owns it decides on the rest."""
+        return ("shared", self.is_buffer)
+
+    def allocate(self, device: Any, usage: int) -> None:
+        """Do nothing: its owner has allocated it."""
+
+    def release(self) -> None:
+        """Do nothing: its owner destroys it."""
+
+    def view(self, view: View, dimension: str) -> Any:
+        """Return a wgpu view of it, or itself if it is one."""
+        item = self.gpu[0]
+        if not hasattr(item, "create_view"):
+            return item
+        if dimension not in self._views:
+            aspect = "depth-only" if self.format is not None and self.format.is_depth else "all"
+            self._views[dimension] = item.create_view(label=self.name, dimension=dimension, aspect=aspect)
+        return self._views[dimension]
+
+
+@dataclass(frozen=True)
+class View:
+    """A part of a resource: its previous contents, a mip level, a layer; None means all of them."""
+
+    resource: Resource
+    previous: bool = False
+    mip: int | None = None
+    layer: int | None = None
+
+    def slots(self) -> Iterable[Slot]:
+        """Return the tracked parts it covers."""
+        return self.resource.slots(self.mip)
+
+    def __str__(self) -> str:
+        parts = [".previous"] * self.previous
+        parts += [f".mip({self.mip})"] * (self.mip is not None and self.layer is None)
+        parts += [f".layer({self.layer})"] * (self.layer is not None)
+        return self.resource.name + "".join(parts)
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """How a texture is filtered; `gpu` is the wgpu sampler, `kind` as in a bind group layout."""
+
+    name: str
+    kind: str
+    gpu: Any
+
+
+class Uniform:
+    """A shared uniform (bind group 0), versioned by its bytes."""
+
+    def __init__(self, name: str, dtype: np.dtype, device: Any) -> None:
+        self.name = name
+        self.dtype = dtype
+        size = -(-dtype.itemsize // 16) * 16
+        usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
+        self.gpu = device.create_buffer(label=f"uniform {name}", size=size, usage=usage)
+        self.data = b""
+        self.version = 0
+
+
+Handle = Texture | Buffer | Shared | View
+
+
+def as_view(handle: Any, where: str) -> View:
+    """Return a View of any handle. Raises GiError, beginning with `where`, if it is none."""
+    if isinstance(handle, View):
+        return handle
+    if isinstance(handle, Resource):
+        return View(handle)
+    raise GiError(f"{where}: {handle!r} is no texture, buffer or shared resource of this graph")

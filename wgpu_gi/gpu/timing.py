@@ -1,0 +1,74 @@
+"""Milliseconds per pass: timestamp queries where the driver gets them right, else submit and wait around each pass."""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+from typing import Any
+
+import numpy as np
+import wgpu
+
+from .passes import Pass
+
+RING = 64  # runs of a pass that the median is taken of
+MAX_QUERIES = 4096  # the largest query set of WebGPU
+
+
+class Timing:
+    """Collects the times of passes of a graph while its runs ask for them."""
+
+    def __init__(self, device: Any) -> None:
+        self.device = device
+        self.samples: dict[str, deque[float]] = {}
+        self._queries: Any = None
+        self._buffer: Any = None
+        self._pending: list[str] = []
+
+    def has_timestamps(self, p: Pass) -> bool:
+        """True if timestamps around this kind of pass are right on this device."""
+        return bool(self.device.render_timestamps if p.raster else self.device.compute_timestamps)
+
+    def writes(self, p: Pass) -> dict[str, Any] | None:
+        """Return the `timestamp_writes` of a pass that is recorded now; None if the frame has too many."""
+        first = 2 * len(self._pending)
+        if first + 2 > MAX_QUERIES:
+            return None
+        if self._queries is None:
+            gpu = self.device.gpu
+            self._queries = gpu.create_query_set(label="timing", type="timestamp", count=MAX_QUERIES)
+            usage = wgpu.BufferUsage.QUERY_RESOLVE | wgpu.BufferUsage.COPY_SRC
+            self._buffer = gpu.create_buffer(label="timing", size=8 * MAX_QUERIES, usage=usage)
+        self._pending.append(p.name)
+        return {
+            "query_set": self._queries,
+            "beginning_of_pass_write_index": first,
+            "end_of_pass_write_index": first + 1,
+        }
+
+    def collect(self) -> None:
+        """Read the queries of the passes submitted since the last call; waits for them."""
+        if not self._pending:
+            return
+        count = 2 * len(self._pending)
+        gpu = self.device.gpu
+        encoder = gpu.create_command_encoder(label="timing")
+        encoder.resolve_query_set(self._queries, 0, count, self._buffer, 0)
+        gpu.queue.submit([encoder.finish()])
+        stamps = np.frombuffer(gpu.queue.read_buffer(self._buffer, 0, 8 * count), np.uint64).reshape(-1, 2)
+        for name, (begin, end) in zip(self._pending, stamps.astype(np.int64), strict=True):
+            self.add(name, max(0, int(end) - int(begin)) * self.device.timestamp_period / 1e6)
+        self._pending.clear()
+
+    def add(self, name: str, ms: float) -> None:
+        """Note a measured time."""
+        self.samples.setdefault(name, deque(maxlen=RING)).append(ms)
+
+    def forget(self, name: str) -> None:
+        """Drop the times of a pass that is no longer the same."""
+        self.samples.pop(name, None)
+
+    def median(self, name: str) -> float | None:
+        """Return the median of a pass in milliseconds, None if it was not measured."""
+        samples = self.samples.get(name)
+        return statistics.median(samples) if samples else None

@@ -1,0 +1,16 @@
+"""Where the shaders and the small scenes lie, in an installed package as well as in a checkout."""
+
+from importlib.resources import files
+from pathlib import Path
+
+
+def resource_dir(name: str) -> Path:
+    """Return the folder `name` ("wgsl" or "scenes").
+
+    A wheel carries it inside the package; a checkout (editable install) has it beside the package.
+    Raises FileNotFoundError if the installation is incomplete.
+    """
+    for folder in (Path(__file__).parent.parent / name, Path(str(files("wgpu_gi"))) / name):
+        if folder.is_dir() and (name != "wgsl" or (folder / "common").is_dir()):
+            return folder
+    raise FileNotFoundError(f"wgpu_gi is installed without its folder {name!r}; install it again")

@@ -1,0 +1,1 @@
+"""Scenes as plain data, and the readers that fill them."""

@@ -1,0 +1,109 @@
+"""One mesh prepared for the GPU: its hierarchy in local space, and its triangles and vertices in leaf order.
+
+Built once per mesh and kept while the mesh is in use; instances only place it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, Bvh, build_bvh
+from .scene import Mesh
+
+SMOOTH, COLORED, MASKED, HAS_TANGENTS = 1, 2, 4, 8  # triangle flags, as wgsl/scene/geometry.wgsl
+
+
+@dataclass
+class MeshData:
+    """Arrays in leaf order. `corners` (m, 3, 3) float32 local; `indices` (m, 3) uint32 into `vertices`."""
+
+    mesh: Mesh
+    bvh: Bvh
+    corners: NDArray[np.float32]
+    indices: NDArray[np.uint32]
+    material: NDArray[np.uint32]  # (m,) into mesh.materials
+    flags: NDArray[np.uint32]  # (m,) without MASKED, which may change with the material
+    vertices: NDArray[np.void]
+    bounds: NDArray[np.float32]  # (2, 3)
+
+
+def prepare_mesh(mesh: Mesh, vertex_dtype: np.dtype) -> MeshData:
+    """Build the hierarchy of a mesh of at least one triangle and put its arrays in leaf order."""
+    triangles = np.asarray(mesh.triangles, np.int64)
+    corners = np.asarray(mesh.positions, np.float32)[triangles]
+    bvh = build_bvh(corners.min(1), corners.max(1))
+    triangles, corners = triangles[bvh.order], np.ascontiguousarray(corners[bvh.order])
+    material = np.zeros(len(triangles), np.uint32)
+    if mesh.material_of_triangle is not None:
+        material = np.asarray(mesh.material_of_triangle, np.uint32)[bvh.order]
+    flags = np.zeros(len(triangles), np.uint32)
+    if mesh.normals is not None:
+        # One vertex without a normal makes its triangles flat.
+        has_normal = (np.asarray(mesh.normals) != 0).any(1)
+        flags |= np.where(has_normal[triangles].all(1), SMOOTH, 0).astype(np.uint32)
+    if mesh.tangents is not None:
+        has_tangent = (np.asarray(mesh.tangents)[:, :3] != 0).any(1)
+        flags |= np.where(has_tangent[triangles].all(1), HAS_TANGENTS, 0).astype(np.uint32)
+    if mesh.colors is not None:
+        flags |= np.uint32(COLORED)
+    flat = corners.reshape(-1, 3)
+    bounds = np.stack([flat.min(0), flat.max(0)])
+    return MeshData(
+        mesh, bvh, corners, triangles.astype(np.uint32), material, flags, _pack_vertices(mesh, vertex_dtype), bounds
+    )
+
+
+def _pack_vertices(mesh: Mesh, dtype: np.dtype) -> NDArray[np.void]:
+    vertices = np.zeros(len(mesh.positions), dtype)
+    if mesh.normals is not None:
+        vertices["normal"] = octahedral_encode(mesh.normals)
+    if mesh.tangents is not None:
+        # The lowest bit of the code tells the side of the bitangent; it costs half a step of precision.
+        code = octahedral_encode(mesh.tangents[:, :3]) & np.uint32(0xFFFFFFFE)
+        vertices["tangent"] = code | (np.asarray(mesh.tangents)[:, 3] < 0)
+    if mesh.colors is not None:
+        bits = np.round(np.clip(mesh.colors, 0, 1) * 65535).astype(np.uint32)
+        vertices["color"] = np.stack([bits[:, 0] | bits[:, 1] << 16, bits[:, 2] | bits[:, 3] << 16], 1)
+    else:
+        vertices["color"] = 0xFFFFFFFF
+    for name, texcoords in (("texcoord0", mesh.texcoords0), ("texcoord1", mesh.texcoords1)):
+        if texcoords is not None:
+            vertices[name] = texcoords
+    return vertices
+
+
+def octahedral_encode(directions: NDArray[np.float32]) -> NDArray[np.uint32]:
+    """Return (n,) codes of two snorm16 for (n, 3) directions of any length (Cigolle et al. 2014); zero gives +Z."""
+    v = np.asarray(directions, np.float64)
+    total = np.abs(v).sum(1, keepdims=True)
+    v = v / np.where(total > 0, total, 1)
+    sign = np.where(v[:, :2] >= 0, 1.0, -1.0)
+    folded = (1 - np.abs(v[:, 1::-1])) * sign
+    xy = np.where(v[:, 2:] < 0, folded, v[:, :2])
+    code = np.round(xy * 32767).astype(np.int32) & 0xFFFF
+    return (code[:, 0] | code[:, 1] << 16).astype(np.uint32)
+
+
+def refit(bvh: Bvh, corners: NDArray[np.float32]) -> NDArray[np.void]:
+    """Return the nodes of `bvh` with boxes around moved triangles, `corners` (m, 3, 3) in leaf order."""
+    nodes = bvh.nodes.copy()
+    low, high = corners.min(1), corners.max(1)
+    # Children come after their parents, level by level: go up from the last level.
+    for first, last in reversed(list(zip(bvh.levels[:-1], bvh.levels[1:], strict=True))):
+        rows = np.arange(first, last)
+        for k in ("0", "1"):
+            child = nodes["child" + k][rows].astype(np.int64)
+            leaf = child >= int(LEAF_FLAG)
+            inner, below = rows[~leaf], child[~leaf]
+            nodes["low" + k][inner] = np.minimum(nodes["low0"][below], nodes["low1"][below])
+            nodes["high" + k][inner] = np.maximum(nodes["high0"][below], nodes["high1"][below])
+            start = child[leaf] & ((1 << LEAF_COUNT_SHIFT) - 1)
+            extra = (child[leaf] >> LEAF_COUNT_SHIFT) & 7
+            # Slots past the end of a leaf repeat its last triangle.
+            slots = start[:, None] + np.minimum(np.arange(8), extra[:, None])
+            nodes["low" + k][rows[leaf]] = low[slots].min(1)
+            nodes["high" + k][rows[leaf]] = high[slots].max(1)
+    return nodes

@@ -1,0 +1,189 @@
+"""The scene as plain data: meshes, materials, instances, lights, environment and cameras, with units.
+
+Everything is in world space (right-handed, Y up, metres), linear Rec.709, physical units as glTF has them. Nothing here
+knows of files or of the GPU. Objects may be changed between frames; `upload.py` sends what changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+
+Wrap = Literal["repeat", "clamp", "mirror"]
+
+
+@dataclass(eq=False)
+class Image:
+    """8-bit pixels, (height, width, 4) uint8 RGBA, row 0 on top. Treated as immutable once in use."""
+
+    pixels: NDArray[np.uint8]
+    name: str = ""
+
+
+@dataclass(eq=False)
+class Texture:
+    """An image with its sampler and its place on the surface (glTF texture, sampler, KHR_texture_transform)."""
+
+    image: Image
+    wrap_u: Wrap = "repeat"
+    wrap_v: Wrap = "repeat"
+    filter: Literal["linear", "nearest"] = "linear"
+    texcoord: Literal[0, 1] = 0
+    offset: tuple[float, float] = (0.0, 0.0)
+    scale: tuple[float, float] = (1.0, 1.0)
+    rotation: float = 0.0  # radians, counter-clockwise, as KHR_texture_transform
+
+
+@dataclass(eq=False)
+class Material:
+    """glTF metallic-roughness material. Colours are linear; factors multiply their textures.
+
+    `emission` is radiance in W/(m2 sr) (emissiveFactor times emissiveStrength). Emitters shine from the
+    counter-clockwise side, from both when `double_sided`; all surfaces reflect on both sides.
+    """
+
+    name: str = ""
+    base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    metallic: float = 0.0
+    roughness: float = 1.0
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    alpha_mode: Literal["opaque", "mask"] = "opaque"
+    alpha_cutoff: float = 0.5
+    double_sided: bool = False
+    unlit: bool = False  # KHR_materials_unlit: shown as radiance base_color, neither lit nor reflecting
+    normal_scale: float = 1.0
+    base_color_texture: Texture | None = None  # sRGB colour, linear alpha
+    metallic_roughness_texture: Texture | None = None  # linear: G roughness, B metallic
+    normal_texture: Texture | None = None  # linear, tangent space
+    occlusion_texture: Texture | None = None  # read and kept; unused, since occlusion is computed
+    emission_texture: Texture | None = None  # sRGB colour
+
+
+@dataclass(eq=False)
+class Mesh:
+    """An indexed triangle mesh in its local space; its arrays are treated as immutable once in use.
+
+    positions (n, 3) float32; triangles (m, 3) uint32; material_of_triangle (m,) uint32 into `materials`.
+    normals (n, 3) float32: a zero row asks for the geometric (flat) normal. tangents (n, 4) float32, w = +-1, zero rows
+    where there is none. texcoords (n, 2) float32, v downwards as glTF. colors (n, 4) float32 linear.
+    """
+
+    positions: NDArray[np.float32]
+    triangles: NDArray[np.uint32]
+    materials: list[Material] = field(default_factory=lambda: [Material()])
+    material_of_triangle: NDArray[np.uint32] | None = None  # None: all triangles have materials[0]
+    normals: NDArray[np.float32] | None = None
+    tangents: NDArray[np.float32] | None = None
+    texcoords0: NDArray[np.float32] | None = None
+    texcoords1: NDArray[np.float32] | None = None
+    colors: NDArray[np.float32] | None = None
+    name: str = ""
+
+
+@dataclass(eq=False)
+class Instance:
+    """A mesh placed in the world by an affine (4, 4) float64 matrix; negative determinants are fine."""
+
+    mesh: Mesh
+    world_from_local: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    name: str = ""
+
+
+@dataclass(eq=False)
+class PointLight:
+    """KHR_lights_punctual point: `intensity` in candela (W/sr), times `color`. E = I cos / d2. `range` is metadata."""
+
+    position: Sequence[float]
+    intensity: float = 1.0
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    range: float | None = None
+    name: str = ""
+
+
+@dataclass(eq=False)
+class SpotLight:
+    """KHR_lights_punctual spot: like a point, times saturate((cos - cos_outer)/(cos_inner - cos_outer))^2."""
+
+    position: Sequence[float]
+    direction: Sequence[float]  # of travel, unit length not required
+    inner_cone_angle: float = 0.0  # radians, half angles
+    outer_cone_angle: float = np.pi / 4
+    intensity: float = 1.0
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    range: float | None = None
+    name: str = ""
+
+
+@dataclass(eq=False)
+class DirectionalLight:
+    """KHR_lights_punctual directional: `intensity` in lux (W/m2 on a plane facing it), times `color`."""
+
+    direction: Sequence[float]  # of travel
+    intensity: float = 1.0
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    name: str = ""
+
+
+Light = PointLight | SpotLight | DirectionalLight
+
+
+@dataclass(eq=False)
+class Environment:
+    """Light from infinitely far: constant radiance `color`, times an equirectangular `image` if there is one.
+
+    `image` is (height, width, 3) float32 linear radiance, row 0 on top; u = atan2(x, -z)/2pi + rotation/2pi (so -Z is
+    at the left edge, +X at 1/4), v = acos(y)/pi.
+    """
+
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    image: NDArray[np.float32] | None = None
+    rotation: float = 0.0  # radians about +Y
+    name: str = ""
+
+
+@dataclass(eq=False)
+class Scene:
+    """Everything that a frame shows. `notes` says in sentences what loading changed, assumed or left out."""
+
+    instances: list[Instance] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
+    environment: Environment | None = None
+    cameras: list[Camera] = field(default_factory=list)
+    name: str = ""
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def meshes(self) -> list[Mesh]:
+        """The distinct meshes, in order of first use."""
+        return list({id(i.mesh): i.mesh for i in self.instances}.values())
+
+    @property
+    def materials(self) -> list[Material]:
+        """The distinct materials, in order of first use."""
+        return list({id(m): m for mesh in self.meshes for m in mesh.materials}.values())
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles over all instances."""
+        return sum(len(i.mesh.triangles) for i in self.instances)
+
+    def bounds(self) -> NDArray[np.float64]:
+        """Return the world-space box of all instances, (2, 3): lower and upper corner; zeros if there is none."""
+        corners = []
+        for instance in self.instances:
+            if len(instance.mesh.positions) == 0:
+                continue
+            low, high = instance.mesh.positions.min(0), instance.mesh.positions.max(0)
+            box = np.array([[(low, high)[(k >> a) & 1][a] for a in range(3)] for k in range(8)], np.float64)
+            matrix = np.asarray(instance.world_from_local, np.float64)
+            corners.append(box @ matrix[:3, :3].T + matrix[:3, 3])
+        if not corners:
+            return np.zeros((2, 3))
+        points = np.concatenate(corners)
+        return np.stack([points.min(0), points.max(0)])

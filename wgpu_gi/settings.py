@@ -1,0 +1,175 @@
+"""Settings with a sentence, a unit and a range each: declared once, checked, listed, and set from text.
+
+A technique declares a dataclass of `setting()` fields; the renderer's settings hold such dataclasses as sections:
+
+>>> @dataclass
+... class PathSettings:
+...     samples_per_run: int = setting(4, "Samples per pixel in one run.", unit="samples", range=(1, 64))
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Iterator, Sequence
+from numbers import Integral, Real
+from types import NoneType
+from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
+
+from .errors import GiError
+
+_TRUTHS = {"true": True, "1": True, "yes": True, "on": True, "false": False, "0": False, "no": False, "off": False}
+_NO_VALUE = ("none", "unlimited")
+
+
+class Row(NamedTuple):
+    """One setting as a user sees it; `name` is what `--set` takes."""
+
+    name: str
+    value: Any
+    default: Any
+    unit: str
+    range: tuple[float, float] | None
+    choices: tuple[str, ...]
+    sentence: str
+
+
+def setting(
+    default: Any,
+    sentence: str,
+    unit: str = "",
+    range: tuple[float, float] | None = None,
+    choices: Sequence[str] = (),
+) -> Any:
+    """Return a dataclass field with its documentation: one sentence, a unit, an inclusive range or the choices."""
+    metadata = {"sentence": sentence, "unit": unit, "range": range, "choices": tuple(choices)}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def validate(section: Any, name: str = "") -> None:
+    """Check every setting of a dataclass, and of its sections.
+
+    Raises GiError naming the setting (`name.field`), its range and its unit for a value of a wrong type, out of range,
+    NaN or infinite.
+    """
+    for path, owner, field in _fields(section, name):
+        _check(path, getattr(owner, field.name), field, _type_of(owner, field))
+
+
+def assign(settings: Any, text: str) -> None:
+    """Carry out `section.name=value` (or `name=value`) on a settings dataclass.
+
+    `true false 1 0` are booleans; `none` and `unlimited` unset a setting that allows it. Raises GiError for an unknown
+    name (with the nearest ones) or a value that does not fit.
+    """
+    name, equals, value_text = text.partition("=")
+    name, value_text = name.strip(), value_text.strip()
+    if not equals:
+        raise GiError(f"--set takes section.name=value, not {text!r}")
+    known = {path: (owner, field) for path, owner, field in _fields(settings)}
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
+        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        raise GiError(f"there is no setting {name!r}; {hint}available: {', '.join(known)}")
+    owner, field = known[name]
+    kind = _type_of(owner, field)
+    value = _parse(name, value_text, kind)
+    _check(name, value, field, kind)
+    setattr(owner, field.name, value)
+
+
+def describe(settings: Any) -> list[Row]:
+    """List every setting of a settings dataclass and of its sections, in order of declaration."""
+    rows = []
+    for path, owner, field in _fields(settings):
+        meta = field.metadata
+        choices = _choices(field, _type_of(owner, field))
+        value = getattr(owner, field.name)
+        rows.append(Row(path, value, field.default, meta["unit"], meta["range"], choices, meta["sentence"]))
+    return rows
+
+
+def format_rows(rows: Sequence[Row]) -> str:
+    """Return the rows as an aligned text table: name=value, range with unit, sentence."""
+    cells = []
+    for row in rows:
+        limits = " .. ".join(map(_text, row.range)) if row.range else " | ".join(row.choices)
+        cells.append((f"{row.name}={_text(row.value)}", f"{limits} {row.unit}".strip(), row.sentence))
+    widths = [max((len(line[column]) for line in cells), default=0) for column in (0, 1)]
+    return "\n".join(f"  {a:<{widths[0]}}  {b:<{widths[1]}}  {c}".rstrip() for a, b, c in cells)
+
+
+def _fields(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any, dataclasses.Field]]:
+    """Yield (dotted name, owner, field) of every setting, entering sections."""
+    for field in dataclasses.fields(settings):
+        path = f"{prefix}.{field.name}" if prefix else field.name
+        if "sentence" in field.metadata:
+            yield path, settings, field
+        elif dataclasses.is_dataclass(getattr(settings, field.name)):
+            yield from _fields(getattr(settings, field.name), path)
+
+
+def _type_of(owner: Any, field: dataclasses.Field) -> Any:
+    return get_type_hints(type(owner))[field.name]
+
+
+def _split_optional(kind: Any) -> tuple[Any, bool]:
+    """Split `T | None` into T and whether None is allowed."""
+    arguments = get_args(kind)
+    if get_origin(kind) is Literal or NoneType not in arguments:
+        return kind, False
+    return next(argument for argument in arguments if argument is not NoneType), True
+
+
+def _choices(field: dataclasses.Field, kind: Any) -> tuple[str, ...]:
+    base, _ = _split_optional(kind)
+    return field.metadata["choices"] or (get_args(base) if get_origin(base) is Literal else ())
+
+
+def _parse(name: str, text: str, kind: Any) -> Any:
+    """Read `text` as a value of the annotated type."""
+    base, optional = _split_optional(kind)
+    if optional and text.lower() in _NO_VALUE:
+        return None
+    try:
+        if base is bool:
+            return _TRUTHS[text.lower()]
+        return base(text) if base in (int, float) else text
+    except (KeyError, ValueError):
+        extra = " or none" if optional else ""
+        raise GiError(f"{name} takes {_kind_name(base)}{extra}, not {text!r}") from None
+
+
+def _check(name: str, value: Any, field: dataclasses.Field, kind: Any) -> None:
+    """Raise GiError if `value` is not of the annotated type or outside the range or the choices."""
+    base, optional = _split_optional(kind)
+    if value is None and optional:
+        return
+    choices, limits, unit = _choices(field, kind), field.metadata["range"], field.metadata["unit"]
+    if choices:
+        if value not in choices:
+            raise GiError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+        return
+    if base is float:
+        fits = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    elif base is int:
+        fits = isinstance(value, Integral) and not isinstance(value, bool)
+    else:
+        fits = isinstance(value, base)
+    if not fits:
+        raise GiError(f"{name} takes {_kind_name(base)}{f' ({unit})' if unit else ''}, not {_text(value)}")
+    if limits and not limits[0] <= value <= limits[1]:
+        between = f"{_text(limits[0])} and {_text(limits[1])} {unit}".rstrip()
+        raise GiError(f"{name} must lie between {between}, not {_text(value)}")
+
+
+def _kind_name(kind: Any) -> str:
+    names = {int: "a whole number", float: "a finite number", bool: "true or false", str: "a text"}
+    return names.get(kind, str(kind))
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "none" if value is None else f"{value:g}" if isinstance(value, float) else str(value)

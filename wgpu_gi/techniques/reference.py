@@ -1,0 +1,104 @@
+"""The truth: a progressive path tracer over the same scene buffers, lights and BRDF as every other technique.
+
+Kajiya 1986, "The Rendering Equation"; next-event estimation with multiple importance sampling after Veach 1997, chapter 9;
+Owen-scrambled Sobol points after Burley 2020.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..gpu.graph import Graph
+from ..gpu.handles import Texture
+from ..settings import setting
+from .scene_inputs import SceneInputs
+
+UNLIMITED = 0x7FFFFFFF
+
+
+@dataclass
+class PathSettings:
+    """How the path tracer divides its work; none of it changes what the picture converges to."""
+
+    samples_per_run: int = setting(
+        16, "Paths per pixel in one run of the pass; fewer refine in smaller steps.", "paths", range=(1, 64)
+    )
+
+
+@dataclass
+class Reference:
+    """Linear radiance in W/(m2 sr), rgba32float: the layers by number of scatterings, their sum, its standard error.
+
+    `emission.a` is the number of samples so far.
+    """
+
+    emission: Texture
+    direct: Texture
+    indirect: Texture
+    radiance: Texture
+    standard_error: Texture
+
+
+@dataclass
+class Primary:
+    """What is seen through the pixel centres, rgba32float: base colour; shading normal and distance; position."""
+
+    albedo: Texture
+    normal: Texture
+    position: Texture
+
+
+def declare_reference(
+    graph: Graph, settings: PathSettings, scene: SceneInputs, *, spp: int, bounces: int | None, seed: int
+) -> Reference:
+    """Declare the path tracer: `spp` paths per pixel, with at most `bounces` indirect bounces (None: unlimited).
+
+    It adds `settings.samples_per_run` samples in each run of the graph until it has them all.
+    """
+    samples = min(settings.samples_per_run, spp)
+    layers = {
+        name: graph.texture(f"path/{name}", "rgba32float", history=True, nonnegative=True)
+        for name in ("emission", "direct", "indirect", "deviation")
+    }
+    width, height = graph.size
+    tiles = -(-width // 8) * -(-height // 8)
+    graph.compute(
+        "path/trace",
+        "reference/path.wgsl",
+        over=tiles * 64,
+        reads={
+            **scene.surfaces,
+            **scene.lights,
+            **{f"previous_{name}": texture.previous for name, texture in layers.items()},
+        },
+        writes=layers,
+        params={"samples": samples, "spp": spp, "bounces": UNLIMITED if bounces is None else bounces, "seed": seed},
+        constants=scene.constants("reference/path.wgsl"),
+        settle=-(-spp // samples),
+        split=True,
+    )
+    radiance = graph.texture("path/radiance", "rgba32float", nonnegative=True)
+    standard_error = graph.texture("path/standard_error", "rgba32float", nonnegative=True)
+    graph.compute(
+        "path/resolve",
+        "reference/resolve.wgsl",
+        over=radiance,
+        reads=layers,
+        writes={"radiance": radiance, "standard_error": standard_error},
+    )
+    return Reference(layers["emission"], layers["direct"], layers["indirect"], radiance, standard_error)
+
+
+def declare_primary(graph: Graph, scene: SceneInputs) -> Primary:
+    """Declare the pass that finds what each pixel's centre shows, without light."""
+    names = ("albedo", "normal", "position")
+    textures = {name: graph.texture(f"primary/{name}", "rgba32float") for name in names}
+    graph.compute(
+        "primary",
+        "reference/primary.wgsl",
+        over=textures["albedo"],
+        reads=scene.surfaces,
+        writes=textures,
+        constants=scene.constants("reference/primary.wgsl"),
+    )
+    return Primary(textures["albedo"], textures["normal"], textures["position"])

@@ -1,0 +1,42 @@
+// The shared uniforms of every frame: where the camera is, and what the scene holds (group 0).
+
+struct View {
+    position: vec3f,   // camera, metres, relative to the scene's origin
+    orthographic: u32, // 1: parallel rays
+    right: vec3f,      // from the picture's centre to its right edge, at unit distance (metres if orthographic)
+    jitter: u32,       // 1: rays go through a random point of their pixel, 0: through its centre
+    up: vec3f,         // to the top edge, likewise
+    pad0: u32,
+    forward: vec3f,    // unit
+    pad1: u32,
+    size: vec2u,       // pixels
+}
+
+struct SceneInfo {
+    frame_low: vec3f,         // corner of the grid of the world's node boxes, metres
+    root: u32,                // child reference of the whole scene
+    frame_scale: vec3f,       // grid steps per metre
+    light_count: u32,
+    environment_color: vec3f, // constant radiance, or factor of the picture
+    environment_pdf: f32,     // chance that a light sample picks the environment
+    environment_rotation: f32,// in turns about +Y
+    hittable_light: u32,      // 1: an emitter or environment that a ray can meet
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> scene: SceneInfo;
+
+struct Ray {
+    origin: vec3f,
+    direction: vec3f,  // need not be of unit length
+}
+
+// Returns the ray through a point of the picture, in pixels from its top left corner.
+fn camera_ray(pixel: vec2f) -> Ray {
+    let ndc = pixel / vec2f(view.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+    let offset = ndc.x * view.right + ndc.y * view.up;
+    if (view.orthographic != 0u) {
+        return Ray(view.position + offset, view.forward);
+    }
+    return Ray(view.position, normalize(view.forward + offset));
+}

@@ -1,0 +1,211 @@
+// All light sources as one list to draw from, with densities for multiple importance sampling.
+//
+// A light is drawn in proportion to its power, as `scene/emitters.py` tabulates it. A constant environment is not in the
+// list: rays that follow the BRDF find it at least as well.
+#import "scene/surface.wgsl"
+
+const KIND_POINT: u32 = 0u;
+const KIND_SPOT: u32 = 1u;
+const KIND_SUN: u32 = 2u;
+const KIND_TRIANGLE: u32 = 3u;
+const KIND_ENVIRONMENT: u32 = 4u;
+
+struct Light {
+    position: vec3f,     // point, spot: place; triangle: first vertex; metres relative to the scene's origin
+    kind: u32,
+    edge1: vec3f,        // triangle: edge; spot, sun: unit direction of travel
+    triangle: u32,
+    edge2: vec3f,        // triangle: edge; spot: scale and offset of the fall-off over the cosine
+    sides: u32,          // triangle: 1 shines from the side of edge1 x edge2, 2 from the other
+    color: vec3f,        // intensity W/sr, irradiance W/m2, or radiance W/(m2 sr)
+    cumulative: f32,     // probability that this light or one before it is drawn
+    probability: f32,
+}
+
+@group(1) @binding(8) var<storage, read> lights: array<Light>;
+@group(1) @binding(9) var environment: texture_2d<f32>;
+// Cumulative distribution along each row; the last column holds that of the rows.
+@group(1) @binding(10) var environment_cdf: texture_2d<f32>;
+
+// Compiled out where the scene has none of it.
+override HAS_EMITTERS: bool = true;
+override HAS_PICTURED_ENVIRONMENT: bool = true;
+
+struct LightSample {
+    to_light: vec3f,      // from the surface, metres; any length for lights at infinity
+    limit: f32,           // how far along `to_light` nothing may stand; 0: no light from here
+    weighted: vec3f,      // radiance over density; irradiance at normal incidence for lights without area
+    direction: vec3f,     // unit
+    pdf: f32,             // 1/sr; 0 for lights without area, which no BRDF sample can meet
+}
+
+// Shadow rays stop short of the emitter by this share of their length: ten times the rounding of a world position.
+const STOP_SHORT: f32 = 0.9999;
+const INFINITELY_FAR: f32 = 1e30;
+
+fn environment_uv(direction: vec3f) -> vec2f {
+    let u = atan2(direction.x, -direction.z) / TWO_PI + scene.environment_rotation;
+    return vec2f(u - floor(u), acos(clamp(direction.y, -1.0, 1.0)) * INV_PI);
+}
+
+fn environment_direction(uv: vec2f) -> vec3f {
+    let phi = TWO_PI * (uv.x - scene.environment_rotation);
+    let theta = PI * uv.y;
+    return vec3f(sin(phi) * sin(theta), cos(theta), -cos(phi) * sin(theta));
+}
+
+// Returns the radiance that arrives against `direction` from infinity, bilinear between the picture's pixels.
+fn environment_radiance(direction: vec3f) -> vec3f {
+    if (!HAS_PICTURED_ENVIRONMENT) {
+        return scene.environment_color;
+    }
+    let size = vec2i(textureDimensions(environment));
+    let texel = environment_uv(direction) * vec2f(size) - 0.5;
+    let base = vec2i(floor(texel));
+    let f = texel - floor(texel);
+    let x0 = (base.x + size.x) % size.x;
+    let x1 = (base.x + 1) % size.x;
+    let y0 = clamp(base.y, 0, size.y - 1);
+    let y1 = clamp(base.y + 1, 0, size.y - 1);
+    let top = mix(textureLoad(environment, vec2i(x0, y0), 0), textureLoad(environment, vec2i(x1, y0), 0), f.x);
+    let bottom = mix(textureLoad(environment, vec2i(x0, y1), 0), textureLoad(environment, vec2i(x1, y1), 0), f.x);
+    return scene.environment_color * mix(top, bottom, f.y).rgb;
+}
+
+// Returns the first column of a row of the table whose cumulative value exceeds u.
+fn find_in_cdf(row: i32, count: i32, u: f32) -> i32 {
+    var low = 0;
+    var high = count - 1;
+    while (low < high) {
+        let middle = (low + high) / 2;
+        if (textureLoad(environment_cdf, vec2i(middle, row), 0).r > u) {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    return low;
+}
+
+fn find_row_in_cdf(column: i32, count: i32, u: f32) -> i32 {
+    var low = 0;
+    var high = count - 1;
+    while (low < high) {
+        let middle = (low + high) / 2;
+        if (textureLoad(environment_cdf, vec2i(column, middle), 0).r > u) {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    return low;
+}
+
+// Returns lower and upper cumulative value of an entry of a row.
+fn cdf_interval(column: i32, row: i32) -> vec2f {
+    let upper = textureLoad(environment_cdf, vec2i(column, row), 0).r;
+    if (column == 0) {
+        return vec2f(0.0, upper);
+    }
+    return vec2f(textureLoad(environment_cdf, vec2i(column - 1, row), 0).r, upper);
+}
+
+fn cdf_row_interval(column: i32, row: i32) -> vec2f {
+    let upper = textureLoad(environment_cdf, vec2i(column, row), 0).r;
+    if (row == 0) {
+        return vec2f(0.0, upper);
+    }
+    return vec2f(textureLoad(environment_cdf, vec2i(column, row - 1), 0).r, upper);
+}
+
+// Returns the density with which `sample_light` draws a direction of the environment, 1/sr.
+fn environment_pdf(direction: vec3f) -> f32 {
+    if (!HAS_PICTURED_ENVIRONMENT || scene.environment_pdf == 0.0) {
+        return 0.0;
+    }
+    let size = vec2i(textureDimensions(environment_cdf)) - vec2i(1, 0);
+    let cell = clamp(vec2i(environment_uv(direction) * vec2f(size)), vec2i(0), size - 1);
+    let row = cdf_row_interval(size.x, cell.y);
+    let column = cdf_interval(cell.x, cell.y);
+    let sine = sqrt(max(1.0 - direction.y * direction.y, 1e-12));
+    let share = (row.y - row.x) * (column.y - column.x) * f32(size.x * size.y);
+    return scene.environment_pdf * share / (TWO_PI * PI * sine);
+}
+
+fn sample_environment(u: vec2f) -> LightSample {
+    let size = vec2i(textureDimensions(environment_cdf)) - vec2i(1, 0);
+    let y = find_row_in_cdf(size.x, size.y, u.y);
+    let row = cdf_row_interval(size.x, y);
+    let x = find_in_cdf(y, size.x, u.x);
+    let column = cdf_interval(x, y);
+    // What is left of u within its interval places the sample inside the cell.
+    let inside = vec2f(
+        (u.x - column.x) / max(column.y - column.x, 1e-20), (u.y - row.x) / max(row.y - row.x, 1e-20));
+    let uv = (vec2f(f32(x), f32(y)) + clamp(inside, vec2f(0.0), vec2f(BELOW_ONE))) / vec2f(size);
+    let direction = environment_direction(uv);
+    let pdf = environment_pdf(direction);
+    if (pdf <= 0.0) {
+        return LightSample(direction, 0.0, vec3f(0.0), direction, 0.0);
+    }
+    return LightSample(direction, INFINITELY_FAR, environment_radiance(direction) / pdf, direction, pdf);
+}
+
+fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightSample {
+    let weights = sample_triangle(u);
+    let to_light = light.position + weights.x * light.edge1 + weights.y * light.edge2 - from_position;
+    let direction = normalize_or(to_light, vec3f(0.0));
+    let normal = cross(light.edge1, light.edge2);
+    let twice_area = length(normal);
+    // Of the light's own cosine; positive where the side of edge1 x edge2 is seen.
+    let cosine = -dot(normal, direction) / max(twice_area, 1e-37);
+    let squared = dot(to_light, to_light);
+    if ((light.sides & select(2u, 1u, cosine > 0.0)) == 0u || cosine == 0.0 || squared <= 0.0) {
+        return LightSample(to_light, 0.0, vec3f(0.0), direction, 0.0);
+    }
+    var emission = light.color;
+    let material = triangles[light.triangle].material;
+    if (HAS_TEXTURES && has_texture(material, EMISSION_SLOT)) {
+        let corners = load_corners(light.triangle, weights);
+        emission *= sample_texture(material, EMISSION_SLOT, texcoord0_at(corners), texcoord1_at(corners)).rgb;
+    }
+    let pdf = light.probability * 2.0 * squared / (twice_area * abs(cosine));
+    return LightSample(to_light, STOP_SHORT, emission / pdf, direction, pdf);
+}
+
+// Draws a light and a point on it, as seen from a surface point. `choice` picks the light, `u` the point.
+fn sample_light(from_position: vec3f, choice: f32, u: vec2f) -> LightSample {
+    var low = 0u;
+    var high = scene.light_count - 1u;
+    while (low < high) {
+        let middle = (low + high) / 2u;
+        if (lights[middle].cumulative > choice) {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    let light = lights[low];
+    if (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT) {
+        return sample_environment(u);
+    }
+    if (light.kind == KIND_SUN) {
+        let direction = -light.edge1;
+        return LightSample(direction, INFINITELY_FAR, light.color / light.probability, direction, 0.0);
+    }
+    if (HAS_EMITTERS && light.kind == KIND_TRIANGLE) {
+        return sample_triangle_light(light, from_position, u);
+    }
+    let to_light = light.position - from_position;
+    let squared = dot(to_light, to_light);
+    if (squared <= 0.0) {
+        return LightSample(to_light, 0.0, vec3f(0.0), vec3f(0.0), 0.0);
+    }
+    let direction = normalize_or(to_light, vec3f(0.0));
+    var intensity = light.color;
+    if (light.kind == KIND_SPOT) {
+        // KHR_lights_punctual: saturate((cos - cos_outer) / (cos_inner - cos_outer))^2
+        let falloff = saturate(dot(-direction, light.edge1) * light.edge2.x + light.edge2.y);
+        intensity *= falloff * falloff;
+    }
+    return LightSample(to_light, STOP_SHORT, intensity / (squared * light.probability), direction, 0.0);
+}

@@ -1,0 +1,152 @@
+// What a ray sees where it hits: position, normals, material at that point.
+#import "scene/geometry.wgsl"
+
+struct Surface {
+    position: vec3f,          // metres, relative to the scene's origin
+    offset: f32,              // metres to leave the surface by, above the rounding of `position`
+    geometric_normal: vec3f,  // unit, on the counter-clockwise side
+    normal: vec3f,            // unit, shading, turned to the viewer
+    front: bool,              // the viewer is on the counter-clockwise side
+    flags: u32,               // of the material
+    emission: vec3f,          // W/(m2 sr) towards the viewer
+    base_color: vec3f,
+    metallic: f32,
+    roughness: f32,
+    emitter_pdf: f32,         // 1/m2
+}
+
+// How many units in the last place of its largest coordinate a hit point may be off: interpolation and two transforms.
+// Measured over grazing hits on transformed spheres: the worst was 9.
+const POSITION_ULPS: f32 = 16.0 * 1.1920929e-7;
+
+fn unpack_normal(code: u32) -> vec3f {
+    return octahedral_decode(unpack2x16snorm(code));
+}
+
+// Evaluates the surface at a hit, as seen against `direction`.
+fn surface_at(hit: Hit, direction: vec3f) -> Surface {
+    let triangle = triangles[hit.triangle];
+    let weights = hit.barycentric;
+    var position = triangle.v0 + weights.x * triangle.edge1 + weights.y * triangle.edge2;
+    // Scaling keeps the cross product of tiny or huge edges in range.
+    let size = max(max3(abs(triangle.edge1)), max3(abs(triangle.edge2)));
+    var geometric = cross(triangle.edge1 / size, triangle.edge2 / size);
+    var reach = max(max3(abs(triangle.v0)), size);
+    var corners: Corners;
+    var s: Surface;
+    // Fields are loaded one by one: a whole material is 64 words.
+    let material = triangle.material;
+    s.flags = materials[material].flags;
+    let textured = HAS_TEXTURES && (s.flags & TEXTURED) != 0u;
+    if ((triangle.flags & (SMOOTH | COLORED)) != 0u || textured) {
+        corners = load_corners(hit.triangle, weights);
+    }
+    var normal = geometric;
+    let smooth_normal = (triangle.flags & SMOOTH) != 0u;
+    if (smooth_normal) {
+        normal = corners.weights.x * unpack_normal(corners.a.normal) + corners.weights.y * unpack_normal(corners.b.normal)
+            + corners.weights.z * unpack_normal(corners.c.normal);
+    }
+    // Vertex normals are local; positions and edges are local only where the mesh is entered through an instance.
+    let is_local = triangle.instance == NONE;
+    if (is_local || smooth_normal) {
+        let m = instances[hit.instance].local_from_world;
+        let normal_matrix = transpose(mat3x3f(m[0], m[1], m[2]));
+        if (smooth_normal) {
+            normal = normal_matrix * normal;
+        }
+        if (is_local) {
+            geometric = normal_matrix * geometric;
+            if (!smooth_normal) {
+                normal = geometric;
+            }
+            let w = instances[hit.instance].world_from_local;
+            position = w * vec4f(position, 1.0);
+            reach = max3(abs(w[0]) * reach + abs(w[1]) * reach + abs(w[2]) * reach + abs(w[3]));
+        }
+    }
+    s.position = position;
+    s.offset = POSITION_ULPS * max(reach, max3(abs(position)));
+    s.geometric_normal = normalize_or(geometric, -direction);
+    s.normal = normalize_or(normal, s.geometric_normal);
+    s.front = dot(s.geometric_normal, direction) < 0.0;
+
+    // Evaluate the material.
+    var base = materials[material].base_color;
+    s.metallic = materials[material].metallic;
+    s.roughness = materials[material].roughness;
+    s.emission = materials[material].emission;
+    s.emitter_pdf = materials[material].emitter_pdf;
+    if ((triangle.flags & COLORED) != 0u) {
+        base *= color_at(corners);
+    }
+    if (textured) {
+        let uv0 = texcoord0_at(corners);
+        let uv1 = texcoord1_at(corners);
+        if (has_texture(material, BASE_COLOR_SLOT)) {
+            base *= sample_texture(material, BASE_COLOR_SLOT, uv0, uv1);
+        }
+        if (has_texture(material, EMISSION_SLOT)) {
+            s.emission *= sample_texture(material, EMISSION_SLOT, uv0, uv1).rgb;
+        }
+        if (HAS_COATS && has_texture(material, METALLIC_ROUGHNESS_SLOT)) {
+            let texel = sample_texture(material, METALLIC_ROUGHNESS_SLOT, uv0, uv1);
+            s.metallic *= texel.b;
+            s.roughness *= texel.g;
+        }
+        if (has_texture(material, NORMAL_SLOT)) {
+            let map = sample_texture(material, NORMAL_SLOT, uv0, uv1).xyz * 2.0 - 1.0;
+            s.normal = bend_normal(s.normal, map, triangle, corners, hit.instance);
+        }
+    }
+    s.base_color = base.rgb;
+    if (!s.front && (s.flags & DOUBLE_SIDED) == 0u) {
+        s.emission = vec3f(0.0);
+    }
+    // All surfaces reflect on both sides: turn the shading normal to the viewer.
+    if (dot(s.normal, direction) > 0.0) {
+        s.normal = -s.normal;
+    }
+    return s;
+}
+
+// Returns the normal bent by a normal map's vector; the tangent is the file's, else it follows the texture's u direction.
+fn bend_normal(normal: vec3f, map: vec3f, triangle: Triangle, k: Corners, instance: u32) -> vec3f {
+    let world_from_local = instances[instance].world_from_local;
+    var tangent: vec3f;
+    var handedness = 1.0;
+    if ((triangle.flags & HAS_TANGENTS) != 0u) {
+        let local = k.weights.x * unpack_normal(k.a.tangent) + k.weights.y * unpack_normal(k.b.tangent)
+            + k.weights.z * unpack_normal(k.c.tangent);
+        tangent = world_from_local * vec4f(local, 0.0);
+        handedness = select(1.0, -1.0, (k.a.tangent & 1u) != 0u);
+    } else {
+        let second = (materials[triangle.material].textures[NORMAL_SLOT].flags & TEXCOORD_1) != 0u;
+        let a = select(k.a.texcoord0, k.a.texcoord1, second);
+        let d1 = select(k.b.texcoord0, k.b.texcoord1, second) - a;
+        let d2 = select(k.c.texcoord0, k.c.texcoord1, second) - a;
+        let area = d1.x * d2.y - d1.y * d2.x;
+        tangent = (triangle.edge1 * d2.y - triangle.edge2 * d1.y) * sign(area);
+        if (triangle.instance == NONE) {
+            tangent = world_from_local * vec4f(tangent, 0.0);
+        }
+        // glTF's v points down in the picture, its bitangent up: area < 0 is the usual, unmirrored case.
+        handedness = select(1.0, -1.0, area > 0.0);
+    }
+    let t = normalize_or(tangent - normal * dot(normal, tangent), frame_from_normal(normal)[0]);
+    let b = cross(normal, t) * handedness;
+    let tilt = map.xy * materials[triangle.material].normal_scale;
+    return normalize_or(t * tilt.x + b * tilt.y + normal * map.z, normal);
+}
+
+fn surface_brdf(s: Surface) -> Brdf {
+    if (HAS_COATS && (s.flags & COATED) != 0u) {
+        return brdf_metallic_roughness(s.base_color, s.metallic, s.roughness);
+    }
+    return brdf_lambert(s.base_color);
+}
+
+// Returns where a ray in `direction` may start without meeting its own surface.
+fn leave_surface(s: Surface, direction: vec3f) -> vec3f {
+    return s.position + s.geometric_normal * select(-s.offset, s.offset, dot(direction, s.geometric_normal) > 0.0);
+}
