@@ -13,7 +13,7 @@ from .errors import GiError
 from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
-from .gpu.handles import Texture
+from .gpu.handles import Handle
 from .scene.camera_files import framing_camera
 from .scene.scene import Scene
 from .scene.upload import SceneUpload
@@ -22,10 +22,10 @@ from .techniques.reference import PathSettings, declare_primary, declare_referen
 from .techniques.scene_inputs import SceneInputs, share_scene
 
 MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
-MAX_PIXELS = 2**25  # 128 bytes of running means each: 4 GiB
+MAX_PIXELS = 2**25  # 96 bytes of running means and results each: 3 GiB
 
-# What `read_back` and `--show` know: the graph's texture and the channels of it.
-BUFFER_SOURCES = {
+# What `read_back` and `--show` know: the graph's texture or per-pixel buffer, and the channels of it.
+BUFFER_SOURCES: dict[str, tuple[str, slice | int]] = {
     "radiance": ("path/radiance", slice(0, 3)),
     "direct": ("path/direct", slice(0, 3)),
     "indirect": ("path/indirect", slice(0, 3)),
@@ -59,7 +59,7 @@ class Settings:
     path: PathSettings = field(default_factory=PathSettings)
 
 
-def declare_frame(graph: Graph, settings: Settings, scene: SceneInputs) -> list[Texture]:
+def declare_frame(graph: Graph, settings: Settings, scene: SceneInputs) -> list[Handle]:
     """Declare the passes of a frame; return what can be shown. The first page to read."""
     # Until there is a deferred base, direct light alone is the path tracer without indirect bounces.
     bounces = 0 if settings.gi == "none" else settings.bounces
@@ -80,8 +80,8 @@ def declare_frame(graph: Graph, settings: Settings, scene: SceneInputs) -> list[
 class Renderer:
     """Renders a scene, once or many times.
 
-    Change `scene`, `camera`, `settings` or `size` as you like; the next `run` sends what changed to the GPU and runs the
-    passes that it makes stale. Pictures are (height, width, 3) float32 linear radiance, row 0 on top.
+    Change `scene`, `camera`, `settings` or `size` as you like; the next `run` sends what changed to the GPU and runs
+    the passes that it makes stale. Pictures are (height, width, 3) float32 linear radiance, row 0 on top.
     """
 
     def __init__(
@@ -102,8 +102,8 @@ class Renderer:
         self._device = open_device(adapter, large_buffers=True)
         self._graph = Graph(self._device)
         self._upload: SceneUpload | None = None
-        self._declared: object = None
-        self._show: frozenset[str] = frozenset()
+        self._declared: tuple[object, ...] | None = None
+        self._plan = ""
 
     @property
     def adapter_name(self) -> str:
@@ -114,6 +114,18 @@ class Renderer:
     def is_cpu(self) -> bool:
         """True if the adapter is a CPU."""
         return self._device.is_cpu
+
+    def release(self) -> None:
+        """Free all GPU memory of this renderer; it can render again, from scratch."""
+        self._graph.release()
+        if self._upload is not None:
+            self._upload.release()
+        self._graph, self._upload, self._declared = Graph(self._device), None, None
+
+    def __del__(self) -> None:
+        """Textures and buffers of wgpu linger until destroyed."""
+        if hasattr(self, "_graph"):
+            self._graph.release()
 
     def run(
         self,
@@ -146,6 +158,8 @@ class Renderer:
 
         `force` runs every pass that `show` needs, changed or not.
         """
+        for name in show:
+            _check_buffer(name)
         self._prepare(show)
         before = self._graph.settle_progress()
         total_runs = max(1, -(-self.settings.spp // min(self.settings.path.samples_per_run, self.settings.spp)))
@@ -154,7 +168,10 @@ class Renderer:
             if progress is not None:
                 progress(min(1.0, (0.0 if before >= 1.0 else before) + fraction / total_runs))
 
-        return self._graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
+        ran = self._graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
+        if ran or not self._plan:
+            self._plan = table(self._graph.plan())
+        return ran
 
     def read_back(self, name: str = "radiance") -> NDArray[np.float32]:
         """Return a buffer of the last run as (height, width, 3) float32; `depth` as (height, width).
@@ -162,19 +179,18 @@ class Renderer:
         radiance, direct, indirect, emission, standard_error: W/(m2 sr). depth: metres along the ray, 0 where nothing is
         seen. position: world, metres. normal: unit, towards the viewer. Raises GiError for an unknown name.
         """
-        if name not in BUFFER_SOURCES:
-            raise GiError(f"there is no buffer {name!r}; there is {', '.join(BUFFERS)}")
-        texture, channels = BUFFER_SOURCES[name]
-        pixels = self._graph.read_back(texture)
-        values = pixels[..., channels]
+        _check_buffer(name)
+        source, channels = BUFFER_SOURCES[name]
+        pixels = self._graph.read_back(source).reshape(self._graph.size[1], self._graph.size[0], 4)
+        values: NDArray = pixels[..., channels]
         if name == "position" and self._upload is not None:
             seen = pixels[..., 3:] > 0
             values = np.where(seen, values + self._upload.origin, 0.0)
         return np.ascontiguousarray(values, np.float32)
 
     def plan(self) -> str:
-        """Return what each pass did in the last frame and why, as a text table."""
-        return table(self._graph.plan())
+        """Return what each pass did in the last frame that ran any, and why, as a text table."""
+        return self._plan
 
     def timings(self) -> str:
         """Return the median milliseconds of each pass that was measured, as a text table."""
@@ -186,7 +202,7 @@ class Renderer:
         """Send what changed and declare the frame anew if its shape changed."""
         check_size(*self.size)
         validate(self.settings)
-        if self._upload is None or self._declared is None or self._declared[0].diffuse != self.settings.diffuse:
+        if self._upload is None or self._upload.diffuse != self.settings.diffuse:
             self._upload = SceneUpload(self._device, self.settings.diffuse)
         self._upload.update(self.scene)
         inputs = share_scene(self._graph, self._upload)
@@ -220,18 +236,18 @@ def render(
 ) -> NDArray[np.float32]:
     """Render one picture: (height, width, 3) float32 linear radiance in W/(m2 sr), or the buffer `show`.
 
-    `settings` gives the finer knobs; the other arguments then override its values only where they differ from the
-    defaults. Raises GiError for bad values.
+    The sections of `settings` give the finer knobs; its first level is replaced by the arguments here. Raises GiError
+    for bad values.
     """
-    chosen = settings or Settings()
-    given = {"gi": gi, "spp": spp, "bounces": bounces, "seed": seed, "diffuse": diffuse}
-    defaults = Settings()
-    chosen = replace(chosen, **{k: v for k, v in given.items() if v != getattr(defaults, k)})
+    chosen = replace(settings or Settings(), gi=gi, spp=spp, bounces=bounces, seed=seed, diffuse=diffuse)
     renderer = Renderer(scene, size=size, camera=camera, settings=chosen, adapter=adapter)
-    if show not in BUFFER_SOURCES:
-        raise GiError(f"there is no buffer {show!r}; there is {', '.join(BUFFERS)}")
     renderer.run(progress, show=(show,))
     return renderer.read_back(show)
+
+
+def _check_buffer(name: str) -> None:
+    if name not in BUFFER_SOURCES:
+        raise GiError(f"there is no buffer {name!r}; there is {', '.join(BUFFERS)}")
 
 
 def check_size(width: int, height: int) -> None:
@@ -240,5 +256,6 @@ def check_size(width: int, height: int) -> None:
         raise GiError(f"size {width}x{height}: a picture has at least 1x1 pixels")
     if width > MAX_SIDE or height > MAX_SIDE or width * height > MAX_PIXELS:
         raise GiError(
-            f"size {width}x{height}: at most {MAX_SIDE} pixels a side and {MAX_PIXELS // 2**20} million in all; make it smaller"
+            f"size {width}x{height}: at most {MAX_SIDE} pixels a side and {MAX_PIXELS // 2**20} million in all;"
+            " make it smaller"
         )

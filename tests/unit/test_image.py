@@ -89,10 +89,10 @@ def test_png_has_exposure_tone_curve_and_text(tmp_path):
     save_image(tmp_path / "p.png", {"radiance": np.full((2, 3, 3), 0.25)}, exposure=1.0, metadata={"spp": 4})
     with Image.open(tmp_path / "p.png") as picture:
         assert (picture.size, picture.mode) == ((3, 2), "RGB")
-        # 0.25 * 2 = 0.5, less the toe of 0.04.
-        assert (np.asarray(picture) == int(np.round(srgb_from_linear(0.46) * 255))).all()
+        # 0.25 * 2 = 0.5, which the curve leaves as it is.
+        assert (np.asarray(picture) == int(np.round(srgb_from_linear(0.5) * 255))).all()
         assert picture.text["spp"] == "4"
-    assert load_image(tmp_path / "p.png") == pytest.approx(0.46, abs=0.005)
+    assert load_image(tmp_path / "p.png") == pytest.approx(0.5, abs=0.005)
 
 
 def test_same_picture_same_bytes(tmp_path, layers):
@@ -112,11 +112,11 @@ def test_srgb_known_values_and_round_trip():
 
 
 def test_tone_map_known_values():
-    # Toe below 0.08: x - (x - 6.25 x^2) = 6.25 x^2. Identity less 0.04 up to 0.8. Above: 1 - d^2/(peak + d - 0.76).
-    assert tone_map([0.04] * 3) == pytest.approx([6.25 * 0.04**2] * 3)
-    assert tone_map([0.5] * 3) == pytest.approx([0.46] * 3)
-    assert tone_map([0.25] * 3, 1.0) == pytest.approx([0.46] * 3)
-    assert tone_map([1.0] * 3) == pytest.approx([1.0 - 0.24**2 / (0.96 + 0.24 - 0.76)] * 3, abs=1e-6)
+    # Identity up to 0.76. Above: 1 - d^2/(peak + d - 0.76).
+    assert tone_map([0.04] * 3) == pytest.approx([0.04] * 3)
+    assert tone_map([0.5] * 3) == pytest.approx([0.5] * 3)
+    assert tone_map([0.25] * 3, 1.0) == pytest.approx([0.5] * 3)
+    assert tone_map([1.0] * 3) == pytest.approx([1.0 - 0.24**2 / (1.0 + 0.24 - 0.76)] * 3, abs=1e-6)
     peak = 10.0 - 0.0
     new_peak = 1.0 - 0.24**2 / (peak + 0.24 - 0.76)
     grey = 1.0 - 1.0 / (0.15 * (peak - new_peak) + 1.0)

@@ -7,6 +7,7 @@ oldest and simplest of the packings in Jylaenki 2010, "A Thousand Ways to Pack t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ class Atlas:
 
 
 def pack_atlas(images: list[Image]) -> Atlas:
-    """Place `images` on as few pages as shelves allow. Raises GiError for a picture or a sum of them that is too large."""
+    """Place `images` on as few pages as shelves allow. Raises GiError if one of them or their sum is too large."""
     largest = max((max(image.pixels.shape[:2]) for image in images), default=1)
     if largest > MAX_PAGE:
         name = next(i.name for i in images if max(i.pixels.shape[:2]) == largest)
@@ -50,13 +51,20 @@ def pack_atlas(images: list[Image]) -> Atlas:
         places[id(image)] = (layer, x, y)
         x, shelf = x + width, max(shelf, height)
     if layer >= MAX_LAYERS:
-        raise GiError(f"the textures need {layer + 1} pages of {page} x {page}; {MAX_LAYERS} are possible: scale them down")
+        raise GiError(
+            f"the textures need {layer + 1} pages of {page} x {page}; {MAX_LAYERS} are possible; scale them down"
+        )
     return Atlas(page, layer + 1, places)
+
+
+_MEANS: WeakKeyDictionary[Image, NDArray[np.float64]] = WeakKeyDictionary()  # pictures are immutable once in use
 
 
 def mean_linear_color(image: Image) -> NDArray[np.float64]:
     """Return the mean of an sRGB-coded picture's linear colour, (3,)."""
-    codes = np.arange(256) / 255.0
-    linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-    histograms = [np.bincount(image.pixels[..., c].ravel(), minlength=256) for c in range(3)]
-    return np.array([h @ linear for h in histograms]) / max(1, image.pixels[..., 0].size)
+    if image not in _MEANS:
+        codes = np.arange(256) / 255.0
+        linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+        histograms = [np.bincount(image.pixels[..., c].ravel(), minlength=256) for c in range(3)]
+        _MEANS[image] = np.array([h @ linear for h in histograms]) / max(1, image.pixels[..., 0].size)
+    return _MEANS[image]

@@ -15,12 +15,12 @@ MAX_BINS = 16  # Wald 2007, sec. 3: more bins than 16 no longer lower the cost m
 MIN_BINS = 4  # near the leaves a few items share a node; so many bins are enough and take a quarter of the time
 MAX_LEAF = 4  # triangles a leaf may hold; a node costs about as much to visit as one and a half triangles
 NODE_COST = 1.5  # cost of visiting a node relative to one triangle, for the decision to stop splitting
-MAX_SAH_DEPTH = 20  # deeper levels split by count, which bounds the depth
+MAX_DEPTH = 40  # inner nodes on any way down; scenes of a million triangles have 23, so that only odd ones meet it
 
 LEAF_FLAG = np.uint32(1 << 31)  # child reference: LEAF_FLAG | (count - 1) << 28 | first item
 LEAF_COUNT_SHIFT = 28
 
-# Two boxes and two child references; upload.py puts the boxes on a 16-bit grid.
+# Two boxes and two child references.
 NODE_DTYPE = np.dtype(
     [
         ("low0", np.float32, 3),
@@ -57,19 +57,23 @@ class Bvh:
 
 
 def build_bvh(
-    low: NDArray[np.float32], high: NDArray[np.float32], max_leaf: int = MAX_LEAF, max_sah_depth: int = MAX_SAH_DEPTH
+    low: NDArray[np.float32], high: NDArray[np.float32], max_leaf: int = MAX_LEAF, max_depth: int = MAX_DEPTH
 ) -> Bvh:
-    """Build a hierarchy over n >= 1 boxes given by their corners, each (n, 3) float32 and finite.
+    """Build a hierarchy over boxes given by their corners, each (n, 3) float32 and finite, 1 <= n <= 2^max_depth.
 
-    Its depth is at most `max_sah_depth` + log2(n) + 1.
+    Leaves hold at most `max_leaf` <= 8 items; no way down passes more than `max_depth` inner nodes.
     """
     n = len(low)
-    items = _Items(np.arange(n), [*np.ascontiguousarray(low.T, np.float32)], [*np.ascontiguousarray(high.T, np.float32)])
+    items = _Items(
+        np.arange(n), [*np.ascontiguousarray(low.T, np.float32)], [*np.ascontiguousarray(high.T, np.float32)]
+    )
     order = np.zeros(n, np.int64)
     start, count = np.array([0]), np.array([n])
     levels: list[_Level] = []
     while len(start):
-        level = _split_level(items, start, count, max_leaf, len(levels) >= max_sah_depth)
+        # Halving by count brings so many items into leaves of one within the depth that is left for the children.
+        room = 2 ** max(max_depth - len(levels) - 1, 0)
+        level = _split_level(items, start, count, max_leaf, room)
         levels.append(level)
         # The items of leaves have found their slots; those of inner nodes go on, still grouped by node.
         done = np.repeat(level.leaf, count)
@@ -81,6 +85,27 @@ def build_bvh(
         count = np.stack([left, count[inner] - left], 1).ravel()
     nodes, firsts = _pack(levels)
     return Bvh(nodes, order, firsts)
+
+
+def refit(bvh: Bvh, low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.void]:
+    """Return the nodes of `bvh` around items that have moved: the corners of their boxes, (n, 3) in leaf order."""
+    nodes = bvh.nodes.copy()
+    # Children come after their parents, level by level: go up from the last level.
+    for first, last in reversed(list(zip(bvh.levels[:-1], bvh.levels[1:], strict=True))):
+        rows = np.arange(first, last)
+        for k in ("0", "1"):
+            child = nodes["child" + k][rows].astype(np.int64)
+            leaf = child >= int(LEAF_FLAG)
+            inner, below = rows[~leaf], child[~leaf]
+            nodes["low" + k][inner] = np.minimum(nodes["low0"][below], nodes["low1"][below])
+            nodes["high" + k][inner] = np.maximum(nodes["high0"][below], nodes["high1"][below])
+            start = child[leaf] & ((1 << LEAF_COUNT_SHIFT) - 1)
+            extra = (child[leaf] >> LEAF_COUNT_SHIFT) & 7
+            # Slots past the end of a leaf repeat its last item.
+            slots = start[:, None] + np.minimum(np.arange(8), extra[:, None])
+            nodes["low" + k][rows[leaf]] = low[slots].min(1)
+            nodes["high" + k][rows[leaf]] = high[slots].max(1)
+    return nodes
 
 
 @dataclass
@@ -107,8 +132,11 @@ class _Level:
     left_count: NDArray[np.int64]
 
 
-def _split_level(items: _Items, start: NDArray, count: NDArray, max_leaf: int, by_count: bool) -> _Level:
-    """Decide for every node of one level whether it is a leaf; group the items of the others by child, in place."""
+def _split_level(items: _Items, start: NDArray, count: NDArray, max_leaf: int, room: int) -> _Level:
+    """Decide for every node of one level whether it is a leaf; group the items of the others by child, in place.
+
+    A child may hold at most `room` items.
+    """
     nodes = len(count)
     first = np.cumsum(count) - count
     node_of = np.repeat(np.arange(nodes), count)
@@ -127,19 +155,19 @@ def _split_level(items: _Items, start: NDArray, count: NDArray, max_leaf: int, b
         best_cost[better], best_bin[better], best_axis[better] = cost[better], split[better], axis
 
     # A small node stays whole where splitting costs more than testing all that is in it.
-    area = _half_area(node_high - node_low)
+    area = _half_area((node_high - node_low).T)
     leaf = (count == 1) | ((count <= max_leaf) & (NODE_COST * area + best_cost >= count * area))
 
-    # Halve by count where no plane separates (equal centres), or where the tree is deep enough.
+    # Halve by count where no plane separates (equal centres), or where the plane might leave a child too many items.
     below = np.choose(best_axis[node_of], bins) <= best_bin[node_of]
     left_count = np.add.reduceat(below.astype(np.int64), first)
-    halve = (left_count == 0) | (left_count == count) | by_count
+    halve = (left_count == 0) | (left_count == count) | (np.maximum(left_count, count - left_count) > room)
     left_count = np.where(halve, count // 2, left_count)
     rank = np.arange(len(node_of)) - first[node_of]
     below = np.where(halve[node_of], rank < left_count[node_of], below)
 
     # Move the items below the plane to the front of their node, keeping the order on either side.
-    below_before = np.cumsum(below) - below
+    below_before: NDArray[np.int64] = np.cumsum(below) - below
     below_before -= below_before[first][node_of]
     place = first[node_of] + np.where(below, below_before, left_count[node_of] + rank - below_before)
     source = np.empty_like(place)
@@ -164,30 +192,44 @@ def _least_sah(
     items: _Items, bins: NDArray[np.int64], node_of: NDArray[np.int64], nodes: int, bin_count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return for every node the least SAH cost (area times count, both sides) and the last bin of its left side."""
-    key = node_of * bin_count + bins
-    counts = np.bincount(key, minlength=nodes * bin_count).reshape(nodes, bin_count)
-    low, high = np.full((3, nodes * bin_count), np.inf, np.float32), np.full((3, nodes * bin_count), -np.inf, np.float32)
+    # Bins come before nodes, so that sweeping over them goes through contiguous memory.
+    key = bins * nodes + node_of
+    counts = np.bincount(key, minlength=bin_count * nodes).reshape(bin_count, nodes)
+    low = np.full((3, bin_count * nodes), np.inf, np.float32)
+    high = np.full((3, bin_count * nodes), -np.inf, np.float32)
     for axis in range(3):
         np.minimum.at(low[axis], key, items.low[axis])
         np.maximum.at(high[axis], key, items.high[axis])
-    low, high = low.reshape(3, nodes, bin_count), high.reshape(3, nodes, bin_count)
-    left_size = np.maximum.accumulate(high, 2) - np.minimum.accumulate(low, 2)
-    right_size = np.maximum.accumulate(high[..., ::-1], 2) - np.minimum.accumulate(low[..., ::-1], 2)
-    left_area = _half_area(np.moveaxis(left_size, 0, -1))[:, :-1]
-    right_area = _half_area(np.moveaxis(right_size, 0, -1))[:, -2::-1]
-    left = np.cumsum(counts, 1)[:, :-1]
-    right = counts.sum(1, keepdims=True) - left
-    # Sides without items have infinite boxes of no meaning; no plane may be there.
-    cost = np.full((nodes, bin_count - 1), np.inf)
-    both = (left > 0) & (right > 0)
-    cost[both] = left[both] * left_area[both] + right[both] * right_area[both]
-    split = np.argmin(cost, 1)
-    return cost[np.arange(nodes), split], split
+    shape = (3, bin_count, nodes)
+    left = _areas_up_to(low.reshape(shape), high.reshape(shape))
+    right = _areas_up_to(low.reshape(shape)[:, ::-1], high.reshape(shape)[:, ::-1])[::-1]
+    left_count = np.cumsum(counts, 0)
+    right_count = left_count[-1] - left_count
+
+    best_cost, best_split = np.full(nodes, np.inf), np.zeros(nodes, np.int64)
+    for split in range(bin_count - 1):
+        # Sides without items have infinite boxes of no meaning; no plane may be there.
+        both = (left_count[split] > 0) & (right_count[split] > 0)
+        cost = np.where(both, left_count[split] * left[split] + right_count[split] * right[split + 1], np.inf)
+        better = cost < best_cost
+        best_cost[better], best_split[better] = cost[better], split
+    return best_cost, best_split
+
+
+def _areas_up_to(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return half the surface areas, (bins, nodes), of the boxes around the first 1, 2, ... bins."""
+    areas = np.zeros(low.shape[1:])
+    so_far_low, so_far_high = low[:, 0].copy(), high[:, 0].copy()
+    for b in range(low.shape[1]):
+        np.minimum(so_far_low, low[:, b], out=so_far_low)
+        np.maximum(so_far_high, high[:, b], out=so_far_high)
+        areas[b] = _half_area(so_far_high - so_far_low)
+    return areas
 
 
 def _half_area(size: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return half the surface area of boxes of the given (..., 3) size, in float64 so that no size overflows."""
-    x, y, z = np.moveaxis(np.maximum(size, 0).astype(np.float64), -1, 0)
+    """Return half the surface area of boxes of the given (3, n) size, in float64 so that no size overflows."""
+    x, y, z = np.maximum(size, 0).astype(np.float64)
     return x * y + y * z + z * x
 
 

@@ -6,14 +6,14 @@ the environment), so that a lamp beside a sun that does not reach it still gets 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import GiError
 from .atlas import mean_linear_color
-from .hierarchy import Hierarchy, relative_matrix
+from .hierarchy import Hierarchy
 from .scene import DirectionalLight, Environment, Instance, Light, Material, PointLight, Scene, SpotLight
 
 KIND_POINT, KIND_SPOT, KIND_SUN, KIND_TRIANGLE, KIND_ENVIRONMENT = range(5)
@@ -40,38 +40,31 @@ def build_light_table(scene: Scene, hierarchy: Hierarchy, cdf: NDArray | None, d
         record, power = _punctual(light, hierarchy.origin, radius, dtype)
         if power > 0:
             groups.append((record, np.array([power])))
-    emitters: dict[int, list[tuple[NDArray[np.void], NDArray[np.float64]]]] = {}
-    for instance in scene.instances:
-        for material, records, area in _emitting_triangles(instance, hierarchy, dtype):
-            emitters.setdefault(id(material), []).append((records, area * _emitted_luminance(material) * np.pi))
-    material_groups = {}
-    for key, parts in emitters.items():
-        power = np.concatenate([p for _, p in parts])
-        if power.sum() > 0:
-            material_groups[key] = len(groups)
-            groups.append((_join([r for r, _ in parts], dtype), power))
-    if cdf is not None and scene.environment is not None:
+    group_of_material = {}
+    for material, parts in _emitting_triangles(scene.instances, hierarchy, dtype).items():
+        powers = np.concatenate([area for _, area in parts]) * _exitance(material)
+        if powers.sum() > 0:
+            group_of_material[material] = len(groups)
+            groups.append((_join([records for records, _ in parts], dtype), powers))
+    environment_power = 0.0 if cdf is None else _environment_power(scene.environment, radius)
+    if environment_power > 0:
         record = np.zeros(1, dtype)
         record["kind"] = KIND_ENVIRONMENT
-        groups.append((record, np.array([_environment_power(scene.environment, radius)])))
+        groups.append((record, np.array([environment_power])))
     if not groups:
         return LightTable(np.zeros(1, dtype), 0, {}, 0.0)
 
     # Every group's probability, then every light's within its group.
-    powers = np.array([p.sum() for _, p in groups])
-    chance = POWER_SHARE * powers / powers.sum() + (1 - POWER_SHARE) / len(groups)
-    lights = _join([r for r, _ in groups], dtype)
+    totals = np.array([powers.sum() for _, powers in groups])
+    chance = POWER_SHARE * totals / totals.sum() + (1 - POWER_SHARE) / len(groups)
+    lights = _join([records for records, _ in groups], dtype)
     probability = np.concatenate([c * p / p.sum() for c, (_, p) in zip(chance, groups, strict=True)])
     lights["probability"] = probability
     cumulative = np.cumsum(probability)
+    # Exactly one at the end, also where the last lights have no area: those must never be drawn.
     lights["cumulative"] = cumulative / cumulative[-1]
-    lights["cumulative"][-1] = 1.0
-    materials = {id(m): m for m in scene.materials}
-    pdf = {
-        key: float(chance[g] / powers[g] * _emitted_luminance(materials[key]) * np.pi)
-        for key, g in material_groups.items()
-    }
-    return LightTable(lights, len(lights), pdf, float(chance[-1]) if cdf is not None else 0.0)
+    pdf = {id(m): float(chance[g] / totals[g] * _exitance(m)) for m, g in group_of_material.items()}
+    return LightTable(lights, len(lights), pdf, float(chance[-1]) if environment_power > 0 else 0.0)
 
 
 def _join(parts: list[NDArray[np.void]], dtype: np.dtype) -> NDArray[np.void]:
@@ -90,7 +83,7 @@ def _punctual(light: Light, origin: NDArray, radius: float, dtype: np.dtype) -> 
     record["color"] = np.asarray(light.color, np.float64) * light.intensity
     strength = float(np.asarray(light.color, np.float64) @ LUMINANCE * light.intensity)
     if isinstance(light, DirectionalLight):
-        record["kind"], record["edge1"] = KIND_SUN, _unit(light.direction)
+        record["kind"], record["edge1"] = KIND_SUN, _direction(light)
         return record, strength * np.pi * radius**2
     record["position"] = np.asarray(light.position, np.float64) - origin
     if isinstance(light, PointLight):
@@ -100,82 +93,104 @@ def _punctual(light: Light, origin: NDArray, radius: float, dtype: np.dtype) -> 
     inner, outer = np.cos(light.inner_cone_angle), np.cos(light.outer_cone_angle)
     # KHR_lights_punctual: scale = 1 / max(0.001, cos inner - cos outer), offset = -cos outer * scale
     scale = 1.0 / max(0.001, inner - outer)
-    record["kind"], record["edge1"] = KIND_SPOT, _unit(light.direction)
+    record["kind"], record["edge1"] = KIND_SPOT, _direction(light)
     record["edge2"] = (scale, -outer * scale, 0.0)
     # The fall-off squared over the ring between the cones has the mean 1/3.
     return record, strength * 2 * np.pi * ((1 - inner) + (inner - outer) / 3)
 
 
-def _unit(direction: object) -> NDArray[np.float64]:
-    v = np.asarray(direction, np.float64)
-    return v / np.linalg.norm(v)
+def _direction(light: DirectionalLight | SpotLight) -> NDArray[np.float64]:
+    v = np.asarray(light.direction, np.float64)
+    length = np.linalg.norm(v)
+    if v.shape != (3,) or not 0 < length < np.inf:
+        raise GiError(f"light {light.name!r}: its direction must be three finite numbers, not all of them zero")
+    return v / length
 
 
-def _emitted_luminance(material: Material) -> float:
-    """Return the mean emitted luminance over the material's texture."""
+def _exitance(material: Material) -> float:
+    """Return the power that leaves an emitter per area, W/m2, as luminance and averaged over its texture."""
     color = np.asarray(material.emission, np.float64)
     if material.emission_texture is not None:
         color = color * mean_linear_color(material.emission_texture.image)
-    return float(color @ LUMINANCE)
+    return float(color @ LUMINANCE) * np.pi * (2 if material.double_sided else 1)
 
 
 def _emitting_triangles(
-    instance: Instance, hierarchy: Hierarchy, dtype: np.dtype
-) -> Iterator[tuple[Material, NDArray[np.void], NDArray[np.float64]]]:
-    """Yield material, light records and areas in m2 for each emissive material of an instance."""
-    place = hierarchy.placement(instance.mesh)
-    for m, material in enumerate(instance.mesh.materials):
-        if max(material.emission) <= 0 or material.unlit:
-            continue
-        chosen = np.flatnonzero(place.data.material == m)
-        matrix = relative_matrix(instance, hierarchy.origin)
-        corners = place.data.corners[chosen].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-        front = 1
-        if np.linalg.det(matrix[:3, :3]) < 0:
-            # Barycentric weights must agree with how the hierarchy stores a mirrored triangle.
-            if place.baked is not None:
+    instances: list[Instance], hierarchy: Hierarchy, dtype: np.dtype
+) -> dict[Material, list[tuple[NDArray[np.void], NDArray[np.float64]]]]:
+    """Return light records and areas in m2 of each emissive material's triangles, one pair for each mesh it is on."""
+    found: dict[Material, list[tuple[NDArray[np.void], NDArray[np.float64]]]] = {}
+    for instance in instances:
+        place = hierarchy.placement(instance.mesh)
+        for m, material in enumerate(instance.mesh.materials):
+            if max(material.emission) <= 0 or material.unlit:
+                continue
+            chosen = np.flatnonzero(place.data.material == m)
+            matrix = np.asarray(instance.world_from_local, np.float64)
+            translation = matrix[:3, 3] - hierarchy.origin
+            corners = place.data.corners[chosen].astype(np.float64) @ matrix[:3, :3].T + translation
+            mirrored = np.linalg.det(matrix[:3, :3]) < 0
+            if mirrored and place.baked is not None:
+                # Barycentric weights must agree with how the hierarchy stores a mirrored triangle.
                 corners = corners[:, [0, 2, 1]]
-            else:
-                front = 2
-        edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        records = np.zeros(len(chosen), dtype)
-        records["kind"] = KIND_TRIANGLE
-        records["position"], records["edge1"], records["edge2"] = corners[:, 0], edge1, edge2
-        records["triangle"], records["color"] = chosen + place.triangles.start, material.emission
-        records["sides"] = 3 if material.double_sided else front
-        yield material, records, np.linalg.norm(np.cross(edge1, edge2), axis=1) / 2
+            edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+            records = np.zeros(len(chosen), dtype)
+            records["kind"] = KIND_TRIANGLE
+            records["position"], records["edge1"], records["edge2"] = corners[:, 0], edge1, edge2
+            records["triangle"], records["color"] = chosen + place.triangles.start, material.emission
+            records["sides"] = 3 if material.double_sided else 2 if mirrored and place.baked is None else 1
+            area = np.linalg.norm(np.cross(edge1, edge2), axis=1) / 2
+            found.setdefault(material, []).append((records, area))
+    return found
 
 
 def environment_cdf(environment: Environment) -> NDArray[np.float32] | None:
     """Return the sampling table of a pictured environment, (rows, columns + 1) float32, or None for a constant one.
 
     Each row holds the cumulative distribution of its columns; the last column holds that of the rows. Entries are
-    proportional to luminance times solid angle, but for 1 % spread evenly, which bilinear edges need.
+    proportional to luminance times solid angle, but for 1 % spread evenly, for what one entry averages away.
+    Raises GiError for pixels that are negative or not finite.
     """
     if environment.image is None:
         return None
-    luminance = np.asarray(environment.image, np.float64) @ (LUMINANCE * np.asarray(environment.color))
-    step = -(-luminance.shape[1] // CDF_WIDTH)
-    rows, columns = -(-luminance.shape[0] // step), -(-luminance.shape[1] // step)
-    padded = np.zeros((rows * step, columns * step))
-    padded[: luminance.shape[0], : luminance.shape[1]] = luminance
-    weight = padded.reshape(rows, step, columns, step).mean((1, 3))
-    theta = (np.arange(rows) + 0.5) / rows * np.pi
-    weight *= np.sin(theta)[:, None]
-    even = np.sin(theta)[:, None] * np.ones(columns)
+    image = np.asarray(environment.image)
+    if not (np.isfinite(image).all() and (image >= 0).all()):
+        raise GiError(f"environment {environment.name!r}: its pixels must be finite and not negative")
+    luminance = image @ (LUMINANCE * np.asarray(environment.color))
+    rows, columns = (min(n, CDF_WIDTH) for n in luminance.shape)
+    # As it is looked up: round in u, clamped in v.
+    mean = _range_means(np.pad(luminance, ((1, 1), (0, 0)), "edge"), rows)
+    mean = _range_means(np.pad(mean, ((0, 0), (1, 1)), "wrap").T, columns).T
+    sine = np.sin((np.arange(rows) + 0.5) / rows * np.pi)[:, None] * np.ones(columns)
+    weight, even = mean * sine, sine / sine.sum()
     total = weight.sum()
-    weight = 0.99 * weight / total + 0.01 * even / even.sum() if total > 0 else even / even.sum()
+    weight = 0.99 * weight / total + 0.01 * even if total > 0 else even
+    of_rows = np.cumsum(weight.sum(1))
     table = np.zeros((rows, columns + 1), np.float32)
     table[:, :-1] = np.cumsum(weight, 1) / weight.sum(1, keepdims=True)
     table[:, -2] = 1.0
-    table[:, -1] = np.cumsum(weight.sum(1)) / weight.sum()
-    table[-1, -1] = 1.0
+    table[:, -1] = of_rows / of_rows[-1]
     return table
 
 
-def _environment_power(environment: Environment, radius: float) -> float:
-    assert environment.image is not None
+def _range_means(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return the means over `count` equal ranges of what runs linearly from row to row of `values` (n + 2, m).
+
+    The ranges part the n rows between the outermost ones, each from half a row before its centre to half a row behind.
+    """
+    inner = len(values) - 2
+    edge = np.linspace(0.5, inner + 0.5, count + 1)
+    row = np.minimum(edge.astype(np.int64), inner)
+    f = (edge - row)[:, None]
+    integral = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum((values[:-1] + values[1:]) / 2, 0)])
+    at_edge = integral[row] + f * values[row] + f * f / 2 * (values[row + 1] - values[row])
+    # Rounding of the sums must not make a range negative.
+    return np.maximum(np.diff(at_edge, axis=0), 0) * (count / inner)
+
+
+def _environment_power(environment: Environment | None, radius: float) -> float:
+    assert environment is not None and environment.image is not None
     luminance = np.asarray(environment.image, np.float64) @ (LUMINANCE * np.asarray(environment.color))
-    theta = (np.arange(len(luminance)) + 0.5) / len(luminance) * np.pi
-    mean = float((luminance.mean(1) * np.sin(theta)).sum() / np.sin(theta).sum())
+    sine = np.sin((np.arange(len(luminance)) + 0.5) / len(luminance) * np.pi)
+    mean = float(luminance.mean(1) @ sine / sine.sum())
     return mean * 4 * np.pi * np.pi * radius**2

@@ -9,67 +9,44 @@ overlap between meshes (Benthin et al. 2017, "Improved Two-Level BVHs using Part
 from __future__ import annotations
 
 import heapq
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, build_bvh
-from .mesh_data import MASKED, MeshData, prepare_mesh, refit
+from .bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, build_bvh, refit
+from .mesh_data import MASKED, MeshData, prepare_mesh
+from .node_grid import NodeGrid
 from .scene import Instance, Mesh
 
 NONE = 0xFFFFFFFF
 INSTANCE_FLAG = 1 << 30
-GRID_STEPS = 65533  # of the 65536; one step of margin on either side
-PAD = 1 / 16  # grid steps that a box grows by before it is rounded outwards: 10 times the error of a ray in the grid
-TOP_SAH_DEPTH = 12  # 12 + log2(8192) + 1 levels above 20 + log2(2^17 .. 2^21) + 1 fit the traversal's stack of 64
+TOP_DEPTH = 24  # with the 40 of a mesh's tree they fill the traversal's stack of 64
 OPEN_UP_TO = 2048  # subtrees in the top level; more no longer shorten the paths of rays in Sponza
-
-
-@dataclass
-class Grid:
-    """Integer coordinates of node boxes: q = (x - low) * scale, 0..65535."""
-
-    low: NDArray[np.float64]
-    scale: NDArray[np.float64]
-
-    @classmethod
-    def around(cls, bounds: NDArray) -> Grid:
-        """Return a grid that spans `bounds` (2, 3)."""
-        low, high = np.asarray(bounds, np.float64)
-        # A flat box gets a thickness, far below what can be seen of it.
-        extent = np.maximum(high - low, max(float((high - low).max()) * 1e-6, 1e-30))
-        return cls(low - extent / GRID_STEPS, GRID_STEPS / extent)
-
-    def quantize(self, nodes: NDArray[np.void], dtype: np.dtype, first_node: int, first_triangle: int) -> NDArray[np.void]:
-        """Return `nodes` with boxes rounded outwards to the grid and references moved to where they will lie."""
-        packed = np.zeros(len(nodes), dtype)
-        lows = [np.floor((nodes[k] - self.low) * self.scale - PAD) for k in ("low0", "low1")]
-        highs = [np.ceil((nodes[k] - self.low) * self.scale + PAD) for k in ("high0", "high1")]
-        for name, (child0, child1) in (("low", lows), ("high", highs)):
-            steps = [np.clip(c, 0, 65535).astype(np.uint32) for c in (child0, child1)]
-            packed[name] = steps[0] | steps[1] << 16
-        for name in ("child0", "child1"):
-            packed[name] = move_reference(nodes[name], first_node, first_triangle)
-        return packed
-
-
-def move_reference(child: NDArray[np.uint32], first_node: int, first_triangle: int) -> NDArray[np.uint32]:
-    """Return child references of a mesh's own tree as references into the buffers of the scene."""
-    return np.where(child >= LEAF_FLAG, child + np.uint32(first_triangle), child + np.uint32(first_node)).astype(np.uint32)
+ROAM = 4.0  # radii that the scene's centre may be off the origin: coordinates are then 8 times as coarse, within PAD
+GROWTH = 1.5  # of a grid that something has left, so that what goes on moving outwards does not leave it each time
 
 
 @dataclass
 class Placement:
-    """A mesh's place in the buffers, and the one instance that it was put into the world for, or None."""
+    """A mesh's place in the buffers; if it lies in the world's tree, its instance's number, nodes and box."""
 
     data: MeshData
     nodes: slice
     triangles: slice
     vertices: slice
-    baked: Instance | None = None
-    tree: NDArray[np.void] | None = None  # nodes with float boxes in the world, if baked
-    world_from_local: NDArray[np.float64] | None = None
+    grid: NodeGrid  # of its own space
+    baked: int | None = None
+    tree: NDArray[np.void] | None = None
+    box: NDArray[np.float32] | None = None  # (2, 3)
+
+    def reference(self, child: int) -> int:
+        """Return a child reference of the mesh's own tree as one into the buffers of the scene."""
+        return child + (self.triangles.start if child >= int(LEAF_FLAG) else self.nodes.start)
+
+
+Subtrees = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]  # low, high, references
 
 
 class Hierarchy:
@@ -83,47 +60,69 @@ class Hierarchy:
         self.changed: set[str] = set()
         self.origin = np.zeros(3)
         self.root = NONE
-        self.world = Grid.around(np.zeros((2, 3)))
-        self.radius = 0.0  # metres, of the sphere around all instances
+        self.world = NodeGrid.around(np.zeros((2, 3)))
+        self.centre = np.zeros(3)  # of a sphere around all instances, metres from the origin
+        self.radius = 0.0  # and its radius
+        self.has_instances = False  # some are entered through their transforms
+        self._home = self.world  # the grid around the scene as it was laid out
         self._prepared: dict[int, MeshData] = {}
         self._places: dict[int, Placement] = {}
+        self._subtrees: Subtrees | None = None
         self._moved: set[int] = set()  # id(instance)
         self._layout: object = None
-        self._state: object = None
+        self._materials: object = None
+        self._matrices = np.zeros((0, 4, 4))
 
     def update(self, instances: list[Instance], material_index: dict[int, int]) -> None:
-        """Bring the arrays up to date with `instances`; `material_index` numbers materials by id."""
+        """Bring the arrays up to date with `instances`; `material_index` numbers materials by id.
+
+        Raises GiError for a mesh whose arrays do not fit together.
+        """
         self.changed = set()
         meshes = list({id(i.mesh): i.mesh for i in instances}.values())
-        masks = [[m.alpha_mode == "mask" for m in mesh.materials] for mesh in meshes]
-        numbers = [[material_index[id(m)] for m in mesh.materials] for mesh in meshes]
-        # Ids are unique only among living objects; `_places` keeps these meshes alive.
-        layout = ([id(m) for m in meshes], [id(i) for i in instances], masks, numbers)
-        state = (layout, [np.asarray(i.world_from_local, np.float64).tobytes() for i in instances])
-        if state == self._state:
-            return
+        # Ids are unique only among living objects: `_places` keeps the meshes alive. Another instance with the id of a
+        # dead one has its mesh and is like the same one moved.
+        layout = ([id(m) for m in meshes], [(id(i), id(i.mesh)) for i in instances])
+        matrices = np.array([i.world_from_local for i in instances], np.float64).reshape(-1, 4, 4)
         if layout != self._layout:
-            self._lay_out(instances, meshes, material_index)
-            self._layout = layout
-        else:
-            self._unbake_moved(instances)
-        self._place(instances)
-        self._state = state
+            self._prepared = {
+                id(m): self._prepared.get(id(m)) or prepare_mesh(m, self.dtypes["vertices"]) for m in meshes
+            }
+        if layout != self._layout or not np.array_equal(matrices, self._matrices):
+            boxes = self._world_boxes(instances, matrices)
+            bounds = np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]) if len(boxes) else np.zeros((2, 3))
+            self.radius = float(np.linalg.norm(bounds[1] - bounds[0]) / 2)
+            roamed = np.abs(bounds.mean(0) - self.origin).max() > ROAM * self.radius
+            if layout != self._layout or roamed:
+                # The origin stays while it may: moving one instance must not move the world under the others.
+                self.origin = bounds.mean(0)
+                self._lay_out(meshes, instances, matrices, bounds)
+            else:
+                self._unbake_moved(instances, matrices)
+            self.centre = bounds.mean(0) - self.origin
+            self._place(instances, matrices, bounds - self.origin, boxes - self.origin)
+            self._layout, self._matrices = layout, matrices
+        self._number_materials(meshes, material_index)
 
     def placement(self, mesh: Mesh) -> Placement:
         """Return where a mesh lies."""
         return self._places[id(mesh)]
 
-    def _lay_out(self, instances: list[Instance], meshes: list[Mesh], material_index: dict[int, int]) -> None:
-        """Give every mesh its place in fresh arrays, all of them in local coordinates."""
-        self._prepared = {
-            id(m): self._prepared.get(id(m)) or prepare_mesh(m, self.dtypes["vertices"]) for m in meshes
-        }
-        # The origin stays while the set of meshes does: moving one must not move the world under the others.
-        bounds = _bounds(instances)
-        self.origin = bounds.mean(0)
-        self._top_capacity = 2 * OPEN_UP_TO + 2 * len(instances)
-        node, triangle, vertex = self._top_capacity, 0, 0
+    def _world_boxes(self, instances: list[Instance], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the boxes of all instances in the world, (n, 2, 3)."""
+        bounds = np.array([self._prepared[id(i.mesh)].bounds for i in instances], np.float64).reshape(-1, 2, 3)
+        # Arvo 1990, "Transforming Axis-Aligned Bounding Boxes".
+        centre, half = bounds.mean(1), (bounds[:, 1] - bounds[:, 0]) / 2
+        middle = np.einsum("nij,nj->ni", matrices[:, :3, :3], centre) + matrices[:, :3, 3]
+        reach = np.einsum("nij,nj->ni", np.abs(matrices[:, :3, :3]), half)
+        return np.stack([middle - reach, middle + reach], 1)
+
+    def _lay_out(
+        self, meshes: list[Mesh], instances: list[Instance], matrices: NDArray[np.float64], bounds: NDArray[np.float64]
+    ) -> None:
+        """Give every mesh its place in fresh arrays and fill all but the top level."""
+        # The top level is a binary tree over at most so many subtrees and instances.
+        node, triangle, vertex = OPEN_UP_TO + len(instances), 0, 0
         self._places = {}
         for mesh in meshes:
             d = self._prepared[id(mesh)]
@@ -132,52 +131,59 @@ class Hierarchy:
                 slice(node, node + len(d.bvh.nodes)),
                 slice(triangle, triangle + len(d.corners)),
                 slice(vertex, vertex + len(d.vertices)),
+                NodeGrid.around(d.bounds),
             )
             node, triangle, vertex = place.nodes.stop, place.triangles.stop, place.vertices.stop
             self._places[id(mesh)] = place
-        self.nodes = np.zeros(max(node, 1), self.dtypes["nodes"])
+        self.nodes = np.zeros(node, self.dtypes["nodes"])
         self.triangles = np.zeros(max(triangle, 1), self.dtypes["triangles"])
         self.indices = np.zeros((max(triangle, 1), 3), np.uint32)
         self.vertices = np.zeros(max(vertex, 1), self.dtypes["vertices"])
-        for place in self._places.values():
-            d = place.data
-            numbers = np.array([material_index[id(m)] for m in d.mesh.materials], np.uint32)
-            masked = np.array([MASKED if m.alpha_mode == "mask" else 0 for m in d.mesh.materials], np.uint32)
-            self.triangles["material"][place.triangles] = numbers[d.material]
-            self.triangles["flags"][place.triangles] = d.flags | masked[d.material]
-            self.vertices[place.vertices] = d.vertices
-        users: dict[int, list[Instance]] = {}
-        for instance in instances:
-            users.setdefault(id(instance.mesh), []).append(instance)
-        self.world = Grid.around(bounds - self.origin)
+        self.world = self._home = NodeGrid.around(bounds - self.origin)
+        self._subtrees = self._materials = None
+        self._moved &= {id(i) for i in instances}
+        users: dict[int, list[int]] = {}
+        for number, instance in enumerate(instances):
+            users.setdefault(id(instance.mesh), []).append(number)
         for key, place in self._places.items():
-            only = users[key][0] if len(users[key]) == 1 and id(users[key][0]) not in self._moved else None
-            if only is not None:
-                self._bake(place, only, instances.index(only))
-            else:
+            self.vertices[place.vertices] = place.data.vertices
+            first, *others = users[key]
+            if others or id(instances[first]) in self._moved:
                 self._write_local(place)
+            else:
+                self._bake(place, first, matrices[first])
         self.changed = {"nodes", "triangles", "indices", "vertices"}
 
-    def _bake(self, place: Placement, instance: Instance, number: int) -> None:
+    def _number_materials(self, meshes: list[Mesh], material_index: dict[int, int]) -> None:
+        """Write the triangles' material numbers, and the flag of those that may be cut out."""
+        materials = [[(material_index[id(m)], m.alpha_mode == "mask") for m in mesh.materials] for mesh in meshes]
+        if materials == self._materials:
+            return
+        self._materials = materials
+        for mesh, pairs in zip(meshes, materials, strict=True):
+            place = self._places[id(mesh)]
+            number, masked = np.array(pairs, np.uint32)[place.data.material].T
+            self.triangles["material"][place.triangles] = number
+            self.triangles["flags"][place.triangles] = place.data.flags | MASKED * masked
+        self.changed |= {"triangles"}
+
+    def _bake(self, place: Placement, number: int, world_from_local: NDArray[np.float64]) -> None:
         """Put a mesh into the world's tree where its one instance stands."""
         d = place.data
-        matrix = relative_matrix(instance, self.origin)
-        corners = (d.corners.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
-        place.baked, place.tree, place.world_from_local = instance, refit(d.bvh, corners), matrix
+        linear, translation = world_from_local[:3, :3], world_from_local[:3, 3] - self.origin
+        corners = (d.corners.astype(np.float64) @ linear.T + translation).astype(np.float32)
+        place.baked, place.tree = number, refit(d.bvh, corners.min(1), corners.max(1))
+        place.box = np.stack([corners.min((0, 1)), corners.max((0, 1))])
         # A mirrored mesh keeps its counter-clockwise side if two corners change places (glTF 2.0, section 3.7.2.1).
-        swap = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
-        self._write_triangles(place, corners[:, swap], d.indices[:, swap], number)
-        self.nodes[place.nodes] = self.world.quantize(
-            place.tree, self.dtypes["nodes"], place.nodes.start, place.triangles.start
-        )
+        turn = [0, 2, 1] if np.linalg.det(linear) < 0 else [0, 1, 2]
+        self._write_triangles(place, corners[:, turn], d.indices[:, turn], number)
+        self._write_nodes(place, place.tree, self.world)
 
     def _write_local(self, place: Placement) -> None:
-        d = place.data
-        place.baked, place.tree, place.world_from_local = None, None, None
-        self._write_triangles(place, d.corners, d.indices, NONE)
-        self.nodes[place.nodes] = Grid.around(d.bounds).quantize(
-            d.bvh.nodes, self.dtypes["nodes"], place.nodes.start, place.triangles.start
-        )
+        """Put a mesh into the buffers in its own space."""
+        place.baked = place.tree = place.box = None
+        self._write_triangles(place, place.data.corners, place.data.indices, NONE)
+        self._write_nodes(place, place.data.bvh.nodes, place.grid)
 
     def _write_triangles(self, place: Placement, corners: NDArray, indices: NDArray, instance: int) -> None:
         triangles = self.triangles[place.triangles]
@@ -187,124 +193,104 @@ class Hierarchy:
         triangles["instance"] = instance
         self.indices[place.triangles] = indices + np.uint32(place.vertices.start)
 
-    def _unbake_moved(self, instances: list[Instance]) -> None:
+    def _write_nodes(self, place: Placement, nodes: NDArray[np.void], grid: NodeGrid) -> None:
+        self.nodes[place.nodes] = grid.quantize(nodes, self.dtypes["nodes"], place.nodes.start, place.triangles.start)
+
+    def _unbake_moved(self, instances: list[Instance], matrices: NDArray[np.float64]) -> None:
         """Take meshes whose instance has moved out of the world's tree: moving them again then costs nothing."""
         for place in self._places.values():
-            if place.baked is None:
-                continue
-            if not np.array_equal(relative_matrix(place.baked, self.origin), place.world_from_local):
-                self._moved.add(id(place.baked))
+            number = place.baked
+            if number is not None and not np.array_equal(matrices[number], self._matrices[number]):
+                self._moved.add(id(instances[number]))
                 self._write_local(place)
+                self._subtrees = None
                 self.changed |= {"nodes", "triangles", "indices"}
 
-    def _place(self, instances: list[Instance]) -> None:
+    def _place(
+        self,
+        instances: list[Instance],
+        matrices: NDArray[np.float64],
+        bounds: NDArray[np.float64],
+        boxes: NDArray[np.float64],
+    ) -> None:
         """Write the instance records and build the top level over subtrees and instances."""
-        bounds = _bounds(instances) - self.origin
-        self.radius = float(np.linalg.norm(bounds[1] - bounds[0]) / 2)
+        relative = matrices.copy()
+        relative[:, :3, 3] -= self.origin
+        places = [self._places[id(i.mesh)] for i in instances]
         self.instances = np.zeros(max(len(instances), 1), self.dtypes["instances"])
-        low, high, references = self._open_baked()
-        outside = False
-        for number, instance in enumerate(instances):
-            matrix = relative_matrix(instance, self.origin)
-            inverse = np.linalg.inv(matrix)
-            place = self._places[id(instance.mesh)]
-            record = self.instances[number]
-            record["world_from_local"][:, :3] = matrix[:3].T
-            record["local_from_world"][:, :3] = inverse[:3].T
-            if place.baked is not None:
-                continue
-            grid = Grid.around(place.data.bounds)
-            record["frame_low"], record["frame_scale"] = grid.low, grid.scale
-            root = np.array([place.data.bvh.root], np.uint32)
-            record["root"] = move_reference(root, place.nodes.start, place.triangles.start)[0]
-            box = _box(place.data.bounds, matrix)
-            low.append(box[0]), high.append(box[1]), references.append(INSTANCE_FLAG | number)
-            outside |= bool((box[0] < self.world.low).any() or (box[1] > self.world.low + 65535 / self.world.scale).any())
-        if outside:  # Something moved off the grid: span a new one.
-            self.world = Grid.around(bounds)
-            for place in self._places.values():
-                if place.tree is not None:
-                    self.nodes[place.nodes] = self.world.quantize(
-                        place.tree, self.dtypes["nodes"], place.nodes.start, place.triangles.start
-                    )
-        self.has_instances = any(r & INSTANCE_FLAG and r < int(LEAF_FLAG) for r in references)
-        self._build_top(low, high, references)
+        records = self.instances[: len(instances)]
+        records["world_from_local"][..., :3] = relative[:, :3].transpose(0, 2, 1)
+        records["local_from_world"][..., :3] = np.linalg.inv(relative)[:, :3].transpose(0, 2, 1)
+        records["frame_low"] = np.reshape([p.grid.low for p in places], (-1, 3))
+        records["frame_scale"] = np.reshape([p.grid.scale for p in places], (-1, 3))
+        records["root"] = [p.reference(p.data.bvh.root) for p in places]
+        self._fit_world(bounds)
+        entered = np.flatnonzero([p.baked is None for p in places])
+        self.has_instances = len(entered) > 0
+        self._build_top(boxes, entered)
         self.changed |= {"nodes", "instances"}
 
-    def _open_baked(self) -> tuple[list, list, list]:
-        """Return boxes and references of the subtrees of all baked meshes, the largest ones opened."""
+    def _fit_world(self, bounds: NDArray[np.float64]) -> None:
+        """Span a new grid if something has left the one there is; go back to the first one where that is enough."""
+        if self._home.spans(bounds):
+            wanted = self._home
+        elif self.world.spans(bounds):
+            wanted = self.world
+        else:
+            wanted = NodeGrid.around(bounds.mean(0) + GROWTH * (bounds - bounds.mean(0)))
+        if wanted is self.world:
+            return
+        self.world = wanted
+        for place in self._places.values():
+            if place.tree is not None:
+                self._write_nodes(place, place.tree, self.world)
+
+    def _open_baked(self) -> Subtrees:
+        """Return the subtrees of all baked meshes, the largest ones opened."""
         heap: list[tuple[float, int, NDArray, NDArray, int, Placement]] = []
-        closed = []
-        ties = 0  # heapq compares tuples: equal areas must not come to comparing arrays
+        ties = itertools.count()  # heapq compares tuples: equal areas must not come to comparing arrays
 
-        def add(box_low: NDArray, box_high: NDArray, reference: int, place: Placement) -> None:
-            nonlocal ties
-            ties += 1
-            x, y, z = np.maximum(box_high - box_low, 0).tolist()
-            if reference >= int(LEAF_FLAG):
-                closed.append((box_low, box_high, reference, place))
-            else:
-                heapq.heappush(heap, (-(x * y + y * z + z * x), ties, box_low, box_high, reference, place))
+        def add(low: NDArray, high: NDArray, reference: int, place: Placement) -> None:
+            x, y, z = np.maximum(high - low, 0).astype(np.float64).tolist()
+            # Leaves go last, for they cannot be opened.
+            order = 1.0 if reference >= int(LEAF_FLAG) else -(x * y + y * z + z * x)
+            heapq.heappush(heap, (order, next(ties), low, high, reference, place))
 
-        baked = [p for p in self._places.values() if p.baked is not None]
-        for place in baked:
-            assert place.world_from_local is not None
-            box = _box(place.data.bounds, place.world_from_local)
-            add(box[0], box[1], place.data.bvh.root, place)
-        budget = OPEN_UP_TO if len(baked) > 1 else 0  # one tree alone overlaps nothing
-        while heap and len(heap) + len(closed) < budget:
+        for place in self._places.values():
+            if place.box is not None:
+                add(place.box[0], place.box[1], place.data.bvh.root, place)
+        # One tree alone overlaps nothing.
+        while 1 < len(heap) < OPEN_UP_TO and heap[0][0] <= 0:
             *_, reference, place = heapq.heappop(heap)
             assert place.tree is not None
             node = place.tree[reference]
             for k in ("0", "1"):
                 add(node["low" + k], node["high" + k], int(node["child" + k]), place)
-        items = [*closed, *((h[2], h[3], h[4], h[5]) for h in heap)]
-        references = [
-            int(move_reference(np.array([r], np.uint32), p.nodes.start, p.triangles.start)[0]) for _, _, r, p in items
-        ]
-        return [i[0] for i in items], [i[1] for i in items], references
+        low = np.array([h[2] for h in heap], np.float32).reshape(-1, 3)
+        high = np.array([h[3] for h in heap], np.float32).reshape(-1, 3)
+        return low, high, np.array([h[5].reference(h[4]) for h in heap], np.int64)
 
-    def _build_top(self, low: list, high: list, references: list[int]) -> None:
-        if not references:
+    def _build_top(self, boxes: NDArray[np.float64], entered: NDArray[np.int64]) -> None:
+        """Build the top level over the subtrees and over the instances that are entered, given by their numbers."""
+        if self._subtrees is None:
+            self._subtrees = self._open_baked()
+        low, high, references = self._subtrees
+        low = np.concatenate([low, boxes[entered, 0].astype(np.float32)])
+        high = np.concatenate([high, boxes[entered, 1].astype(np.float32)])
+        references = np.concatenate([references, INSTANCE_FLAG | entered])
+        if not len(references):
             self.root = NONE
             return
-        tree = build_bvh(np.asarray(low, np.float32), np.asarray(high, np.float32), 1, TOP_SAH_DEPTH)
-        items = np.asarray(references, np.int64)[tree.order]
+        tree = build_bvh(low, high, 1, TOP_DEPTH)
+        references = references[tree.order]
         if not len(tree.nodes):
-            self.root = int(items[0])
+            self.root = int(references[0])
             return
         self.root = 0
-        top = self.world.quantize(tree.nodes, self.dtypes["nodes"], 0, 0)
+        top = self.world.quantize(tree.nodes, self.dtypes["nodes"])
         for name in ("child0", "child1"):
             child = tree.nodes[name].astype(np.int64)
             slot = child & ((1 << LEAF_COUNT_SHIFT) - 1)
             leaf = child >= int(LEAF_FLAG)
-            top[name] = np.where(leaf, items[np.where(leaf, slot, 0)], child).astype(np.uint32)
+            top[name] = np.where(leaf, references[np.where(leaf, slot, 0)], child).astype(np.uint32)
         self.nodes[: len(top)] = top
-
-
-def relative_matrix(instance: Instance, origin: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return an instance's (4, 4) matrix with the scene's origin moved to zero, in float64."""
-    matrix = np.array(instance.world_from_local, np.float64)
-    matrix[:3, 3] -= origin
-    return matrix
-
-
-def _box(bounds: NDArray, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the box (2, 3) around a transformed box (Arvo 1990)."""
-    centre, half = (bounds[1] + bounds[0]).astype(np.float64) / 2, (bounds[1] - bounds[0]).astype(np.float64) / 2
-    middle = matrix[:3, :3] @ centre + matrix[:3, 3]
-    reach = np.abs(matrix[:3, :3]) @ half
-    return np.stack([middle - reach, middle + reach])
-
-
-def _bounds(instances: list[Instance]) -> NDArray[np.float64]:
-    boxes = [
-        _box(np.stack([i.mesh.positions.min(0), i.mesh.positions.max(0)]), np.asarray(i.world_from_local, np.float64))
-        for i in instances
-    ]
-    if not boxes:
-        return np.zeros((2, 3))
-    return np.stack([np.min([b[0] for b in boxes], 0), np.max([b[1] for b in boxes], 0)])
-
-

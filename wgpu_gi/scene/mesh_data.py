@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, Bvh, build_bvh
+from ..errors import GiError
+from .bvh import Bvh, build_bvh
 from .scene import Mesh
 
 SMOOTH, COLORED, MASKED, HAS_TANGENTS = 1, 2, 4, 8  # triangle flags, as wgsl/scene/geometry.wgsl
@@ -31,7 +32,11 @@ class MeshData:
 
 
 def prepare_mesh(mesh: Mesh, vertex_dtype: np.dtype) -> MeshData:
-    """Build the hierarchy of a mesh of at least one triangle and put its arrays in leaf order."""
+    """Build the hierarchy of a mesh of at least one triangle and put its arrays in leaf order.
+
+    Raises GiError for arrays that do not fit together and positions that are not finite.
+    """
+    _check(mesh)
     triangles = np.asarray(mesh.triangles, np.int64)
     corners = np.asarray(mesh.positions, np.float32)[triangles]
     bvh = build_bvh(corners.min(1), corners.max(1))
@@ -54,6 +59,27 @@ def prepare_mesh(mesh: Mesh, vertex_dtype: np.dtype) -> MeshData:
     return MeshData(
         mesh, bvh, corners, triangles.astype(np.uint32), material, flags, _pack_vertices(mesh, vertex_dtype), bounds
     )
+
+
+def _check(mesh: Mesh) -> None:
+    """Loaders keep to this; scenes made in code may not."""
+    where, count = f"mesh {mesh.name!r}", len(mesh.positions)
+    if np.shape(mesh.positions) != (count, 3) or np.shape(mesh.triangles) != (len(mesh.triangles), 3):
+        raise GiError(f"{where}: positions must be (n, 3) and triangles (m, 3)")
+    if not np.isfinite(mesh.positions).all():
+        raise GiError(f"{where}: its positions must be finite")
+    if int(np.min(mesh.triangles)) < 0 or int(np.max(mesh.triangles)) >= count:
+        raise GiError(f"{where}: its triangles refer to vertices that it does not have; it has {count}")
+    used = np.zeros(len(mesh.triangles)) if mesh.material_of_triangle is None else mesh.material_of_triangle
+    if np.shape(used) != (len(mesh.triangles),):
+        raise GiError(f"{where}: material_of_triangle must be ({len(mesh.triangles)},), an entry for each triangle")
+    if int(np.min(used)) < 0 or int(np.max(used)) >= len(mesh.materials):
+        raise GiError(f"{where}: its triangles refer to materials that it does not have; it has {len(mesh.materials)}")
+    attributes = {"normals": 3, "tangents": 4, "texcoords0": 2, "texcoords1": 2, "colors": 4}
+    for name, width in attributes.items():
+        values = getattr(mesh, name)
+        if values is not None and (np.shape(values) != (count, width) or not np.isfinite(values).all()):
+            raise GiError(f"{where}: {name} must be finite and ({count}, {width}), a row for each vertex")
 
 
 def _pack_vertices(mesh: Mesh, dtype: np.dtype) -> NDArray[np.void]:
@@ -85,25 +111,3 @@ def octahedral_encode(directions: NDArray[np.float32]) -> NDArray[np.uint32]:
     xy = np.where(v[:, 2:] < 0, folded, v[:, :2])
     code = np.round(xy * 32767).astype(np.int32) & 0xFFFF
     return (code[:, 0] | code[:, 1] << 16).astype(np.uint32)
-
-
-def refit(bvh: Bvh, corners: NDArray[np.float32]) -> NDArray[np.void]:
-    """Return the nodes of `bvh` with boxes around moved triangles, `corners` (m, 3, 3) in leaf order."""
-    nodes = bvh.nodes.copy()
-    low, high = corners.min(1), corners.max(1)
-    # Children come after their parents, level by level: go up from the last level.
-    for first, last in reversed(list(zip(bvh.levels[:-1], bvh.levels[1:], strict=True))):
-        rows = np.arange(first, last)
-        for k in ("0", "1"):
-            child = nodes["child" + k][rows].astype(np.int64)
-            leaf = child >= int(LEAF_FLAG)
-            inner, below = rows[~leaf], child[~leaf]
-            nodes["low" + k][inner] = np.minimum(nodes["low0"][below], nodes["low1"][below])
-            nodes["high" + k][inner] = np.maximum(nodes["high0"][below], nodes["high1"][below])
-            start = child[leaf] & ((1 << LEAF_COUNT_SHIFT) - 1)
-            extra = (child[leaf] >> LEAF_COUNT_SHIFT) & 7
-            # Slots past the end of a leaf repeat its last triangle.
-            slots = start[:, None] + np.minimum(np.arange(8), extra[:, None])
-            nodes["low" + k][rows[leaf]] = low[slots].min(1)
-            nodes["high" + k][rows[leaf]] = high[slots].max(1)
-    return nodes

@@ -1,4 +1,4 @@
-"""Sends a scene to the GPU as storage buffers and texture arrays, and again only what changed.
+"""Sends a scene to the GPU as storage buffers, tables in textures and texture arrays, and again only what changed.
 
 Each resource has a version that goes up with its contents; the render graph runs what reads it.
 """
@@ -15,7 +15,7 @@ from ..camera import Camera
 from ..errors import GiError
 from ..gpu.device import Device
 from ..gpu.wgsl import load
-from .atlas import Atlas, pack_atlas
+from .atlas import MAX_PAGE, Atlas, pack_atlas
 from .emitters import build_light_table, environment_cdf
 from .hierarchy import Hierarchy
 from .scene import Image, Material, Scene, Texture
@@ -23,7 +23,10 @@ from .scene import Image, Material, Scene, Texture
 DOUBLE_SIDED, UNLIT, TEXTURED, COATED = 1, 2, 4, 8  # material flags, as wgsl/scene/materials.wgsl
 PRESENT, TEXCOORD_1, NEAREST = 1, 2, 4  # texture flags
 WRAP_CODES = {"repeat": 0, "clamp": 1, "mirror": 2}
-BUFFERS = {
+# Tables in textures, and how many texels wide they are (wgsl/scene/geometry.wgsl).
+TABLES = ("nodes", "triangles", "vertices")
+TABLE_WIDTH = 4096
+STRUCTS = {
     "materials": "Material",
     "nodes": "Node",
     "triangles": "Triangle",
@@ -36,16 +39,16 @@ BUFFERS = {
 class SceneUpload:
     """A scene's GPU copy. Call `update` before each frame.
 
-    `resources` maps WGSL variable names to (wgpu object, version); `info` is the SceneInfo uniform; `origin` (3,) float64
-    is the world position that GPU coordinates are relative to; `features` are the shaders' HAS_ constants. `diffuse` treats every material as Lambert.
+    `resources` maps WGSL variable names to (wgpu object, version); `info` is the SceneInfo uniform; `features` are the
+    shaders' HAS_ constants. `diffuse` treats every material as Lambert.
     """
 
     def __init__(self, device: Device, diffuse: bool = False) -> None:
         self._gpu = device.gpu
         self._limit = int(device.limits["max-storage-buffer-binding-size"])
-        self._diffuse = diffuse
+        self.diffuse = diffuse
         shader = load("scene/lights.wgsl")
-        self._dtypes = {name: shader.struct_dtype(struct) for name, struct in BUFFERS.items()}
+        self._dtypes = {name: shader.struct_dtype(struct) for name, struct in STRUCTS.items()}
         self._view_dtype = shader.struct_dtype("View")
         self._hierarchy = Hierarchy(self._dtypes)
         self._contents: dict[str, bytes] = {}  # of the small buffers, to see whether they changed
@@ -63,7 +66,11 @@ class SceneUpload:
         return self._hierarchy.origin
 
     def update(self, scene: Scene) -> None:
-        """Send what changed since the last call. Raises GiError for singular transforms and scenes beyond the limits."""
+        """Send what changed since the last call.
+
+        Raises GiError for values that mean nothing (a singular transform, a negative light) and for scenes beyond the
+        device's limits.
+        """
         _check(scene)
         scene = _without_empty(scene)
         materials = scene.materials
@@ -73,18 +80,25 @@ class SceneUpload:
         table = build_light_table(scene, self._hierarchy, self._cdf, self._dtypes["lights"])
         self._upload_small("materials", self._pack_materials(materials, table.material_pdf))
         self._upload_small("lights", table.lights)
-        for name in ("nodes", "triangles", "indices", "vertices", "instances"):
+        for name in ("nodes", "triangles", "vertices", "indices", "instances"):
             if name in self._hierarchy.changed or name not in self.resources:
-                self._upload(name, getattr(self._hierarchy, name))
+                upload = self._upload_table if name in TABLES else self._upload
+                upload(name, getattr(self._hierarchy, name))
         self.features = {
             "HAS_INSTANCES": self._hierarchy.has_instances,
             "HAS_MASKS": any(m.alpha_mode == "mask" for m in materials),
             "HAS_TEXTURES": any(self._images.values()),
-            "HAS_COATS": not self._diffuse,
+            "HAS_COATS": not self.diffuse,
             "HAS_EMITTERS": any(max(m.emission) > 0 for m in materials),
             "HAS_PICTURED_ENVIRONMENT": bool(scene.environment and scene.environment.image is not None),
         }
         self._fill_info(scene, table.count, table.environment_pdf)
+
+    def release(self) -> None:
+        """Free all GPU memory; do not use this object any more."""
+        for resource, _ in self.resources.values():
+            resource.destroy()
+        self.resources = {}
 
     def view(self, camera: Camera, size: tuple[int, int], jitter: bool) -> NDArray[np.void]:
         """Return the View uniform of a camera for a picture of `size` (width, height)."""
@@ -104,6 +118,7 @@ class SceneUpload:
     def _fill_info(self, scene: Scene, light_count: int, environment_pdf: float) -> None:
         info, environment = self.info, scene.environment
         info["frame_low"], info["frame_scale"] = self._hierarchy.world.low, self._hierarchy.world.scale
+        info["centre"], info["radius"] = self._hierarchy.centre, self._hierarchy.radius
         info["root"], info["light_count"] = self._hierarchy.root, light_count
         info["environment_color"] = environment.color if environment else 0.0
         info["environment_pdf"] = environment_pdf
@@ -118,7 +133,7 @@ class SceneUpload:
             record["metallic"], record["roughness"], record["normal_scale"] = m.metallic, m.roughness, m.normal_scale
             record["alpha_cutoff"] = m.alpha_cutoff if m.alpha_mode == "mask" else 0.0
             record["emitter_pdf"] = pdf.get(id(m), 0.0)
-            flags = DOUBLE_SIDED * m.double_sided | UNLIT * m.unlit | COATED * (not self._diffuse)
+            flags = DOUBLE_SIDED * m.double_sided | UNLIT * m.unlit | COATED * (not self.diffuse)
             for atlas, textures in self._textures(m).items():
                 for slot, texture in textures.items():
                     flags |= TEXTURED
@@ -130,7 +145,7 @@ class SceneUpload:
         """Return the textures in use by the name of their atlas and their slot in the Material struct."""
         slots: dict[str, dict[int, Texture | None]] = {
             "atlas_srgb": {0: m.base_color_texture, 1: m.emission_texture},
-            "atlas_linear": {} if self._diffuse else {2: m.metallic_roughness_texture, 3: m.normal_texture},
+            "atlas_linear": {} if self.diffuse else {2: m.metallic_roughness_texture, 3: m.normal_texture},
         }
         return {atlas: {k: t for k, t in textures.items() if t is not None} for atlas, textures in slots.items()}
 
@@ -213,10 +228,32 @@ class SceneUpload:
         self._gpu.queue.write_buffer(buffer, 0, array)
         self._set(name, buffer)
 
+    def _upload_table(self, name: str, array: NDArray) -> None:
+        """Write records as texels of 16 bytes into a texture, whole rows of it."""
+        texels = array.nbytes // 16
+        rows = -(-texels // TABLE_WIDTH)
+        if rows > MAX_PAGE:
+            raise GiError(
+                f"the scene's {name} take {rows} rows of a texture; {MAX_PAGE} are possible: use fewer triangles"
+            )
+        pixels = np.zeros(rows * TABLE_WIDTH * 16, np.uint8)
+        pixels[: array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
+        old, version = self.resources.get(name, (None, 0))
+        if old is None or old.size[1] != rows:
+            usage = wgpu.TextureUsage.STORAGE_BINDING | wgpu.TextureUsage.COPY_DST
+            old = self._gpu.create_texture(
+                label=f"scene/{name}", size=(TABLE_WIDTH, rows, 1), format="rgba32uint", usage=usage
+            )
+            self._set(name, old)
+            version = self.resources[name][1] - 1
+        layout = {"bytes_per_row": TABLE_WIDTH * 16, "rows_per_image": rows}
+        self._gpu.queue.write_texture({"texture": old}, pixels, layout, (TABLE_WIDTH, rows, 1))
+        self.resources[name] = (old, version + 1)
+
     def _set(self, name: str, resource: Any) -> None:
         old, version = self.resources.get(name, (None, 0))
         self.resources[name] = (resource, version + 1)
-        if old is not None and hasattr(old, "destroy"):
+        if old is not None:
             old.destroy()
 
 
@@ -246,7 +283,9 @@ def _check(scene: Scene) -> None:
             raise GiError(f"instance {instance.name!r}: world_from_local must be a finite (4, 4) matrix")
         scale = np.abs(matrix[:3, :3]).max()
         if scale == 0 or abs(np.linalg.det(matrix[:3, :3] / scale)) < 1e-12:
-            raise GiError(f"instance {instance.name!r}: its transform flattens it to nothing; give it a scale above zero")
+            raise GiError(
+                f"instance {instance.name!r}: its transform flattens it to nothing; give it a scale above zero"
+            )
     for light in scene.lights:
         values = np.asarray([*light.color, light.intensity], np.float64)
         if not np.isfinite(values).all() or (values < 0).any():

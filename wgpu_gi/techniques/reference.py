@@ -1,19 +1,22 @@
 """The truth: a progressive path tracer over the same scene buffers, lights and BRDF as every other technique.
 
-Kajiya 1986, "The Rendering Equation"; next-event estimation with multiple importance sampling after Veach 1997, chapter 9;
-Owen-scrambled Sobol points after Burley 2020.
+Kajiya 1986, "The Rendering Equation"; next-event estimation with multiple importance sampling after Veach 1997,
+chapter 9; Owen-scrambled Sobol points after Burley 2020.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..gpu.graph import Graph
-from ..gpu.handles import Texture
+from ..gpu.handles import Buffer, Texture
 from ..settings import setting
 from .scene_inputs import SceneInputs
 
 UNLIMITED = 0x7FFFFFFF
+FOUR_FLOATS = np.dtype((np.float32, 4))
 
 
 @dataclass
@@ -27,25 +30,26 @@ class PathSettings:
 
 @dataclass
 class Reference:
-    """Linear radiance in W/(m2 sr), rgba32float: the layers by number of scatterings, their sum, its standard error.
+    """Linear radiance in W/(m2 sr): the layers by number of scatterings, their sum, its standard error.
 
-    `emission.a` is the number of samples so far.
+    The layers are buffers of (r, g, b, a) per pixel, rows from the top; `emission`'s a is the number of samples so far.
+    The sum and its error are rgba32float textures.
     """
 
-    emission: Texture
-    direct: Texture
-    indirect: Texture
+    emission: Buffer
+    direct: Buffer
+    indirect: Buffer
     radiance: Texture
     standard_error: Texture
 
 
 @dataclass
 class Primary:
-    """What is seen through the pixel centres, rgba32float: base colour; shading normal and distance; position."""
+    """What is seen through the pixel centres: base colour; shading normal and distance; position. Four floats each."""
 
-    albedo: Texture
-    normal: Texture
-    position: Texture
+    albedo: Buffer
+    normal: Buffer
+    position: Buffer
 
 
 def declare_reference(
@@ -56,21 +60,17 @@ def declare_reference(
     It adds `settings.samples_per_run` samples in each run of the graph until it has them all.
     """
     samples = min(settings.samples_per_run, spp)
+    width, height = graph.size
     layers = {
-        name: graph.texture(f"path/{name}", "rgba32float", history=True, nonnegative=True)
+        name: graph.buffer(f"path/{name}", dtype=FOUR_FLOATS, count=width * height, nonnegative=True)
         for name in ("emission", "direct", "indirect", "deviation")
     }
-    width, height = graph.size
     tiles = -(-width // 8) * -(-height // 8)
     graph.compute(
         "path/trace",
         "reference/path.wgsl",
         over=tiles * 64,
-        reads={
-            **scene.surfaces,
-            **scene.lights,
-            **{f"previous_{name}": texture.previous for name, texture in layers.items()},
-        },
+        reads={**scene.surfaces, **scene.lights},
         writes=layers,
         params={"samples": samples, "spp": spp, "bounces": UNLIMITED if bounces is None else bounces, "seed": seed},
         constants=scene.constants("reference/path.wgsl"),
@@ -91,14 +91,17 @@ def declare_reference(
 
 def declare_primary(graph: Graph, scene: SceneInputs) -> Primary:
     """Declare the pass that finds what each pixel's centre shows, without light."""
-    names = ("albedo", "normal", "position")
-    textures = {name: graph.texture(f"primary/{name}", "rgba32float") for name in names}
+    width, height = graph.size
+    buffers = {
+        name: graph.buffer(f"primary/{name}", dtype=FOUR_FLOATS, count=width * height)
+        for name in ("albedo", "normal", "position")
+    }
     graph.compute(
         "primary",
         "reference/primary.wgsl",
-        over=textures["albedo"],
+        over=(width, height),
         reads=scene.surfaces,
-        writes=textures,
+        writes=buffers,
         constants=scene.constants("reference/primary.wgsl"),
     )
-    return Primary(textures["albedo"], textures["normal"], textures["position"])
+    return Primary(**buffers)

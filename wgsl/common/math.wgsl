@@ -14,15 +14,21 @@ fn max3(v: vec3f) -> f32 {
     return max(v.x, max(v.y, v.z));
 }
 
-// Returns v / |v|, or `fallback` where v is too short to have a direction.
+fn min3(v: vec3f) -> f32 {
+    return min(v.x, min(v.y, v.z));
+}
+
+// Returns v / |v|, or `fallback` where v has no direction: zero, infinite or NaN.
 fn normalize_or(v: vec3f, fallback: vec3f) -> vec3f {
     // Scaling first keeps the squares of tiny and huge vectors in range.
     let size = max3(abs(v));
-    if (!(size > 0.0 && size < FLOAT_MAX)) {
+    let scaled = v / size;
+    let squared = dot(scaled, scaled);
+    // `squared` is at least 1, unless a component is NaN, which max() may have dropped.
+    if (!(size > 0.0 && size < FLOAT_MAX && squared >= 0.5)) {
         return fallback;
     }
-    let scaled = v / size;
-    return scaled * inverseSqrt(dot(scaled, scaled));
+    return scaled * inverseSqrt(squared);
 }
 
 // Returns tangent, bitangent and unit n as columns (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").

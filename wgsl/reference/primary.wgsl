@@ -1,12 +1,12 @@
 // One invocation finds what is seen through the centre of one pixel, without light.
 //
 // Out: albedo (base colour) and, in a, 1 where something is seen; shading normal facing the viewer and, in a, the distance
-// along the ray in metres (0: nothing there); position in metres relative to the scene's origin.
+// along the ray in metres (0: nothing there); position in metres relative to the scene's origin. Rows from the top.
 #import "scene/surface.wgsl"
 
-@group(1) @binding(11) var albedo: texture_storage_2d<rgba32float, write>;
-@group(1) @binding(12) var normal: texture_storage_2d<rgba32float, write>;
-@group(1) @binding(13) var position: texture_storage_2d<rgba32float, write>;
+@group(1) @binding(11) var<storage, read_write> albedo: array<vec4f>;
+@group(1) @binding(12) var<storage, read_write> normal: array<vec4f>;
+@group(1) @binding(13) var<storage, read_write> position: array<vec4f>;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -14,16 +14,17 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(pixel >= view.size)) {
         return;
     }
+    let index = pixel.y * view.size.x + pixel.x;
     let ray = camera_ray(vec2f(pixel) + 0.5);
     let hit = trace(ray, FLOAT_MAX);
     if (hit.triangle == NONE) {
-        textureStore(albedo, pixel, vec4f(0.0));
-        textureStore(normal, pixel, vec4f(0.0));
-        textureStore(position, pixel, vec4f(0.0));
+        albedo[index] = vec4f(0.0);
+        normal[index] = vec4f(0.0);
+        position[index] = vec4f(0.0);
         return;
     }
     let surface = surface_at(hit, ray.direction);
-    textureStore(albedo, pixel, vec4f(surface.base_color, 1.0));
-    textureStore(normal, pixel, vec4f(surface.normal, hit.distance));
-    textureStore(position, pixel, vec4f(surface.position, 1.0));
+    albedo[index] = vec4f(surface.base_color, 1.0);
+    normal[index] = vec4f(surface.normal, hit.distance);
+    position[index] = vec4f(surface.position, 1.0);
 }

@@ -21,6 +21,8 @@ struct SceneInfo {
     environment_pdf: f32,     // chance that a light sample picks the environment
     environment_rotation: f32,// in turns about +Y
     hittable_light: u32,      // 1: an emitter or environment that a ray can meet
+    centre: vec3f,            // of a sphere around the scene, metres
+    radius: f32,
 }
 
 @group(0) @binding(0) var<uniform> view: View;

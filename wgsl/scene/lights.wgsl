@@ -3,6 +3,7 @@
 // A light is drawn in proportion to its power, as `scene/emitters.py` tabulates it. A constant environment is not in the
 // list: rays that follow the BRDF find it at least as well.
 #import "scene/surface.wgsl"
+#import "common/random.wgsl"
 
 const KIND_POINT: u32 = 0u;
 const KIND_SPOT: u32 = 1u;
@@ -37,6 +38,16 @@ struct LightSample {
     weighted: vec3f,      // radiance over density; irradiance at normal incidence for lights without area
     direction: vec3f,     // unit
     pdf: f32,             // 1/sr; 0 for lights without area, which no BRDF sample can meet
+    ray_density: f32,     // of `sample_light_ray` from there, 1/m2 on a surface that faces it
+}
+
+// A ray that leaves a light.
+struct LightRay {
+    ray: Ray,             // of unit direction
+    flux: vec3f,          // over the ray's density: W
+    ray_density: f32,     // 1/m2 at 1 m on a surface that faces it; at any distance if `parallel`
+    parallel: bool,
+    pdf: f32,             // with which `sample_light` draws its origin as seen from 1 m, 1/sr; likewise; 0 without area
 }
 
 // Shadow rays stop short of the emitter by this share of their length: ten times the rounding of a world position.
@@ -45,7 +56,9 @@ const INFINITELY_FAR: f32 = 1e30;
 
 fn environment_uv(direction: vec3f) -> vec2f {
     let u = atan2(direction.x, -direction.z) / TWO_PI + scene.environment_rotation;
-    return vec2f(u - floor(u), acos(clamp(direction.y, -1.0, 1.0)) * INV_PI);
+    // Not acos, which drivers may get wrong by 1e-4.
+    let v = atan2(length(direction.xz), direction.y) * INV_PI;
+    return vec2f(u - floor(u), v);
 }
 
 fn environment_direction(uv: vec2f) -> vec3f {
@@ -118,6 +131,14 @@ fn cdf_row_interval(column: i32, row: i32) -> vec2f {
     return vec2f(textureLoad(environment_cdf, vec2i(column, row - 1), 0).r, upper);
 }
 
+// Returns the density of directions in a cell of the table, 1/sr.
+fn cell_pdf(cell: vec2i, size: vec2i, sine: f32) -> f32 {
+    let row = cdf_row_interval(size.x, cell.y);
+    let column = cdf_interval(cell.x, cell.y);
+    let share = (row.y - row.x) * (column.y - column.x) * f32(size.x * size.y);
+    return share / (TWO_PI * PI * max(sine, 1e-6));
+}
+
 // Returns the density with which `sample_light` draws a direction of the environment, 1/sr.
 fn environment_pdf(direction: vec3f) -> f32 {
     if (!HAS_PICTURED_ENVIRONMENT || scene.environment_pdf == 0.0) {
@@ -125,14 +146,11 @@ fn environment_pdf(direction: vec3f) -> f32 {
     }
     let size = vec2i(textureDimensions(environment_cdf)) - vec2i(1, 0);
     let cell = clamp(vec2i(environment_uv(direction) * vec2f(size)), vec2i(0), size - 1);
-    let row = cdf_row_interval(size.x, cell.y);
-    let column = cdf_interval(cell.x, cell.y);
-    let sine = sqrt(max(1.0 - direction.y * direction.y, 1e-12));
-    let share = (row.y - row.x) * (column.y - column.x) * f32(size.x * size.y);
-    return scene.environment_pdf * share / (TWO_PI * PI * sine);
+    return scene.environment_pdf * cell_pdf(cell, size, length(direction.xz));
 }
 
-fn sample_environment(u: vec2f) -> LightSample {
+// Returns a direction of the environment and, in w, its density given that the environment was picked, 1/sr.
+fn sample_environment(u: vec2f) -> vec4f {
     let size = vec2i(textureDimensions(environment_cdf)) - vec2i(1, 0);
     let y = find_row_in_cdf(size.x, size.y, u.y);
     let row = cdf_row_interval(size.x, y);
@@ -143,11 +161,64 @@ fn sample_environment(u: vec2f) -> LightSample {
         (u.x - column.x) / max(column.y - column.x, 1e-20), (u.y - row.x) / max(row.y - row.x, 1e-20));
     let uv = (vec2f(f32(x), f32(y)) + clamp(inside, vec2f(0.0), vec2f(BELOW_ONE))) / vec2f(size);
     let direction = environment_direction(uv);
-    let pdf = environment_pdf(direction);
-    if (pdf <= 0.0) {
-        return LightSample(direction, 0.0, vec3f(0.0), direction, 0.0);
+    return vec4f(direction, cell_pdf(vec2i(x, y), size, length(direction.xz)));
+}
+
+// Returns what a point of an emitting triangle shines, W/(m2 sr), apart from its sides.
+fn triangle_emission(light: Light, weights: vec2f) -> vec3f {
+    if (HAS_TEXTURES) {
+        let material = load_triangle(light.triangle).material;
+        if (has_texture(material, EMISSION_SLOT)) {
+            let k = load_corners(light.triangle, weights);
+            return light.color * sample_texture(material, EMISSION_SLOT, texcoord0_at(k), texcoord1_at(k)).rgb;
+        }
     }
-    return LightSample(direction, INFINITELY_FAR, environment_radiance(direction) / pdf, direction, pdf);
+    return light.color;
+}
+
+// Returns the share of an emitter's rays that leave on one of its sides.
+fn side_share(both_sides: bool) -> f32 {
+    return select(1.0, 0.5, both_sides);
+}
+
+fn no_light() -> LightSample {
+    return LightSample(vec3f(0.0), 0.0, vec3f(0.0), vec3f(0.0), 0.0, 0.0);
+}
+
+fn parallel_density() -> f32 {
+    return 1.0 / max(PI * scene.radius * scene.radius, 1e-37);
+}
+
+// Returns the density of light rays through a direction of the cone of a spot, or of the whole sphere, 1/sr.
+fn direction_density(light: Light) -> f32 {
+    if (light.kind == KIND_POINT) {
+        return 0.25 * INV_PI;
+    }
+    let outer_cosine = -light.edge2.y / light.edge2.x;
+    return 0.5 * INV_PI / max(1.0 - outer_cosine, 1e-7);
+}
+
+// KHR_lights_punctual: saturate((cos - cos_outer) / (cos_inner - cos_outer))^2
+fn punctual_intensity(light: Light, from_light: vec3f) -> vec3f {
+    if (light.kind == KIND_POINT) {
+        return light.color;
+    }
+    let falloff = saturate(dot(from_light, light.edge1) * light.edge2.x + light.edge2.y);
+    return light.color * (falloff * falloff);
+}
+
+fn pick_light(choice: f32) -> Light {
+    var low = 0u;
+    var high = scene.light_count - 1u;
+    while (low < high) {
+        let middle = (low + high) / 2u;
+        if (lights[middle].cumulative > choice) {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    return lights[low];
 }
 
 fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightSample {
@@ -160,37 +231,29 @@ fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightS
     let cosine = -dot(normal, direction) / max(twice_area, 1e-37);
     let squared = dot(to_light, to_light);
     if ((light.sides & select(2u, 1u, cosine > 0.0)) == 0u || cosine == 0.0 || squared <= 0.0) {
-        return LightSample(to_light, 0.0, vec3f(0.0), direction, 0.0);
-    }
-    var emission = light.color;
-    let material = triangles[light.triangle].material;
-    if (HAS_TEXTURES && has_texture(material, EMISSION_SLOT)) {
-        let corners = load_corners(light.triangle, weights);
-        emission *= sample_texture(material, EMISSION_SLOT, texcoord0_at(corners), texcoord1_at(corners)).rgb;
+        return no_light();
     }
     let pdf = light.probability * 2.0 * squared / (twice_area * abs(cosine));
-    return LightSample(to_light, STOP_SHORT, emission / pdf, direction, pdf);
+    let density = abs(cosine) * INV_PI * side_share(light.sides == 3u) / squared;
+    return LightSample(to_light, STOP_SHORT, triangle_emission(light, weights) / pdf, direction, pdf, density);
 }
 
 // Draws a light and a point on it, as seen from a surface point. `choice` picks the light, `u` the point.
 fn sample_light(from_position: vec3f, choice: f32, u: vec2f) -> LightSample {
-    var low = 0u;
-    var high = scene.light_count - 1u;
-    while (low < high) {
-        let middle = (low + high) / 2u;
-        if (lights[middle].cumulative > choice) {
-            high = middle;
-        } else {
-            low = middle + 1u;
-        }
-    }
-    let light = lights[low];
+    let light = pick_light(choice);
     if (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT) {
-        return sample_environment(u);
+        let drawn = sample_environment(u);
+        let pdf = drawn.w * light.probability;
+        if (pdf <= 0.0) {
+            return no_light();
+        }
+        return LightSample(
+            drawn.xyz, INFINITELY_FAR, environment_radiance(drawn.xyz) / pdf, drawn.xyz, pdf, parallel_density());
     }
     if (light.kind == KIND_SUN) {
         let direction = -light.edge1;
-        return LightSample(direction, INFINITELY_FAR, light.color / light.probability, direction, 0.0);
+        return LightSample(
+            direction, INFINITELY_FAR, light.color / light.probability, direction, 0.0, parallel_density());
     }
     if (HAS_EMITTERS && light.kind == KIND_TRIANGLE) {
         return sample_triangle_light(light, from_position, u);
@@ -198,14 +261,58 @@ fn sample_light(from_position: vec3f, choice: f32, u: vec2f) -> LightSample {
     let to_light = light.position - from_position;
     let squared = dot(to_light, to_light);
     if (squared <= 0.0) {
-        return LightSample(to_light, 0.0, vec3f(0.0), vec3f(0.0), 0.0);
+        return no_light();
     }
     let direction = normalize_or(to_light, vec3f(0.0));
-    var intensity = light.color;
-    if (light.kind == KIND_SPOT) {
-        // KHR_lights_punctual: saturate((cos - cos_outer) / (cos_inner - cos_outer))^2
-        let falloff = saturate(dot(-direction, light.edge1) * light.edge2.x + light.edge2.y);
-        intensity *= falloff * falloff;
+    let weighted = punctual_intensity(light, -direction) / (squared * light.probability);
+    return LightSample(to_light, STOP_SHORT, weighted, direction, 0.0, direction_density(light) / squared);
+}
+
+// Draws a light and a ray that leaves it. `choices.x` picks the light, `choices.y` an emitter's side.
+fn sample_light_ray(choices: vec2f, u_point: vec2f, u_direction: vec2f) -> LightRay {
+    let light = pick_light(choices.x);
+    if (light.kind == KIND_SUN || (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT)) {
+        // From a disc that covers the scene as the light sees it.
+        var drawn = vec4f(-light.edge1, 0.0);
+        var power = light.color;
+        if (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT) {
+            drawn = sample_environment(u_direction);
+            power = environment_radiance(drawn.xyz) / max(drawn.w, 1e-37);
+        }
+        let r = scene.radius * sqrt(u_point.x);
+        let phi = TWO_PI * u_point.y;
+        let origin = scene.centre
+            + frame_from_normal(drawn.xyz) * vec3f(r * cos(phi), r * sin(phi), 1.001 * scene.radius);
+        let density = parallel_density();
+        return LightRay(
+            Ray(origin, -drawn.xyz), power / (density * light.probability), density, true,
+            drawn.w * light.probability);
     }
-    return LightSample(to_light, STOP_SHORT, intensity / (squared * light.probability), direction, 0.0);
+    if (HAS_EMITTERS && light.kind == KIND_TRIANGLE) {
+        let weights = sample_triangle(u_point);
+        let normal = cross(light.edge1, light.edge2);
+        let twice_area = max(length(normal), 1e-37);
+        let both_sides = light.sides == 3u;
+        let flip = light.sides == 2u || (both_sides && choices.y < 0.5);
+        let outward = normal * (select(1.0, -1.0, flip) / twice_area);
+        let local = sample_cosine_hemisphere(u_direction);
+        let position = light.position + weights.x * light.edge1 + weights.y * light.edge2;
+        let reach = max(max3(abs(light.position)), max(max3(abs(light.edge1)), max3(abs(light.edge2))));
+        let share = side_share(both_sides);
+        let flux = triangle_emission(light, weights) * (0.5 * twice_area * PI / (light.probability * share));
+        return LightRay(
+            Ray(position + outward * (POSITION_ULPS * reach), frame_from_normal(outward) * local), flux,
+            local.z * INV_PI * share, false, light.probability * 2.0 / (twice_area * max(local.z, 1e-20)));
+    }
+    let density = direction_density(light);
+    var direction: vec3f;
+    let z = 1.0 - u_direction.x / (TWO_PI * density);
+    let sine = sqrt(max(1.0 - z * z, 0.0));
+    let phi = TWO_PI * u_direction.y;
+    direction = vec3f(sine * cos(phi), sine * sin(phi), z);
+    if (light.kind == KIND_SPOT) {
+        direction = frame_from_normal(light.edge1) * direction;
+    }
+    let flux = punctual_intensity(light, direction) / (density * light.probability);
+    return LightRay(Ray(light.position, direction), flux, density, false, 0.0);
 }

@@ -25,7 +25,7 @@ fn unpack_normal(code: u32) -> vec3f {
 
 // Evaluates the surface at a hit, as seen against `direction`.
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
-    let triangle = triangles[hit.triangle];
+    let triangle = load_triangle(hit.triangle);
     let weights = hit.barycentric;
     var position = triangle.v0 + weights.x * triangle.edge1 + weights.y * triangle.edge2;
     // Scaling keeps the cross product of tiny or huge edges in range.
@@ -132,6 +132,12 @@ fn bend_normal(normal: vec3f, map: vec3f, triangle: Triangle, k: Corners, instan
         }
         // glTF's v points down in the picture, its bitangent up: area < 0 is the usual, unmirrored case.
         handedness = select(1.0, -1.0, area > 0.0);
+    }
+    // The bitangent is defined in mesh space (glTF 2.0, section 3.7.2.1); a mirroring transform turns a cross product
+    // round. Derived tangents of triangles in the world's tree have their corners swapped already.
+    let mirrored = determinant(mat3x3f(world_from_local[0], world_from_local[1], world_from_local[2])) < 0.0;
+    if (mirrored && ((triangle.flags & HAS_TANGENTS) != 0u || triangle.instance == NONE)) {
+        handedness = -handedness;
     }
     let t = normalize_or(tangent - normal * dot(normal, tangent), frame_from_normal(normal)[0]);
     let b = cross(normal, t) * handedness;

@@ -1,0 +1,467 @@
+"""A scene that changes between frames: only what changed is sent, and the picture is that of a scene opened afresh."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.errors import GiError
+from wgpu_gi.gpu.device import open_device
+from wgpu_gi.renderer import CameraSettings, PathSettings, Renderer, Settings
+from wgpu_gi.scene.scene import (
+    DirectionalLight,
+    Environment,
+    Image,
+    Instance,
+    Material,
+    Mesh,
+    PointLight,
+    Scene,
+    Texture,
+)
+from wgpu_gi.scene.shapes import box, quad, sphere
+from wgpu_gi.scene.upload import SceneUpload
+
+SIZE = (32, 18)
+SHOW = ("radiance", "albedo", "normal", "depth", "position")
+
+
+def at(x, y, z, scale=1.0):
+    matrix = np.diag([scale, scale, scale, 1.0])
+    matrix[:3, 3] = (x, y, z)
+    return matrix
+
+
+def pixels(seed, size=(8, 8)):
+    return np.random.default_rng(seed).integers(0, 256, (*size, 4)).astype(np.uint8)
+
+
+def square(corner, edge_u, edge_v, material):
+    """A quad with texture coordinates."""
+    mesh = quad(corner, edge_u, edge_v, material)
+    mesh.texcoords0 = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+    return mesh
+
+
+def everything():
+    """A little of all that a scene may hold, so that all tests share the same shader variants."""
+    texture, mask = Texture(Image(pixels(0)), filter="nearest"), Texture(Image(pixels(1)), filter="nearest")
+    floor = Material("floor", base_color_texture=texture, roughness=0.4)
+    leaf = Material("leaf", base_color_texture=mask, alpha_mode="mask", double_sided=True)
+    ball = sphere(subdivisions=1, material=Material("ball", (0.8, 0.3, 0.2, 1.0), metallic=0.5, roughness=0.3))
+    lamp = Material("lamp", emission=(4.0, 3.0, 2.0))
+    return Scene(
+        instances=[
+            Instance(square((-4, 0, -4), (0, 0, 8), (8, 0, 0), floor), name="floor"),
+            Instance(square((-2, 0, -2), (4, 0, 0), (0, 3, 0), leaf), name="leaf"),
+            Instance(ball, at(-1, 0.7, 0, 0.7), "left"),
+            Instance(ball, at(1, 0.7, 0.5, 0.7), "right"),
+            Instance(box((-0.3, 2.5, -0.3), (0.3, 2.6, 0.3), lamp), name="lamp"),
+            Instance(box((1.5, 0, 1), (2, 1, 1.5), Material("block", (0.2, 0.4, 0.9, 1.0))), name="block"),
+        ],
+        lights=[PointLight((2, 3, 2), 20.0, name="point")],
+        environment=Environment(image=np.random.default_rng(2).random((4, 8, 3)).astype(np.float32)),
+        cameras=[Camera.look_at((0, 1.5, 6), (0, 1, 0), yfov_deg=50)],
+    )
+
+
+def named(scene, name):
+    return next(i for i in scene.instances if i.name == name)
+
+
+def material(scene, name):
+    return next(m for m in scene.materials if m.name == name)
+
+
+def settings(**fields):
+    return Settings(spp=4, bounces=2, **fields)
+
+
+def picture(scene, **fields):
+    """All buffers of a scene in a renderer of its own."""
+    return shown(Renderer(scene, size=SIZE, settings=settings(**fields)))
+
+
+def shown(renderer):
+    renderer.run(show=SHOW)
+    return {name: renderer.read_back(name) for name in SHOW}
+
+
+# ------------------------------------------------------------------------------------------------ What changes
+
+BAKED = {"nodes", "triangles", "indices", "instances"}  # a mesh is taken out of the world's tree
+ALL_GEOMETRY = BAKED | {"vertices"}
+
+
+def light_moves(scene):
+    scene.lights[0].position = (-2, 2, 2)
+
+
+def light_dims(scene):
+    scene.lights[0].intensity = 5.0
+
+
+def light_comes(scene):
+    scene.lights.append(DirectionalLight((0.2, -1, -0.3), 2.0))
+
+
+def lights_go(scene):
+    scene.lights.clear()
+
+
+def factor(scene):
+    material(scene, "ball").base_color = (0.1, 0.9, 0.1, 1.0)
+    material(scene, "ball").roughness = 0.7
+
+
+def emission(scene):
+    material(scene, "lamp").emission = (1.0, 1.0, 5.0)
+
+
+def other_material(scene):
+    named(scene, "block").mesh.materials = [material(scene, "floor")]
+
+
+def one_of_two_moves(scene):
+    named(scene, "right").world_from_local = at(1.2, 1.0, 0.3, 0.6)
+
+
+def alone_moves(scene):
+    named(scene, "block").world_from_local = at(-0.5, 0.2, 0.4)
+
+
+def lamp_moves(scene):
+    named(scene, "lamp").world_from_local = at(0.6, 0.3, 0.0)
+
+
+def mirrored(scene):
+    named(scene, "block").world_from_local = at(3.0, 0, 0) @ np.diag([-1.0, 1, 1, 1])
+
+
+def far_away(scene):
+    named(scene, "block").world_from_local = at(0, 0, -40.0, 10.0)
+
+
+def instance_goes(scene):
+    scene.instances.remove(named(scene, "left"))
+
+
+def instance_comes(scene):
+    scene.instances.append(Instance(named(scene, "left").mesh, at(0, 0.3, 2, 0.3)))
+
+
+def cutoff(scene):
+    material(scene, "leaf").alpha_cutoff = 0.8
+
+
+def opaque(scene):
+    material(scene, "leaf").alpha_mode = "opaque"
+
+
+def other_texture(scene):
+    material(scene, "floor").base_color_texture = Texture(Image(pixels(5)), filter="nearest")
+
+
+def larger_texture(scene):
+    material(scene, "floor").base_color_texture = Texture(Image(pixels(5, (300, 20))))
+
+
+def rough_texture(scene):
+    material(scene, "ball").metallic_roughness_texture = Texture(Image(pixels(6)))
+
+
+def sampler(scene):
+    material(scene, "floor").base_color_texture.wrap_u = "mirror"
+    material(scene, "floor").base_color_texture.scale = (2.0, 3.0)
+
+
+def environment(scene):
+    scene.environment = Environment(image=np.random.default_rng(7).random((4, 8, 3)).astype(np.float32))
+
+
+def environment_turns(scene):
+    scene.environment.rotation = 1.0
+
+
+def environment_dims(scene):
+    scene.environment.color = (0.2, 0.3, 0.4)
+
+
+# The change, what must be sent again for it, what may be besides (probabilities are shared between lights and
+# materials), and whether the picture is then exactly that of the changed scene.
+CHANGES = [
+    (light_moves, {"lights"}, set(), True),
+    (light_dims, {"lights"}, {"materials"}, True),
+    (light_comes, {"lights"}, {"materials"}, True),
+    (lights_go, {"lights"}, {"materials"}, True),
+    (factor, {"materials"}, set(), True),
+    (emission, {"materials", "lights"}, set(), True),
+    (other_material, {"materials", "triangles"}, {"lights"}, True),
+    (one_of_two_moves, {"nodes", "instances"}, {"lights", "materials"}, False),
+    (alone_moves, BAKED, {"lights", "materials"}, False),
+    (lamp_moves, BAKED | {"lights"}, {"materials"}, False),
+    (mirrored, BAKED, {"lights", "materials"}, False),
+    (far_away, BAKED, {"lights", "materials"}, False),
+    (instance_goes, ALL_GEOMETRY, {"lights", "materials"}, True),
+    (instance_comes, ALL_GEOMETRY, {"lights", "materials"}, True),
+    (cutoff, {"materials"}, set(), True),
+    (opaque, {"materials", "triangles"}, set(), True),
+    (other_texture, {"atlas_srgb"}, {"materials"}, True),
+    (larger_texture, {"atlas_srgb", "materials"}, set(), True),
+    (rough_texture, {"atlas_linear", "materials"}, set(), True),
+    (sampler, {"materials"}, set(), True),
+    (environment, {"environment", "environment_cdf"}, {"lights", "materials"}, True),
+    (environment_turns, set(), set(), True),
+    (environment_dims, {"lights"}, {"environment", "environment_cdf", "materials"}, True),
+]
+
+
+@pytest.mark.parametrize(
+    ("change", "sent", "besides"), [c[:3] for c in CHANGES], ids=lambda c: getattr(c, "__name__", "")
+)
+def test_only_what_changed_is_sent(change, sent, besides):
+    scene, upload = everything(), SceneUpload(open_device(large_buffers=True))
+
+    def versions():
+        upload.update(scene)
+        return {name: version for name, (_, version) in upload.resources.items()}
+
+    first = versions()
+    assert versions() == first
+    change(scene)
+    second = versions()
+    changed = {name for name in second if second[name] != first.get(name)}
+    assert sent <= changed <= sent | besides
+    assert versions() == second
+
+
+@pytest.mark.parametrize(("change", "exact"), [(c[0], c[3]) for c in CHANGES], ids=lambda c: getattr(c, "__name__", ""))
+def test_picture_after_a_change_is_that_of_the_changed_scene(change, exact):
+    scene, changed = everything(), everything()
+    renderer = Renderer(scene, size=SIZE, settings=settings())
+    before = shown(renderer)
+    change(scene), change(changed)
+    after, fresh = shown(renderer), picture(changed)
+    assert any(not np.array_equal(before[name], after[name]) for name in SHOW)
+    if exact:
+        for name in SHOW:
+            assert np.allclose(after[name], fresh[name], rtol=1e-5, atol=1e-5), name
+        return
+    # In its own space an instance is hit at slightly other places; a pixel on an edge may see what is behind it.
+    for name in ("albedo", "normal", "depth", "position"):
+        off = np.abs(after[name] - fresh[name]).reshape(SIZE[0] * SIZE[1], -1).max(1) > 1e-3
+        assert off.mean() < 0.02, name
+    assert np.isclose(after["radiance"].mean(), fresh["radiance"].mean(), rtol=0.03)
+
+
+def test_camera_moves():
+    scene, changed = everything(), everything()
+    renderer = Renderer(scene, size=SIZE, settings=settings())
+    before = shown(renderer)
+    versions = {name: version for name, (_, version) in renderer._upload.resources.items()}
+    camera = Camera.look_at((3, 3, 3), (0, 0, 0), yfov_deg=70)
+    renderer.camera = changed.cameras[0] = camera
+    after, fresh = shown(renderer), picture(changed)
+    assert versions == {name: version for name, (_, version) in renderer._upload.resources.items()}
+    assert not np.array_equal(before["depth"], after["depth"])
+    for name in SHOW:
+        assert np.array_equal(after[name], fresh[name])
+
+
+def test_away_and_back():
+    """After a light, a material and a camera have changed and changed back, the frame is the first one."""
+    scene = everything()
+    renderer = Renderer(scene, size=SIZE, settings=settings())
+    first, camera = shown(renderer), renderer.camera
+    light, ball = scene.lights[0].position, material(scene, "ball").base_color
+    light_moves(scene), factor(scene)
+    renderer.camera = Camera.look_at((3, 3, 3), (0, 0, 0))
+    assert not np.array_equal(shown(renderer)["radiance"], first["radiance"])
+    scene.lights[0].position, material(scene, "ball").base_color, renderer.camera = light, ball, camera
+    material(scene, "ball").roughness = 0.3
+    back = shown(renderer)
+    for name in SHOW:
+        assert np.array_equal(back[name], first[name])
+    block = named(scene, "block")
+    here = block.world_from_local
+    shown(renderer)
+    for x in (1.0, 100.0):
+        block.world_from_local = at(x, 0, 0)
+        shown(renderer)
+    block.world_from_local = here
+    assert (np.abs(shown(renderer)["albedo"] - first["albedo"]).max(-1) > 1e-5).mean() < 0.01
+
+
+def test_another_scene_in_the_same_renderer():
+    renderer = Renderer(everything(), size=SIZE, settings=settings())
+    shown(renderer)
+    other = everything()
+    one_of_two_moves(other), environment(other), light_comes(other)
+    renderer.scene = other
+    after, fresh = shown(renderer), picture(other)
+    for name in SHOW:
+        assert np.array_equal(after[name], fresh[name])
+
+
+# ------------------------------------------------------------------------------------------------ Random numbers
+
+
+def test_a_seed_gives_one_picture():
+    first, second, other = picture(everything()), picture(everything()), picture(everything(), seed=1)
+    assert np.array_equal(first["radiance"], second["radiance"])
+    assert not np.array_equal(first["radiance"], other["radiance"])
+    assert np.isclose(first["radiance"].mean(), other["radiance"].mean(), rtol=0.15)
+    assert np.array_equal(first["albedo"], other["albedo"])
+
+
+def test_division_into_runs_does_not_matter():
+    names = ("radiance", "direct", "indirect", "emission", "standard_error")
+
+    def rendered(samples):
+        chosen = Settings(spp=16, bounces=2, path=PathSettings(samples_per_run=samples))
+        renderer = Renderer(everything(), size=SIZE, settings=chosen)
+        renderer.run(show=names)
+        return {name: renderer.read_back(name) for name in names}
+
+    whole = rendered(16)
+    for samples in (1, 7):
+        parts = rendered(samples)
+        for name in names:
+            assert np.allclose(parts[name], whole[name], rtol=1e-4, atol=1e-5 * whole["radiance"].max()), name
+
+
+def test_steps_go_on_until_all_samples_are_there():
+    chosen = Settings(spp=5, bounces=1, path=PathSettings(samples_per_run=2))
+    renderer = Renderer(everything(), size=SIZE, settings=chosen)
+    fractions = []
+    assert [renderer.step(fractions.append) for _ in range(4)] == [True, True, True, False]
+    assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(1)
+
+
+# ------------------------------------------------------------------------------------------------ The plan
+
+
+def status(renderer):
+    """What each pass did, by name."""
+    return {row.name: row.state for row in renderer._graph.plan()}
+
+
+def test_plan_tells_what_ran_and_what_was_kept():
+    scene = everything()
+    renderer = Renderer(scene, size=SIZE, settings=settings())
+    shown(renderer)
+    # The last step of `run` finds nothing to do.
+    assert set(status(renderer).values()) == {"kept"} and "kept 3" in renderer.plan()
+    light_moves(scene)
+    renderer.step(show=SHOW)
+    assert status(renderer) == {"path/trace": "ran", "path/resolve": "ran", "primary": "kept"}
+    assert "scene/lights" in renderer.plan()
+    renderer.camera = Camera.look_at((1, 1, 5), (0, 1, 0))
+    renderer.step(show=SHOW)
+    assert set(status(renderer).values()) == {"ran"} and "view" in renderer.plan()
+    renderer.step(show=("albedo",))
+    assert status(renderer)["path/trace"] == "culled" and status(renderer)["primary"] == "kept"
+
+
+# ------------------------------------------------------------------------------------------------ Odd scenes
+
+EMPTY_MESH = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+CAMERA = Camera.look_at((0, 1, 5), (0, 0, 0))
+
+
+def rendered(scene, **fields):
+    renderer = Renderer(scene, size=SIZE, camera=CAMERA, settings=Settings(spp=2, diffuse=True, **fields))
+    renderer.run(show=SHOW, check=True)
+    return {name: renderer.read_back(name) for name in SHOW}
+
+
+@pytest.mark.parametrize("instances", [[], [Instance(EMPTY_MESH)]], ids=["nothing", "no triangles"])
+def test_scenes_without_geometry(instances):
+    got = rendered(Scene(instances))
+    assert not any(values.any() for values in got.values())
+    got = rendered(Scene(instances, [PointLight((0, 1, 0))], Environment((0.25, 0.5, 1.0))))
+    assert (got["radiance"] == (0.25, 0.5, 1.0)).all() and not got["depth"].any()
+
+
+def test_geometry_that_comes_and_goes():
+    """The same renderer, from nothing to something, to an empty mesh more, and back."""
+    scene = Scene(environment=Environment((1.0, 1.0, 1.0)))
+    renderer = Renderer(scene, size=SIZE, camera=CAMERA, settings=Settings(spp=2, diffuse=True, bounces=0))
+    empty = shown(renderer)
+    scene.instances = [Instance(quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), Material(base_color=(0.5, 0.5, 0.5, 1.0))))]
+    seen = shown(renderer)
+    assert (seen["depth"] > 0).mean() > 0.05 and seen["radiance"].min() < 0.6
+    scene.instances.append(Instance(EMPTY_MESH))
+    assert np.array_equal(shown(renderer)["radiance"], seen["radiance"])
+    del scene.instances[:]
+    assert np.array_equal(shown(renderer)["radiance"], empty["radiance"])
+
+
+def test_scene_without_lights_is_black_but_seen():
+    got = rendered(Scene([Instance(quad((-1, -1, 0), (2, 0, 0), (0, 2, 0)))]))
+    assert not got["radiance"].any() and (got["depth"] > 0).any() and got["albedo"].max() == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda s: setattr(s.instances[0], "world_from_local", np.diag([1.0, 0, 1, 1])), "instance 'floor'"),
+        (lambda s: setattr(s.instances[0], "world_from_local", np.full((4, 4), np.nan)), "instance 'floor'"),
+        (lambda s: setattr(s.lights[0], "intensity", -1.0), "light 'point'"),
+        (lambda s: setattr(material(s, "ball"), "roughness", np.nan), "material 'ball'"),
+        (lambda s: setattr(s.instances[0].mesh, "materials", []), "mesh ''"),
+    ],
+)
+def test_bad_values_are_named_and_the_renderer_goes_on(change, message):
+    scene = everything()
+    with pytest.raises(GiError, match=message):
+        change(scene)
+        picture(scene)
+    renderer = Renderer(everything(), size=SIZE, settings=settings())
+    first = shown(renderer)
+    renderer.scene = scene
+    with pytest.raises(GiError, match=message):
+        shown(renderer)
+    renderer.scene = everything()
+    assert np.array_equal(shown(renderer)["radiance"], first["radiance"])
+
+
+# ------------------------------------------------------------------------------------------------ Memory
+
+
+def resident():
+    """MiB of this process in memory."""
+    try:
+        with open("/proc/self/statm") as file:
+            return int(file.read().split()[1]) * 4096 / 2**20
+    except OSError:
+        pytest.skip("no /proc to read memory from")
+
+
+@pytest.mark.parametrize("kind", ["fresh", "frames", "resized", "moved"])
+def test_many_renders_do_not_grow(kind):
+    """Thirty pictures: of new renderers, of one camera after another, of changing size, of an instance that moves."""
+    scene, chosen = everything(), settings(camera=CameraSettings(jitter=False))
+    renderer = Renderer(scene, size=SIZE, settings=chosen)
+
+    def render(k):
+        nonlocal renderer
+        if kind == "fresh":
+            renderer = Renderer(everything(), size=SIZE, settings=chosen)
+        elif kind == "frames":
+            renderer.camera = Camera.look_at((0, 1.5, 6 + 0.01 * k), (0, 1, 0))
+        elif kind == "resized":
+            renderer.size = (SIZE[0] + k % 2, SIZE[1])
+        else:
+            named(scene, "block").world_from_local = at(0, 0.01 * k, 0)
+        renderer.run(show=("radiance", "depth"))
+        renderer.read_back()
+
+    for k in range(10):
+        render(k)
+    before = resident()
+    for k in range(30):
+        render(10 + k)
+    # A leak of one small texture, buffer or command per picture would be 3 MiB and more.
+    assert resident() - before < 3

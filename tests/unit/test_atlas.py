@@ -1,0 +1,81 @@
+"""Pictures on the pages of a texture array: each in its own place, none over an edge."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wgpu_gi.errors import GiError
+from wgpu_gi.scene import atlas as atlas_module
+from wgpu_gi.scene.atlas import MAX_LAYERS, MAX_PAGE, MIN_PAGE, mean_linear_color, pack_atlas
+from wgpu_gi.scene.scene import Image
+
+
+def blank(width, height, name=""):
+    """A picture that takes no memory."""
+    return Image(np.broadcast_to(np.uint8(0), (height, width, 4)), name)
+
+
+def check(images):
+    """Pack, paint each picture's place and look for what is painted twice; return the atlas."""
+    atlas = pack_atlas(images)
+    assert atlas.page & (atlas.page - 1) == 0 and MIN_PAGE <= atlas.page <= MAX_PAGE
+    assert atlas.places.keys() == {id(i) for i in images}
+    pages = np.zeros((atlas.layers, atlas.page, atlas.page), bool)
+    for image in images:
+        height, width = image.pixels.shape[:2]
+        layer, x, y = atlas.places[id(image)]
+        assert 0 <= layer < atlas.layers and x >= 0 and y >= 0 and x + width <= atlas.page and y + height <= atlas.page
+        place = pages[layer, y : y + height, x : x + width]
+        assert not place.any()
+        place[:] = True
+    return atlas, pages
+
+
+def test_no_pictures_need_one_small_page():
+    atlas = pack_atlas([])
+    assert (atlas.page, atlas.layers, atlas.places) == (MIN_PAGE, 1, {})
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_pictures_do_not_overlap(seed):
+    rng = np.random.default_rng(seed)
+    largest = [40, 300, 700, 2000][seed % 4]
+    sizes = rng.integers(1, largest, (rng.integers(1, 60), 2))
+    atlas, pages = check([blank(*size) for size in sizes.tolist()])
+    if atlas.layers > 2:
+        assert pages.mean() > 0.3  # little is wasted
+
+
+def test_pictures_of_one_size_fill_the_pages():
+    atlas, pages = check([blank(512, 512) for _ in range(64)])
+    assert pages.all() and atlas.layers <= 16
+
+
+def test_odd_shapes():
+    check([blank(1, 1)])
+    check([blank(256, 256), blank(1, 1)])
+    check([blank(257, 1)])
+    check([blank(1000, 1), blank(1, 1000), blank(1000, 1000), blank(999, 2), blank(24, 24)])
+    atlas = pack_atlas([blank(MAX_PAGE, 1), blank(1, MAX_PAGE)])
+    assert atlas.page == MAX_PAGE
+
+
+def test_a_picture_twice_in_the_list_has_one_place():
+    image = blank(10, 10)
+    assert pack_atlas([image, image]).places.keys() == {id(image)}
+
+
+def test_too_large():
+    with pytest.raises(GiError, match=rf"image 'wall' is {MAX_PAGE + 1} pixels long; textures hold at most {MAX_PAGE}"):
+        pack_atlas([blank(4, 4), blank(2, MAX_PAGE + 1, "wall")])
+    with pytest.raises(GiError, match=rf"pages of {MAX_PAGE} x {MAX_PAGE}; {MAX_LAYERS} are possible; scale them down"):
+        pack_atlas([blank(MAX_PAGE, MAX_PAGE) for _ in range(MAX_LAYERS + 1)])
+    assert pack_atlas([blank(MAX_PAGE, MAX_PAGE) for _ in range(MAX_LAYERS)]).layers == MAX_LAYERS
+
+
+def test_mean_color_is_linear():
+    pixels = np.zeros((2, 2, 4), np.uint8)
+    pixels[0, :, 0], pixels[:, :, 1], pixels[0, 0, 2] = 255, 188, 10
+    assert mean_linear_color(Image(pixels)) == pytest.approx([0.5, 0.50289, 10 / 255 / 12.92 / 4], rel=1e-4)
+    assert atlas_module.mean_linear_color(blank(3, 3)).tolist() == [0, 0, 0]

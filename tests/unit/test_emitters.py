@@ -1,0 +1,339 @@
+"""The table of light sources: probabilities, densities that agree with them, sides, and the environment's table."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from wgpu_gi.errors import GiError
+from wgpu_gi.gpu.wgsl import load
+from wgpu_gi.scene.emitters import (
+    CDF_WIDTH,
+    KIND_ENVIRONMENT,
+    KIND_POINT,
+    KIND_SPOT,
+    KIND_SUN,
+    KIND_TRIANGLE,
+    LUMINANCE,
+    build_light_table,
+    environment_cdf,
+)
+from wgpu_gi.scene.hierarchy import Hierarchy
+from wgpu_gi.scene.scene import (
+    DirectionalLight,
+    Environment,
+    Image,
+    Instance,
+    Material,
+    Mesh,
+    PointLight,
+    Scene,
+    SpotLight,
+    Texture,
+)
+from wgpu_gi.scene.shapes import box, grid, quad, sphere
+
+SHADER = load("scene/lights.wgsl")
+DTYPES = {
+    name: SHADER.struct_dtype(struct)
+    for name, struct in {
+        "nodes": "Node",
+        "triangles": "Triangle",
+        "vertices": "Vertex",
+        "instances": "Instance",
+        "lights": "Light",
+    }.items()
+}
+
+
+def table_of(scene, hierarchy=None):
+    """Return the light table and the hierarchy it refers to."""
+    hierarchy = hierarchy or Hierarchy(DTYPES)
+    hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(scene.materials)})
+    cdf = environment_cdf(scene.environment) if scene.environment else None
+    table = build_light_table(scene, hierarchy, cdf, DTYPES["lights"])
+    check(table)
+    return table, hierarchy
+
+
+def check(table):
+    """What holds for any scene with lights."""
+    lights = table.lights
+    assert lights.dtype == DTYPES["lights"]
+    for field in lights.dtype.names:
+        assert np.isfinite(lights[field]).all()
+    if table.count == 0:
+        assert len(lights) == 1 and not table.material_pdf and table.environment_pdf == 0
+        return
+    assert len(lights) == table.count and (lights["probability"] >= 0).all()
+    assert lights["probability"].sum(dtype=np.float64) == pytest.approx(1, rel=1e-6)
+    assert np.allclose(np.cumsum(lights["probability"].astype(np.float64)), lights["cumulative"], atol=1e-6)
+    assert lights["cumulative"][-1] == 1 and (np.diff(lights["cumulative"], prepend=np.float32(0)) >= 0).all()
+    # What is drawn for a number below one has a probability: the first whose cumulative value exceeds it.
+    for choice in (0.0, 0.25, 0.5, 0.75, float(np.nextafter(np.float32(1), np.float32(0)))):
+        assert lights["probability"][np.argmax(lights["cumulative"] > choice)] > 0
+
+
+def areas(lights):
+    return np.linalg.norm(np.cross(lights["edge1"].astype(np.float64), lights["edge2"]), axis=1) / 2
+
+
+def lamp(size=1.0, x=0.0, color=(1.0, 1.0, 1.0), name="lamp", **fields):
+    """A square that shines downwards."""
+    material = Material(name, emission=color, **fields)
+    return Instance(quad((x, 3, 0), (size, 0, 0), (0, 0, size), material))
+
+
+FLOOR = Instance(grid(10.0, 2))
+
+
+def test_no_lights():
+    for scene in (Scene(), Scene([FLOOR]), Scene([FLOOR], environment=Environment())):
+        assert table_of(scene)[0].count == 0
+
+
+def test_records_have_the_shaders_layout():
+    """Seven fields of 16-byte aligned vectors; names, places and stride are those of the struct in the shader."""
+    dtype = DTYPES["lights"]
+    assert dtype.itemsize == 80
+    offsets = {name: dtype.fields[name][1] for name in dtype.names}
+    assert offsets == {
+        **{"position": 0, "kind": 12, "edge1": 16, "triangle": 28, "edge2": 32, "sides": 44, "color": 48},
+        **{"cumulative": 60, "probability": 64},
+    }
+    lights = [PointLight((1, 2, 3), 5.0, name="p"), DirectionalLight((0, -2, 0), 7.0, (1, 0.5, 0))]
+    table, hierarchy = table_of(Scene([FLOOR, lamp()], lights))
+    words = np.frombuffer(table.lights.tobytes(), np.float32).reshape(-1, 20)
+    assert len(words) == table.count == 4
+    assert words[0, :3] == pytest.approx((1, 2, 3) - hierarchy.origin)
+    assert words[1, 4:7].tolist() == [0, -1, 0] and words[1, 12:15].tolist() == [7, 3.5, 0]
+    assert words[2, 12:15].tolist() == [1, 1, 1]
+
+
+def test_punctual_lights():
+    spot = SpotLight((0, 2, 0), (3, -4, 0), 0.2, 0.5, 2.0, (0.5, 1, 2))
+    lights = [PointLight((1, 2, 3), 4.0, (1, 0, 0)), spot, DirectionalLight((0, 0, 5), 3.0)]
+    table, hierarchy = table_of(Scene([FLOOR], lights))
+    point, cone, sun = table.lights
+    assert [r["kind"] for r in table.lights] == [KIND_POINT, KIND_SPOT, KIND_SUN]
+    assert np.allclose(point["position"], (1, 2, 3) - hierarchy.origin) and np.allclose(point["color"], (4, 0, 0))
+    assert np.allclose(cone["edge1"], (0.6, -0.8, 0)) and np.allclose(cone["color"], (1, 2, 4))
+    scale, offset, _ = cone["edge2"]
+    assert scale * math.cos(0.2) + offset == pytest.approx(1, abs=1e-5)
+    assert scale * math.cos(0.5) + offset == pytest.approx(0, abs=1e-5)
+    assert np.allclose(sun["edge1"], (0, 0, 1)) and np.allclose(sun["color"], 3)
+    powers = np.array(
+        [
+            4 * LUMINANCE[0] * 4 * math.pi,
+            2 * np.dot((0.5, 1, 2), LUMINANCE) * cone_integral(0.2, 0.5),
+            3 * math.pi * hierarchy.radius**2,
+        ]
+    )
+    assert np.allclose(table.lights["probability"], 0.5 * powers / powers.sum() + 0.5 / 3, rtol=1e-4)
+
+
+def cone_integral(inner, outer):
+    """The solid angle of a spot weighted by its fall-off, sr, by adding up rings."""
+    angle = (np.arange(200_000) + 0.5) / 200_000 * outer
+    falloff = np.clip((np.cos(angle) - math.cos(outer)) / (math.cos(inner) - math.cos(outer)), 0, 1) ** 2
+    return float((falloff * np.sin(angle)).sum()) * 2 * math.pi * outer / 200_000
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 0), (math.nan, 0, 1), (math.inf, 0, 0), (1, 0)])
+@pytest.mark.parametrize(
+    "kind", [lambda d: DirectionalLight(d, name="sun"), lambda d: SpotLight((0, 0, 0), d, name="sun")]
+)
+def test_light_without_direction(kind, direction):
+    with pytest.raises(GiError, match=r"^light 'sun': its direction must be three finite numbers"):
+        table_of(Scene([FLOOR], [kind(direction)]))
+
+
+def test_dark_lights_take_no_probability():
+    dark = [PointLight((0, 1, 0), 0.0), PointLight((0, 1, 0), 1.0, (0, 0, 0)), SpotLight((0, 1, 0), (0, -1, 0), 0, 0)]
+    black = Texture(Image(np.zeros((2, 2, 4), np.uint8)))
+    hidden = lamp(name="black", emission_texture=black)
+    unlit = lamp(name="unlit", unlit=True)
+    nothing = Instance(
+        Mesh(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32), [Material(emission=(1, 1, 1))])
+    )
+    scene = Scene([FLOOR, hidden, unlit, nothing, lamp(color=(0.0, 0.0, 0.0))], dark)
+    assert table_of(scene)[0].count == 0
+    scene.lights.append(PointLight((0, 1, 0), 1.0))
+    table, _ = table_of(scene)
+    assert table.count == 1 and table.lights["probability"][0] == 1 and not table.material_pdf
+
+
+def test_triangles_without_area_are_never_drawn():
+    mesh = box((0, 0, 0), (1, 1, 1), Material(emission=(1, 1, 1)))
+    mesh.triangles = np.concatenate([[[0, 0, 1]], mesh.triangles, [[2, 2, 2], [0, 1, 1]]]).astype(np.uint32)
+    table, _ = table_of(Scene([Instance(mesh)]))
+    assert table.count == 15
+    assert np.array_equal(table.lights["probability"] > 0, areas(table.lights) > 0)
+
+
+def test_density_on_a_material_is_probability_over_area():
+    """The shader divides by either: a hit knows the material, a light sample the triangle."""
+    rng = np.random.default_rng(0)
+    spotted = Texture(Image(rng.integers(0, 256, (5, 7, 4)).astype(np.uint8)))
+    shared = lamp(2.0, color=(3.0, 1.0, 0.1), name="shared", double_sided=True)
+    instances = [
+        *[
+            FLOOR,
+            lamp(1.0, 2.0, name="small"),
+            shared,
+            lamp(0.5, 4.0, (0.0, 0.0, 9.0), "pictured", emission_texture=spotted),
+        ],
+        Instance(sphere(subdivisions=1, material=shared.mesh.materials[0])),
+        Instance(shared.mesh, np.diag([2.0, 1.0, 3.0, 1.0])),
+    ]
+    scene = Scene(instances, [PointLight((0, 2, 0), 10.0)], Environment(image=np.ones((4, 8, 3), np.float32)))
+    table, hierarchy = table_of(scene)
+    emitters = table.lights[table.lights["kind"] == KIND_TRIANGLE]
+    assert len(emitters) == 2 + 2 + 2 + 80 + 2 and len(table.material_pdf) == 3
+    for number, material in enumerate(scene.materials):
+        mine = emitters[hierarchy.triangles["material"][emitters["triangle"]] == number]
+        density = mine["probability"] / np.maximum(areas(mine), 1e-30)
+        assert np.allclose(density, table.material_pdf.get(id(material), 0.0), rtol=1e-5)
+    assert table.lights["kind"][-1] == KIND_ENVIRONMENT
+    assert table.environment_pdf == pytest.approx(table.lights["probability"][-1])
+
+
+def test_pictured_emitters_go_by_their_mean():
+    half = np.zeros((4, 4, 4), np.uint8)
+    half[:2] = 255
+    plain = lamp(1.0, 0.0, (1.0, 1.0, 1.0), "plain")
+    pictured = lamp(1.0, 2.0, (2.0, 2.0, 2.0), "pictured", emission_texture=Texture(Image(half)))
+    table, _ = table_of(Scene([plain, pictured]))
+    assert np.allclose(table.lights["probability"], 0.25)
+
+
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_shining_side(times, mirrored):
+    """A lamp shines to where its normal goes with the normal matrix, baked or entered, mirrored or not."""
+    matrix = np.diag([-1.0 if mirrored else 1.0, 1, 2, 1])
+    one = lamp()
+    instances = [Instance(one.mesh, matrix) for _ in range(times)]
+    table, hierarchy = table_of(Scene([FLOOR, *instances]))
+    assert (hierarchy.placement(one.mesh).baked is None) == (times == 2)
+    normal = np.cross((1, 0, 0), (0, 0, 1)) @ np.linalg.inv(matrix[:3, :3])
+    for record in table.lights:
+        side = np.cross(record["edge1"], record["edge2"]) * {1: 1, 2: -1}[int(record["sides"])]
+        assert side @ normal > 0
+        # Points by barycentric weights are where the hierarchy has them, so that textures agree.
+        triangle = hierarchy.triangles[record["triangle"]]
+        m = np.eye(4)
+        if triangle["instance"] == 0xFFFFFFFF:
+            m[:3] = hierarchy.instances[1]["world_from_local"][:, :3].T
+        for field in ("edge1", "edge2"):
+            assert np.allclose(m[:3, :3] @ triangle[field], record[field], atol=1e-6)
+        assert np.allclose(m[:3, :3] @ triangle["v0"] + m[:3, 3], record["position"], atol=1e-6)
+    two_sided, _ = table_of(Scene([Instance(lamp(double_sided=True).mesh, matrix)]))
+    assert (two_sided.lights["sides"] == 3).all()
+
+
+def test_both_sides_count_as_twice_the_power():
+    table, _ = table_of(Scene([lamp(1.0, 0.0), lamp(1.0, 3.0, double_sided=True)]))
+    share = table.lights["probability"].reshape(2, 2).sum(1)
+    assert np.allclose(share, [0.25 + 0.5 / 3, 0.25 + 1 / 3])
+
+
+def test_a_lamp_beside_a_huge_sun_keeps_its_share():
+    sun = DirectionalLight((0, -1, 0), 1e12)
+    table, _ = table_of(Scene([FLOOR, lamp(0.01, color=(1e-6, 1e-6, 1e-6))], [sun]))
+    assert table.lights["probability"][0] == pytest.approx(0.75)
+    assert table.lights["probability"][1:].sum() == pytest.approx(0.25)
+    many = Scene([FLOOR, *(lamp(0.01, k / 9, (1.0, 1.0, 1.0), str(k)) for k in range(9))], [sun])
+    table, _ = table_of(many)
+    assert (table.lights["probability"][1:] >= 0.999 * 0.5 / 10 / 2).all()
+
+
+def test_lights_follow_their_instance():
+    one = lamp()
+    scene = Scene([FLOOR, one])
+    table, hierarchy = table_of(scene)
+    one.world_from_local = np.diag([2.0, 1, 1, 1])
+    one.world_from_local[0, 3] = 5
+    moved, _ = table_of(scene, hierarchy)
+    assert np.allclose(areas(moved.lights), 2 * areas(table.lights))
+    assert np.allclose(
+        moved.lights["position"] + hierarchy.origin, table.lights["position"] * (2, 1, 1) + hierarchy.origin + (5, 0, 0)
+    )
+
+
+# ------------------------------------------------------------------------------------------------ Environment
+
+
+def density(cdf):
+    """The probability of each entry of a table, (rows, columns)."""
+    rows = np.diff(cdf[:, -1].astype(np.float64), prepend=0)
+    return rows[:, None] * np.diff(cdf[:, :-1].astype(np.float64), axis=1, prepend=0)
+
+
+def sample_picture(luminance, u, v):
+    """The picture as wgsl/scene/lights.wgsl looks it up: bilinear, round in u, clamped in v."""
+    h, w = luminance.shape
+    x, y = u * w - 0.5, v * h - 0.5
+    x0, y0 = np.floor(x).astype(int), np.floor(y).astype(int)
+    fx, fy = x - x0, y - y0
+    rows = np.clip([y0, y0 + 1], 0, h - 1)
+    columns = np.array([x0, x0 + 1]) % w
+    top = luminance[rows[0], columns[0]] * (1 - fx) + luminance[rows[0], columns[1]] * fx
+    bottom = luminance[rows[1], columns[0]] * (1 - fx) + luminance[rows[1], columns[1]] * fx
+    return top * (1 - fy) + bottom * fy
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (16, 32), (5, 700), (60, CDF_WIDTH + 1), (600, 16)])
+def test_environment_table_is_proportional_to_what_is_seen(shape):
+    rng = np.random.default_rng(0)
+    image = rng.random((*shape, 3)).astype(np.float32) ** 4
+    cdf = environment_cdf(Environment((2.0, 0.5, 1.0), image))
+    rows, columns = min(shape[0], CDF_WIDTH), min(shape[1], CDF_WIDTH)
+    assert cdf.dtype == np.float32 and cdf.shape == (rows, columns + 1)
+    assert (cdf[:, -2] == 1).all() and cdf[-1, -1] == 1
+    assert (np.diff(cdf[:, :-1], axis=1) >= 0).all() and (np.diff(cdf[:, -1]) >= 0).all()
+    probability = density(cdf)
+    assert probability.sum() == pytest.approx(1)
+    # The mean of the picture over each entry, at so many points that bilinear pixels are integrated well.
+    luminance = image @ (LUMINANCE * (2.0, 0.5, 1.0))
+    n = 12
+    v, u = np.meshgrid(
+        (np.arange(rows * n) + 0.5) / (rows * n), (np.arange(columns * n) + 0.5) / (columns * n), indexing="ij"
+    )
+    seen = sample_picture(luminance, u, v).reshape(rows, n, columns, n).mean((1, 3))
+    sine = np.sin((np.arange(rows) + 0.5) / rows * math.pi)[:, None] * np.ones(columns)
+    expected = 0.99 * seen * sine / (seen * sine).sum() + 0.01 * sine / sine.sum()
+    assert np.abs(probability - expected).max() < 0.02 * expected.max()
+    assert np.abs(probability / expected - 1).mean() < 0.01
+
+
+def test_a_sun_of_one_pixel_is_drawn_wherever_its_light_is_seen():
+    """Bilinear lookup spreads it over its neighbours: no place may shine much more than its density says."""
+    image = np.full((32, 64, 3), 0.1, np.float32)
+    image[10, 0] = 1e5
+    cdf = environment_cdf(Environment(image=image))
+    v, u = np.meshgrid((np.arange(320) + 0.5) / 320, (np.arange(640) + 0.5) / 640, indexing="ij")
+    seen = sample_picture(image.astype(np.float64) @ LUMINANCE, u, v)
+    sine = np.sin(v * math.pi)
+    ratio = seen * sine / (seen * sine).mean() / np.repeat(np.repeat(density(cdf), 10, 0), 10, 1) / density(cdf).size
+    assert ratio.max() < 20  # 16 at the corners, where a quarter of it reaches into cells that have a 64th
+
+
+def test_black_environment_picture():
+    """It lights nothing, so light samples leave it alone, be it the only light or not."""
+    scene = Scene([FLOOR], environment=Environment(image=np.zeros((4, 8, 3), np.float32)))
+    assert table_of(scene)[0].count == 0
+    scene.lights.append(PointLight((0, 1, 0)))
+    table, _ = table_of(scene)
+    assert table.count == 1 and table.environment_pdf == 0
+    assert environment_cdf(Environment()) is None
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
+def test_environment_of_bad_pixels(value):
+    image = np.ones((4, 8, 3), np.float32)
+    image[2, 3, 1] = value
+    with pytest.raises(GiError, match="environment 'sky': its pixels must be finite and not negative"):
+        environment_cdf(Environment(image=image, name="sky"))
