@@ -42,9 +42,11 @@ def degenerate():
 
 
 def bad_attributes():
-    """Normals, tangents and texture coordinates that say nothing, opposite normals, a normal map without a direction."""
+    """Normals, tangents and texture coordinates that say nothing; a normal map without a direction."""
     grey = Texture(Image(np.full((2, 2, 4), 128, np.uint8)))
-    mesh = quad((-1, 0.2, 1), (2, 0, 0), (0, 0, -2), Material(normal_texture=grey, base_color_texture=grey, roughness=0.2))
+    mesh = quad(
+        (-1, 0.2, 1), (2, 0, 0), (0, 0, -2), Material(normal_texture=grey, base_color_texture=grey, roughness=0.2)
+    )
     mesh.normals = np.array([(0, 1, 0), (0, -1, 0), (0, 1, 0), (1e-30, 0, 0)], np.float32)
     mesh.tangents = np.array([(0, 1, 0, 1), (0, 0, 0, 1), (1e-30, 0, 0, -1), (0, -1, 0, 0)], np.float32)
     mesh.texcoords0 = np.array([(0, 0), (0, 0), (1e30, -1e30), (5e9, 3)], np.float32)

@@ -96,4 +96,3 @@ class Evaluator:
         if returns != "u32":
             result = result.view(np.float32)
         return result if width == 1 else result.reshape(n, width)
-

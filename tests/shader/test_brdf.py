@@ -78,8 +78,10 @@ def test_reciprocity(evaluate):
     a, b = hemisphere(3000, 3), hemisphere(3000, 4)
     for metallic, roughness in ((0.0, 0.2), (0.5, 0.6), (1.0, 0.05), (1.0, 1.0)):
         material = brdf((0.9, 0.5, 0.1), metallic, roughness)
-        there, back = (evaluate(BRDF, f"evaluate_brdf({material}, {x}(i), {y}(i))", "vec4f", a=a, b=b)[:, :3]
-                       for x, y in (("a", "b"), ("b", "a")))
+        there, back = (
+            evaluate(BRDF, f"evaluate_brdf({material}, {x}(i), {y}(i))", "vec4f", a=a, b=b)[:, :3]
+            for x, y in (("a", "b"), ("b", "a"))
+        )
         assert np.allclose(there, back, rtol=1e-4, atol=1e-7)
 
 
@@ -98,8 +100,13 @@ def test_values_are_finite_at_the_horizon(evaluate):
     w_i = np.tile(w_o[::5], (5, 1)) * [-1, 1, 1]
     for roughness in (0.0, 0.5, 1.0):
         for sign in (1, -1):
-            got = evaluate(BRDF, f"evaluate_brdf({brdf((1, 1, 1), 1, roughness)}, w_o(i), w_i(i))", "vec4f",
-                           w_o=w_o, w_i=w_i * [sign, 1, 1])
+            got = evaluate(
+                BRDF,
+                f"evaluate_brdf({brdf((1, 1, 1), 1, roughness)}, w_o(i), w_i(i))",
+                "vec4f",
+                w_o=w_o,
+                w_i=w_i * [sign, 1, 1],
+            )
             assert np.isfinite(got).all() and (got >= 0).all()
 
 
@@ -185,8 +192,10 @@ def test_weight_is_f_cos_over_pdf(evaluate, roughness):
     for metallic in METALLIC:
         for cosine in COSINES:
             material, w_o = brdf((0.9, 0.5, 0.05), metallic, roughness), vector(view(cosine))
-            a, b = (evaluate(BRDF, f"{f}({material}, {w_o}, u(i))", "vec4f", functions=SAMPLE, u=u)
-                    for f in ("weighed", "reweighed"))
+            a, b = (
+                evaluate(BRDF, f"{f}({material}, {w_o}, u(i))", "vec4f", functions=SAMPLE, u=u)
+                for f in ("weighed", "reweighed")
+            )
             assert np.allclose(a, b, rtol=1e-4, atol=1e-6) and np.isfinite(a).all() and (a >= 0).all()
             assert a[:, :3].max() <= 8
 

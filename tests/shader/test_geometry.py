@@ -152,9 +152,9 @@ def test_rays_traced_together_do_not_disturb_each_other(evaluate, name):
     """Two shadow rays up to their limits, then an unrelated ray, any of them absent, in one traversal."""
     scene = scenes()[name]
     rng = np.random.default_rng(4)
-    sets = [rays(scene, 6_000, seed) for seed in (2, 3, 5)]
-    limits = [np.where(rng.random(6_000) < 0.3, 0.0, 10 ** rng.uniform(-1, 1.5, 6_000)) for _ in range(2)]
-    limits.append(np.where(rng.random(6_000) < 0.1, 0.0, FAR))
+    sets = [rays(scene, 3_000, seed) for seed in (2, 3, 5)]
+    limits = [np.where(rng.random(3_000) < 0.3, 0.0, 10 ** rng.uniform(-1, 1.5, 3_000)) for _ in range(2)]
+    limits.append(np.where(rng.random(3_000) < 0.1, 0.0, FAR))
     given = {}
     for suffix, (origins, directions), limit in zip(("_a", "_b", ""), sets, limits, strict=True):
         given |= {"origins" + suffix: relative(scene, origins), "directions" + suffix: directions}

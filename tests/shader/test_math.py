@@ -39,8 +39,8 @@ def test_octahedral_codes(evaluate):
 
 def test_octahedral_code_of_axes_is_exact(evaluate):
     axes = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
-    code = octahedral_encode(axes)
-    assert np.allclose(evaluate(MATH, "octahedral_decode(unpack2x16snorm(code(i)))", "vec3f", code=code), axes, atol=1e-6)
+    got = evaluate(MATH, "octahedral_decode(unpack2x16snorm(code(i)))", "vec3f", code=octahedral_encode(axes))
+    assert np.allclose(got, axes, atol=1e-6)
 
 
 def test_frame_from_normal(evaluate):
@@ -55,7 +55,6 @@ def test_frame_from_normal(evaluate):
 
 
 def test_normalize_or(evaluate):
-    fallback = np.array([0.0, 0.6, 0.8], np.float32)
     rng = np.random.default_rng(0)
     # Denormal numbers may be zero to a GPU; 1e-37 is normal.
     v = rng.normal(size=(2000, 3)) * 10 ** rng.uniform(-36, 37.5, (2000, 1))
@@ -64,7 +63,6 @@ def test_normalize_or(evaluate):
     got = evaluate(MATH, "normalize_or(v(i), vec3f(0.0, 0.6, 0.8))", "vec3f", v=v)
     assert np.allclose(got, expected, atol=1e-6)
     assert np.allclose(np.linalg.norm(got, axis=1), 1, atol=1e-6)
-    assert fallback[1] == np.float32(0.6)
 
 
 def test_normalize_or_without_direction(evaluate):

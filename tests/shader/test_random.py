@@ -66,7 +66,8 @@ def sobol_2d(index, seed):
 
 
 def test_hash(evaluate):
-    values = np.concatenate([np.arange(1000), np.random.default_rng(0).integers(0, 2**32, 1000), [U32]]).astype(np.uint32)
+    random = np.random.default_rng(0).integers(0, 2**32, 1000)
+    values = np.concatenate([np.arange(1000), random, [U32]]).astype(np.uint32)
     got = evaluate(RANDOM, "hash(value(i))", "u32", value=values)
     assert got.tolist() == [hash_(int(v)) for v in values]
     pairs = evaluate(RANDOM, "hash2(value(i), 7u + i)", "u32", value=values)

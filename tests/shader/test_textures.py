@@ -136,4 +136,5 @@ def test_one_pixel_picture(evaluate):
     for wrap in ("repeat", "clamp", "mirror"):
         call = f"sample_texture(1u, {METALLIC_ROUGHNESS}u, uv(i), vec2f(0.0))"
         scene = scene_with(Texture(Image(pixels), wrap, wrap))
-        assert np.allclose(evaluate(MATERIALS, call, "vec4f", scene=scene, uv=coordinates(50)), pixels[0] / 255, atol=1e-6)
+        got = evaluate(MATERIALS, call, "vec4f", scene=scene, uv=coordinates(50))
+        assert np.allclose(got, pixels[0] / 255, atol=1e-6)

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from wgpu_gi.scene.bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, MAX_DEPTH, build_bvh, refit
+from wgpu_gi.scene.bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, MAX_DEPTH, build_bvh, build_forest, refit
 
 SIZES = [1, 2, 5, 33, 400]
 
@@ -222,6 +222,22 @@ def test_same_input_same_tree():
     low, high = boxes(soup(500))
     first, second = build_bvh(low, high), build_bvh(low.astype(np.float64), high)
     assert first.nodes.tobytes() == second.nodes.tobytes() and np.array_equal(first.order, second.order)
+
+
+def test_a_forest_is_the_trees_built_one_by_one():
+    corners = [SOUPS[kind](count) for count in (5, 1, 120, 2) for kind in SOUPS]
+    low, high = boxes(np.concatenate(corners))
+    forest = build_forest(low, high, [len(c) for c in corners])
+    for bvh, each in zip(forest, corners, strict=True):
+        low, high = boxes(each)
+        leaves, depth = walk(bvh, bvh.nodes, low[bvh.order], high[bvh.order])
+        assert sorted(bvh.order) == list(range(len(each))) and bvh.depth == depth
+        assert sorted(slot for leaf in leaves for slot in leaf) == list(range(len(each)))
+        assert np.array_equal(refit(bvh, low[bvh.order], high[bvh.order]), bvh.nodes)
+    same = [build_bvh(*boxes(c)) for c in (corners[0], corners[0])]
+    twice = build_forest(*boxes(np.concatenate([corners[0], corners[0]])), [5, 5])
+    for one, other in zip(same, twice, strict=True):
+        assert one.nodes.tobytes() == other.nodes.tobytes() and np.array_equal(one.order, other.order)
 
 
 @pytest.mark.slow

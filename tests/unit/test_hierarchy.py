@@ -11,7 +11,7 @@ from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.wgsl import load
 from wgpu_gi.scene import hierarchy as hierarchy_module
 from wgpu_gi.scene.hierarchy import INSTANCE_FLAG, NONE, Hierarchy
-from wgpu_gi.scene.mesh_data import COLORED, HAS_TANGENTS, MASKED, SMOOTH, octahedral_encode, prepare_mesh
+from wgpu_gi.scene.mesh_data import COLORED, HAS_TANGENTS, MASKED, SMOOTH, octahedral_encode, prepare_meshes
 from wgpu_gi.scene.node_grid import NodeGrid
 from wgpu_gi.scene.scene import Instance, Material, Mesh
 from wgpu_gi.scene.shapes import box, quad, sphere
@@ -352,7 +352,7 @@ def test_vertex_attributes_and_flags(dtypes):
     mesh.tangents[mesh.triangles[5, 2]] = 0
     mesh.colors = rng.random((count, 4)).astype(np.float32)
     mesh.texcoords0, mesh.texcoords1 = rng.normal(size=(2, count, 2)).astype(np.float32)
-    data = prepare_mesh(mesh, dtypes["vertices"])
+    (data,) = prepare_meshes([mesh], dtypes["vertices"])
     triangles = mesh.triangles[data.bvh.order]
     flat = (triangles == mesh.triangles[0, 0]).any(1)
     bare = (triangles == mesh.triangles[5, 2]).any(1)
@@ -381,7 +381,7 @@ def test_vertex_attributes_and_flags(dtypes):
     assert np.abs(unorm - mesh.colors).max() < 1e-5
     assert np.array_equal(data.vertices["texcoord0"], mesh.texcoords0)
     assert np.array_equal(data.vertices["texcoord1"], mesh.texcoords1)
-    plain = prepare_mesh(box((0, 0, 0), (1, 1, 1)), dtypes["vertices"])
+    (plain,) = prepare_meshes([box((0, 0, 0), (1, 1, 1))], dtypes["vertices"])
     assert not plain.flags.any() and (plain.vertices["color"] == 0xFFFFFFFF).all()
 
 

@@ -19,7 +19,7 @@ COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 UNIFORM = re.compile(r"var<uniform>\s*(\w+)")
 LET = re.compile(r"\blet\s+(\w+)\s*(?::[^=]*)?=([^;]*);")
 # A name with its members, not a function, type or member of something else.
-NAME = re.compile(r"(?<![\w.])([A-Za-z_]\w*)\b(?!\s*[\w(<])")
+NAME = re.compile(r"(?<![\w.])([A-Za-z_]\w*)\b(?!\s*[\w(]|<)")
 
 
 def balanced(text, start):
@@ -85,6 +85,7 @@ def test_branches_do_not_depend_on_uniforms_alone(file):
         ("if view.jitter != 0u {", ["view.jitter != 0u"]),
         ("if (min(view.size.x, LIMIT) > 3u) {", ["min(view.size.x, LIMIT) > 3u"]),
         ("if (any(id.xy >= view.size)) {", []),
+        ("if (depth < view.count || x > f(view.size)) {", []),
         ("if (depth > 1u && view.on == 0u) {", ["view.on == 0u"]),
         ("if ((depth > 1u) & (view.on == 0u)) {", []),
         ("let on = view.on > 0u; if (on) {", ["on"]),

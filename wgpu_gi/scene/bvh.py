@@ -6,6 +6,7 @@ every step is an array operation over all nodes of a level.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,17 +64,26 @@ def build_bvh(
 
     Leaves hold at most `max_leaf` <= 8 items; no way down passes more than `max_depth` inner nodes.
     """
-    n = len(low)
-    items = _Items(
-        np.arange(n), [*np.ascontiguousarray(low.T, np.float32)], [*np.ascontiguousarray(high.T, np.float32)]
-    )
-    order = np.zeros(n, np.int64)
-    start, count = np.array([0]), np.array([n])
+    return build_forest(low, high, [len(low)], max_leaf, max_depth)[0]
+
+
+def build_forest(
+    low: NDArray[np.float32],
+    high: NDArray[np.float32],
+    counts: Sequence[int],
+    max_leaf: int = MAX_LEAF,
+    max_depth: int = MAX_DEPTH,
+) -> list[Bvh]:
+    """Build a hierarchy over each run of so many boxes, as `build_bvh` would; many small ones take the time of one."""
+    items = _Items(np.arange(len(low)), *([*np.ascontiguousarray(c.T, np.float32)] for c in (low, high)))
+    order = np.zeros(len(low), np.int64)
+    count = np.array(counts)
+    start, tree = np.cumsum(count) - count, np.arange(len(count))
     levels: list[_Level] = []
     while len(start):
         # Halving by count brings so many items into leaves of one within the depth that is left for the children.
         room = 2 ** max(max_depth - len(levels) - 1, 0)
-        level = _split_level(items, start, count, max_leaf, room)
+        level = _split_level(items, _Nodes(tree, start, count), max_leaf, room)
         levels.append(level)
         # The items of leaves have found their slots; those of inner nodes go on, still grouped by node.
         done = np.repeat(level.leaf, count)
@@ -83,8 +93,8 @@ def build_bvh(
         inner, left = ~level.leaf, level.left_count[~level.leaf]
         start = np.stack([start[inner], start[inner] + left], 1).ravel()
         count = np.stack([left, count[inner] - left], 1).ravel()
-    nodes, firsts = _pack(levels)
-    return Bvh(nodes, order, firsts)
+        tree = np.repeat(tree[inner], 2)
+    return _pack(levels, order)
 
 
 def refit(bvh: Bvh, low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.void]:
@@ -121,23 +131,31 @@ class _Items:
 
 
 @dataclass
-class _Level:
-    """The nodes of one level; `left_count` of an inner node goes to its first child."""
+class _Nodes:
+    """The nodes of one level, tree by tree: which tree, the first of their items' slots, and how many."""
 
-    low: NDArray[np.float32]
-    high: NDArray[np.float32]
+    tree: NDArray[np.int64]
     start: NDArray[np.int64]
     count: NDArray[np.int64]
+
+
+@dataclass
+class _Level:
+    """The nodes of one level with their boxes; `left_count` of an inner node goes to its first child."""
+
+    nodes: _Nodes
+    low: NDArray[np.float32]
+    high: NDArray[np.float32]
     leaf: NDArray[np.bool_]
     left_count: NDArray[np.int64]
 
 
-def _split_level(items: _Items, start: NDArray, count: NDArray, max_leaf: int, room: int) -> _Level:
+def _split_level(items: _Items, level: _Nodes, max_leaf: int, room: int) -> _Level:
     """Decide for every node of one level whether it is a leaf; group the items of the others by child, in place.
 
     A child may hold at most `room` items.
     """
-    nodes = len(count)
+    count, nodes = level.count, len(level.count)
     first = np.cumsum(count) - count
     node_of = np.repeat(np.arange(nodes), count)
     node_low = np.stack([np.minimum.reduceat(c, first) for c in items.low], 1)
@@ -174,7 +192,7 @@ def _split_level(items: _Items, start: NDArray, count: NDArray, max_leaf: int, r
     source[place] = np.arange(len(place))
     moved = items.take(source)
     items.index, items.low, items.high = moved.index, moved.low, moved.high
-    return _Level(node_low, node_high, start, count, leaf, left_count)
+    return _Level(level, node_low, node_high, leaf, left_count)
 
 
 def _bin(
@@ -233,18 +251,36 @@ def _half_area(size: NDArray[np.float32]) -> NDArray[np.float64]:
     return x * y + y * z + z * x
 
 
-def _pack(levels: list[_Level]) -> tuple[NDArray[np.void], list[int]]:
-    """Turn the levels into inner nodes that hold the boxes of their two children, and the first node of each level."""
-    inner_counts = [int((~level.leaf).sum()) for level in levels[:-1]]
-    firsts = [0, *np.cumsum(inner_counts).tolist()]
-    nodes = np.zeros(firsts[-1], NODE_DTYPE)
-    for level, first, last in zip(levels[1:], firsts[:-1], firsts[1:], strict=True):
-        # Inner nodes are numbered level by level; a child's number counts the inner nodes before it in its level.
-        reference = last + np.cumsum(~level.leaf) - 1
-        leaves = int(LEAF_FLAG) | (level.count - 1) << LEAF_COUNT_SHIFT | level.start
-        child = np.where(level.leaf, leaves, reference).astype(np.uint32)
+def _pack(levels: list[_Level], order: NDArray[np.int64]) -> list[Bvh]:
+    """Turn the levels of all trees into inner nodes of each, which hold the boxes of their two children."""
+    roots = levels[0].nodes
+    inner_trees = [level.nodes.tree[~level.leaf] for level in levels]
+    tree = np.concatenate(inner_trees)
+    # Number the nodes tree by tree, breadth-first in each.
+    sequence = np.argsort(tree, kind="stable")
+    count = np.bincount(tree, minlength=len(roots.count))
+    first = np.cumsum(count) - count
+    number = np.empty(len(tree), np.int64)
+    number[sequence] = np.arange(len(tree))
+    number -= first[tree]
+
+    # Boxes and references of the children, at first level by level.
+    nodes = np.zeros(len(tree), NODE_DTYPE)
+    level_ends = np.cumsum([len(t) for t in inner_trees]).tolist()
+    for level, begin, end, next_end in zip(levels[1:], [0, *level_ends], level_ends, level_ends[1:], strict=False):
+        leaf_start = level.nodes.start - roots.start[level.nodes.tree]
+        child = int(LEAF_FLAG) | (level.nodes.count - 1) << LEAF_COUNT_SHIFT | leaf_start
+        child[~level.leaf] = number[end:next_end]
         for k in (0, 1):
-            nodes[f"low{k}"][first:last] = level.low[k::2]
-            nodes[f"high{k}"][first:last] = level.high[k::2]
-            nodes[f"child{k}"][first:last] = child[k::2]
-    return nodes, firsts
+            nodes[f"low{k}"][begin:end] = level.low[k::2]
+            nodes[f"high{k}"][begin:end] = level.high[k::2]
+            nodes[f"child{k}"][begin:end] = child[k::2]
+    nodes = nodes[sequence]
+
+    on_level = np.stack([np.bincount(t, minlength=len(roots.count)) for t in inner_trees], 1)
+    trees = []
+    for t in range(len(roots.count)):
+        ends = np.cumsum(on_level[t][on_level[t] > 0]).tolist()
+        slots = slice(roots.start[t], roots.start[t] + roots.count[t])
+        trees.append(Bvh(nodes[first[t] : first[t] + count[t]], order[slots] - roots.start[t], [0, *ends]))
+    return trees

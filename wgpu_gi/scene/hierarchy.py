@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, build_bvh, refit
-from .mesh_data import MASKED, MeshData, prepare_mesh
+from .mesh_data import MASKED, MeshData, prepare_meshes
 from .node_grid import NodeGrid
 from .scene import Instance, Mesh
 
@@ -85,9 +85,9 @@ class Hierarchy:
         layout = ([id(m) for m in meshes], [(id(i), id(i.mesh)) for i in instances])
         matrices = np.array([i.world_from_local for i in instances], np.float64).reshape(-1, 4, 4)
         if layout != self._layout:
-            self._prepared = {
-                id(m): self._prepared.get(id(m)) or prepare_mesh(m, self.dtypes["vertices"]) for m in meshes
-            }
+            new = [m for m in meshes if id(m) not in self._prepared]
+            prepared = {id(d.mesh): d for d in prepare_meshes(new, self.dtypes["vertices"])} | self._prepared
+            self._prepared = {id(m): prepared[id(m)] for m in meshes}
         if layout != self._layout or not np.array_equal(matrices, self._matrices):
             boxes = self._world_boxes(instances, matrices)
             bounds = np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]) if len(boxes) else np.zeros((2, 3))

@@ -6,14 +6,16 @@ Built once per mesh and kept while the mesh is in use; instances only place it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import GiError
-from .bvh import Bvh, build_bvh
+from .bvh import Bvh, build_forest
 from .scene import Mesh
 
+BATCH = 1 << 17  # triangles whose hierarchies are built together; more would not be faster, but take more memory
 SMOOTH, COLORED, MASKED, HAS_TANGENTS = 1, 2, 4, 8  # triangle flags, as wgsl/scene/geometry.wgsl
 
 
@@ -31,15 +33,27 @@ class MeshData:
     bounds: NDArray[np.float32]  # (2, 3)
 
 
-def prepare_mesh(mesh: Mesh, vertex_dtype: np.dtype) -> MeshData:
-    """Build the hierarchy of a mesh of at least one triangle and put its arrays in leaf order.
+def prepare_meshes(meshes: list[Mesh], vertex_dtype: np.dtype) -> list[MeshData]:
+    """Build the hierarchies of meshes of at least one triangle each and put their arrays in leaf order.
 
     Raises GiError for arrays that do not fit together and positions that are not finite.
     """
-    _check(mesh)
+    for mesh in meshes:
+        _check(mesh)
+    prepared = []
+    batches = np.cumsum([len(mesh.triangles) for mesh in meshes]) // BATCH
+    for _, batch in groupby(zip(batches.tolist(), meshes, strict=True), lambda pair: pair[0]):
+        together = [mesh for _, mesh in batch]
+        corners = [np.asarray(mesh.positions, np.float32)[np.asarray(mesh.triangles)] for mesh in together]
+        low = np.concatenate([c.min(1) for c in corners])
+        high = np.concatenate([c.max(1) for c in corners])
+        trees = build_forest(low, high, [len(c) for c in corners])
+        prepared += [_in_leaf_order(*each, vertex_dtype) for each in zip(together, corners, trees, strict=True)]
+    return prepared
+
+
+def _in_leaf_order(mesh: Mesh, corners: NDArray[np.float32], bvh: Bvh, vertex_dtype: np.dtype) -> MeshData:
     triangles = np.asarray(mesh.triangles, np.int64)
-    corners = np.asarray(mesh.positions, np.float32)[triangles]
-    bvh = build_bvh(corners.min(1), corners.max(1))
     triangles, corners = triangles[bvh.order], np.ascontiguousarray(corners[bvh.order])
     material = np.zeros(len(triangles), np.uint32)
     if mesh.material_of_triangle is not None:

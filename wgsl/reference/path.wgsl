@@ -93,16 +93,14 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
     let count = min(params.samples, params.spp - min(done, params.spp));
     let pixel_seed = hash2(pixel.x, hash2(pixel.y, params.seed));
 
-    var old_emission = vec4f(0.0);
-    var old_direct = vec3f(0.0);
-    var old_indirect = vec3f(0.0);
-    var old_deviation = vec3f(0.0);
-    if (params.settle_index > 0u) {
-        old_emission = emission[pixel_index];
-        old_direct = direct[pixel_index].rgb;
-        old_indirect = indirect[pixel_index].rgb;
-        old_deviation = deviation[pixel_index].rgb;
-    }
+    let continues = params.settle_index > 0u;
+    let old_emission = select(vec4f(0.0), emission[pixel_index], continues);
+    let old_direct = select(vec3f(0.0), direct[pixel_index].rgb, continues);
+    let old_indirect = select(vec3f(0.0), indirect[pixel_index].rgb, continues);
+    let old_deviation = select(vec3f(0.0), deviation[pixel_index].rgb, continues);
+    // lavapipe (Mesa 22.3) compiles a shader anew for every dispatch if it branches on uniforms alone, and keeps each
+    // copy: hence `select`, `&`, and here a condition that is always true but varies.
+    let has_lights = (scene.light_count > 0u) & (pixel.x < view.size.x);
     // Squares are summed about the mean so far, which keeps their difference accurate.
     let centre = old_emission.rgb + old_direct + old_indirect;
 
@@ -125,7 +123,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
     var rays: Rays;                           // limits of 0: none in flight
     var pending_a = vec3f(0.0);               // what arrives if the first shadow ray is free
     var pending_b = vec3f(0.0);
-    let use_light_rays = scene.light_count > 0u && params.bounces > 0u;
+    let use_light_rays = has_lights & (params.bounces > 0u);
 
     // One iteration is one path vertex; a lane whose path has ended goes on with its next sample.
     loop {
@@ -156,10 +154,8 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         if (rays.limit <= 0.0 && rays.limit_a <= 0.0 && rays.limit_b <= 0.0) {
             // Nothing is in flight at the start of a path: send its camera ray.
             from_light = false;
-            var position = vec2f(0.5);
-            if (view.jitter != 0u) {
-                position = sobol_2d(done + sample - 1u, hash2(pixel_seed, 0u));
-            }
+            let jittered = sobol_2d(done + sample - 1u, hash2(pixel_seed, 0u));
+            let position = select(vec2f(0.5), jittered, view.jitter != 0u);
             rays.main = camera_ray(vec2f(pixel) + position);
             rays.limit = FLOAT_MAX;
             throughput = vec3f(1.0);
@@ -258,7 +254,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         let w_o = -rays.main.direction * frame;
 
         // Connect to a light (N).
-        if (scene.light_count > 0u) {
+        if (has_lights) {
             let light = sample_light(surface.position, choices.x, sobol_2d(index, hash2(pixel_seed, dimension + 2u)));
             let f = evaluate_brdf(brdf, w_o, light.direction * frame);
             let cosine = dot(surface.normal, light.direction);
@@ -302,7 +298,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         depth += 1u;
 
         // Go on in a direction that follows the BRDF, unless nothing that shines can be met any more.
-        if (depth > params.bounces && scene.hittable_light == 0u) {
+        if ((depth > params.bounces) & (scene.hittable_light == 0u)) {
             continue;
         }
         let next = sample_brdf(brdf, w_o, sobol_2d(index, hash2(pixel_seed, dimension + 1u)), choices.y);

@@ -37,8 +37,8 @@ struct Ray {
 fn camera_ray(pixel: vec2f) -> Ray {
     let ndc = pixel / vec2f(view.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
     let offset = ndc.x * view.right + ndc.y * view.up;
-    if (view.orthographic != 0u) {
-        return Ray(view.position + offset, view.forward);
-    }
-    return Ray(view.position, normalize(view.forward + offset));
+    let parallel = view.orthographic != 0u;
+    return Ray(
+        view.position + select(vec3f(0.0), offset, parallel),
+        select(normalize(view.forward + offset), view.forward, parallel));
 }

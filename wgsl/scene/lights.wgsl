@@ -141,7 +141,7 @@ fn cell_pdf(cell: vec2i, size: vec2i, sine: f32) -> f32 {
 
 // Returns the density with which `sample_light` draws a direction of the environment, 1/sr.
 fn environment_pdf(direction: vec3f) -> f32 {
-    if (!HAS_PICTURED_ENVIRONMENT || scene.environment_pdf == 0.0) {
+    if (!HAS_PICTURED_ENVIRONMENT) {
         return 0.0;
     }
     let size = vec2i(textureDimensions(environment_cdf)) - vec2i(1, 0);
