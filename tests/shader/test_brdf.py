@@ -185,19 +185,19 @@ def test_lambert_loses_no_samples(evaluate):
         assert (evaluate(BRDF, call, "vec4f", functions=SAMPLE, u=stratified(2**12))[:, 3] > 0).all()
 
 
-@pytest.mark.parametrize("roughness", ROUGHNESS)
-def test_weight_is_f_cos_over_pdf(evaluate, roughness):
+def test_weight_is_f_cos_over_pdf(evaluate):
     """And so it is never larger than the lobes' shares allow: no fireflies from the BRDF alone."""
-    u = stratified(2**12)
-    for metallic in METALLIC:
-        for cosine in COSINES:
-            material, w_o = brdf((0.9, 0.5, 0.05), metallic, roughness), vector(view(cosine))
-            a, b = (
-                evaluate(BRDF, f"{f}({material}, {w_o}, u(i))", "vec4f", functions=SAMPLE, u=u)
-                for f in ("weighed", "reweighed")
-            )
-            assert np.allclose(a, b, rtol=1e-4, atol=1e-6) and np.isfinite(a).all() and (a >= 0).all()
-            assert a[:, :3].max() <= 8
+    rows = [(r, m, c) for r in ROUGHNESS for m in METALLIC for c in COSINES]
+    roughness, metallic, cosine = np.repeat(np.array(rows, np.float32), 1024, 0).T
+    given = {"roughness": roughness, "metallic": metallic, "u": np.tile(stratified(1024), (len(rows), 1))}
+    given["w_o"] = np.stack([view(c) for c in cosine])
+    material = "brdf_metallic_roughness(vec3f(0.9, 0.5, 0.05), metallic(i), roughness(i))"
+    a, b = (
+        evaluate(BRDF, f"{function}({material}, w_o(i), u(i))", "vec4f", functions=SAMPLE, **given)
+        for function in ("weighed", "reweighed")
+    )
+    assert np.allclose(a, b, rtol=1e-4, atol=1e-6) and np.isfinite(a).all() and (a >= 0).all()
+    assert a[:, :3].max() <= 8
 
 
 def reflectance(evaluate, material, cosine, functions=SAMPLE):

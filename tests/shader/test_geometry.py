@@ -120,7 +120,7 @@ def scenes():
 @pytest.mark.parametrize("name", scenes())
 def test_trace_finds_what_brute_force_finds(evaluate, name):
     scene = scenes()[name]
-    origins, directions = rays(scene, 6_000)
+    origins, directions = rays(scene, 3_000)
     given = {"origins": relative(scene, origins), "directions": directions, "limits": np.full(len(origins), FAR)}
     got = evaluate("scene/geometry.wgsl", "traced(i)", "vec4f", functions=TRACE, scene=scene, **given)
     triangle = got[:, 1].copy().view(np.uint32)

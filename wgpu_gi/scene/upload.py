@@ -5,6 +5,7 @@ Each resource has a version that goes up with its contents; the render graph run
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,10 @@ from ..errors import GiError
 from ..gpu.device import Device
 from ..gpu.wgsl import load
 from .atlas import MAX_PAGE, Atlas, pack_atlas
-from .emitters import build_light_table, environment_cdf
+from .check import check_scene
+from .emitters import LightTable, build_light_table, environment_cdf
 from .hierarchy import Hierarchy
-from .scene import Image, Material, Scene, Texture
+from .scene import Image, Light, Material, Scene, Texture
 
 DOUBLE_SIDED, UNLIT, TEXTURED, COATED = 1, 2, 4, 8  # material flags, as wgsl/scene/materials.wgsl
 PRESENT, TEXCOORD_1, NEAREST = 1, 2, 4  # texture flags
@@ -54,7 +56,10 @@ class SceneUpload:
         self._contents: dict[str, bytes] = {}  # of the small buffers, to see whether they changed
         self._images: dict[str, list[Image]] = {}
         self._atlases: dict[str, Atlas] = {}
-        self._environment: tuple[Any, Any, Any] | None = None
+        self._sent: dict[str, NDArray[np.uint8]] = {}  # the tables as the GPU has them
+        self._environment: tuple[Any, Any] = (None, None)
+        self._table: LightTable | None = None
+        self._sources: object = None
         self._cdf: NDArray[np.float32] | None = None
         self.resources: dict[str, tuple[Any, int]] = {}
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))
@@ -71,15 +76,20 @@ class SceneUpload:
         Raises GiError for values that mean nothing (a singular transform, a negative light) and for scenes beyond the
         device's limits.
         """
-        _check(scene)
+        check_scene(scene)
         scene = _without_empty(scene)
         materials = scene.materials
         self._hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(materials)})
         self._upload_atlases(materials)
         self._upload_environment(scene)
-        table = build_light_table(scene, self._hierarchy, self._cdf, self._dtypes["lights"])
+        # Tabulating many emitters takes time, so only if one of them, or what places them, has changed.
+        sources = (_light_values(scene.lights), _emission_values(materials), self.resources["environment_cdf"][1])
+        if self._table is None or self._hierarchy.changed or sources != self._sources:
+            self._table = build_light_table(scene, self._hierarchy, self._cdf, self._dtypes["lights"])
+            self._sources = sources
+            self._upload_small("lights", self._table.lights)
+        table = self._table
         self._upload_small("materials", self._pack_materials(materials, table.material_pdf))
-        self._upload_small("lights", table.lights)
         for name in ("nodes", "triangles", "vertices", "indices", "instances"):
             if name in self._hierarchy.changed or name not in self.resources:
                 upload = self._upload_table if name in TABLES else self._upload
@@ -177,19 +187,21 @@ class SceneUpload:
     def _upload_environment(self, scene: Scene) -> None:
         environment = scene.environment
         image = environment.image if environment else None
-        # Kept by identity: pictures are immutable once in use. The color scales them, so it counts for the table.
-        key = (image, tuple(environment.color) if environment else None, None)
-        if self._environment is not None and self._environment[0] is image and self._environment[1] == key[1]:
-            return
-        self._environment = key
-        self._cdf = environment_cdf(environment) if environment and max(environment.color) > 0 else None
-        pixels = np.zeros((1, 1, 4), np.float32)
-        if image is not None:
-            pixels = np.ones((*image.shape[:2], 4), np.float32)
-            pixels[..., :3] = image
-        self._upload_texture("environment", "rgba32float", pixels)
-        table = self._cdf if self._cdf is not None else np.ones((1, 2), np.float32)
-        self._upload_texture("environment_cdf", "r32float", table[..., None])
+        color = tuple(environment.color) if environment else None
+        # The picture counts by identity: it is immutable once in use. Its table depends on the colour, too.
+        new_image = "environment" not in self.resources or self._environment[0] is not image
+        new_table = new_image or self._environment[1] != color
+        self._environment = (image, color)
+        if new_image:
+            pixels = np.zeros((1, 1, 4), np.float32)
+            if image is not None:
+                pixels = np.ones((*image.shape[:2], 4), np.float32)
+                pixels[..., :3] = image
+            self._upload_texture("environment", "rgba32float", pixels)
+        if new_table:
+            self._cdf = environment_cdf(environment) if environment and max(environment.color) > 0 else None
+            table = self._cdf if self._cdf is not None else np.ones((1, 2), np.float32)
+            self._upload_texture("environment_cdf", "r32float", table[..., None])
 
     def _upload_texture(self, name: str, texture_format: str, pixels: NDArray[np.float32]) -> None:
         height, width, channels = pixels.shape
@@ -229,26 +241,35 @@ class SceneUpload:
         self._set(name, buffer)
 
     def _upload_table(self, name: str, array: NDArray) -> None:
-        """Write records as texels of 16 bytes into a texture, whole rows of it."""
+        """Write records as texels of 16 bytes into a texture: from the first row that differs to the last."""
         texels = array.nbytes // 16
         rows = -(-texels // TABLE_WIDTH)
         if rows > MAX_PAGE:
             raise GiError(
                 f"the scene's {name} take {rows} rows of a texture; {MAX_PAGE} are possible: use fewer triangles"
             )
-        pixels = np.zeros(rows * TABLE_WIDTH * 16, np.uint8)
-        pixels[: array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
-        old, version = self.resources.get(name, (None, 0))
-        if old is None or old.size[1] != rows:
+        pixels = np.zeros((rows, TABLE_WIDTH * 16), np.uint8)
+        pixels.ravel()[: array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
+        first, last = 0, rows - 1
+        if name in self.resources and self._sent[name].shape == pixels.shape:
+            different = np.flatnonzero((pixels != self._sent[name]).any(1))
+            if not len(different):
+                return
+            first, last = int(different[0]), int(different[-1])
+            texture, version = self.resources[name]
+            self.resources[name] = (texture, version + 1)
+        else:
             usage = wgpu.TextureUsage.STORAGE_BINDING | wgpu.TextureUsage.COPY_DST
-            old = self._gpu.create_texture(
-                label=f"scene/{name}", size=(TABLE_WIDTH, rows, 1), format="rgba32uint", usage=usage
-            )
-            self._set(name, old)
-            version = self.resources[name][1] - 1
-        layout = {"bytes_per_row": TABLE_WIDTH * 16, "rows_per_image": rows}
-        self._gpu.queue.write_texture({"texture": old}, pixels, layout, (TABLE_WIDTH, rows, 1))
-        self.resources[name] = (old, version + 1)
+            size = (TABLE_WIDTH, rows, 1)
+            texture = self._gpu.create_texture(label=f"scene/{name}", size=size, format="rgba32uint", usage=usage)
+            self._set(name, texture)
+        self._sent[name] = pixels
+        self._gpu.queue.write_texture(
+            {"texture": texture, "origin": (0, first, 0)},
+            pixels[first : last + 1],
+            {"bytes_per_row": TABLE_WIDTH * 16, "rows_per_image": last + 1 - first},
+            (TABLE_WIDTH, last + 1 - first, 1),
+        )
 
     def _set(self, name: str, resource: Any) -> None:
         old, version = self.resources.get(name, (None, 0))
@@ -276,21 +297,14 @@ def _without_empty(scene: Scene) -> Scene:
     return Scene(kept, scene.lights, scene.environment) if len(kept) < len(scene.instances) else scene
 
 
-def _check(scene: Scene) -> None:
-    for instance in scene.instances:
-        matrix = np.asarray(instance.world_from_local, np.float64)
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-            raise GiError(f"instance {instance.name!r}: world_from_local must be a finite (4, 4) matrix")
-        scale = np.abs(matrix[:3, :3]).max()
-        if scale == 0 or abs(np.linalg.det(matrix[:3, :3] / scale)) < 1e-12:
-            raise GiError(
-                f"instance {instance.name!r}: its transform flattens it to nothing; give it a scale above zero"
-            )
-    for light in scene.lights:
-        values = np.asarray([*light.color, light.intensity], np.float64)
-        if not np.isfinite(values).all() or (values < 0).any():
-            raise GiError(f"light {light.name!r}: color and intensity must be finite and not negative")
-    for material in scene.materials:
-        values = np.asarray([*material.base_color, *material.emission, material.metallic, material.roughness])
-        if not np.isfinite(values).all() or (values < 0).any():
-            raise GiError(f"material {material.name!r}: its values must be finite and not negative")
+def _light_values(lights: Sequence[Light]) -> list[tuple[Any, ...]]:
+    """Return all that the light table takes from punctual lights, comparable."""
+    return [
+        (type(light), *(np.asarray(v).tobytes() for k, v in vars(light).items() if k not in ("name", "range")))
+        for light in lights
+    ]
+
+
+def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
+    """Return all that the light table takes from materials, comparable."""
+    return [(id(m), tuple(m.emission), m.double_sided, m.unlit, m.emission_texture) for m in materials]
