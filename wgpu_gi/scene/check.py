@@ -20,9 +20,10 @@ def check_scene(scene: Scene) -> None:
     linear = stacked[:, :3, :3]
     scale = np.abs(linear).max((1, 2), initial=0.0)[:, None, None]
     with np.errstate(invalid="ignore"):
-        flat = ~(np.abs(np.linalg.det(linear / np.where(scale > 0, scale, 1))) > FLAT)
-    finite = np.isfinite(stacked[:, :3]).reshape(-1, 12).all(1).tolist()
-    for instance, is_finite, is_flat in zip(scene.instances, finite, flat.tolist(), strict=True):
+        volume = np.abs(np.linalg.det(linear / np.where(scale > 0, scale, 1)))
+    flat = np.asarray(~(volume > FLAT)).tolist()
+    finite = np.asarray(np.isfinite(stacked[:, :3]).all((1, 2))).tolist()
+    for instance, is_finite, is_flat in zip(scene.instances, finite, flat, strict=True):
         if not is_finite:
             raise GiError(f"instance {instance.name!r}: world_from_local must be finite")
         if is_flat:

@@ -2,8 +2,9 @@
 //
 // glTF 2.0, appendix B.3.5: f = (1 - F) c_diff / pi + F D V, with F = F0 + (1 - F0)(1 - v.h)^5, D and V the GGX
 // distribution and the height-correlated Smith visibility (Heitz 2014, eq. 99). Single scattering only: a metal of
-// roughness 1 seen straight on reflects 1 - ln 2 = 31 % (errs dark, as the glTF model does). All directions are in the
-// local frame, normal +Z.
+// roughness 1 seen straight on reflects 1 - ln 2 = 31 % (errs dark, as the glTF model does); the
+// sum of base and coat is not conserved: a smooth white dielectric returns up to 1.4 at grazing angles (errs bright, as
+// the model does). All directions are in the local frame, normal +Z.
 #import "common/math.wgsl"
 #import "common/sampling.wgsl"
 
