@@ -51,7 +51,7 @@ def render(arguments: Namespace) -> int:
     layers = {name: renderer.read_back(name) for name in shown}
     seconds = time.perf_counter() - start
 
-    metadata = metadata_of(arguments, renderer.adapter_name)
+    metadata = metadata_of(arguments, settings, renderer.adapter_name)
     save_image(arguments.output, layers, exposure=arguments.exposure, metadata=metadata)
     if arguments.plan:
         print(renderer.plan())
@@ -93,17 +93,17 @@ def scene_from(arguments: Namespace) -> Scene:
     return scene
 
 
-def metadata_of(arguments: Namespace, adapter_name: str) -> dict[str, object]:
+def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> dict[str, object]:
     """Return what a picture file says of its making; the same for the same command, so that files can be compared."""
     return {
         "software": f"wgpu_gi {__version__}",
         "scene": arguments.scene,
         "camera": "" if arguments.camera is None else arguments.camera,
-        "gi": arguments.gi,
-        "bounces": "unlimited" if arguments.bounces is None else arguments.bounces,
-        "spp": arguments.spp,
-        "seed": arguments.seed,
-        "diffuse": arguments.diffuse,
+        "gi": settings.gi,
+        "bounces": "unlimited" if settings.bounces is None else settings.bounces,
+        "spp": settings.spp,
+        "seed": settings.seed,
+        "diffuse": settings.diffuse,
         "environment": arguments.env or "",
         "lights": "; ".join(arguments.light),
         "settings": " ".join(arguments.set),

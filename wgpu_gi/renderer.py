@@ -18,7 +18,7 @@ from .scene.camera_files import framing_camera
 from .scene.scene import Scene
 from .scene.upload import SceneUpload
 from .settings import setting, validate
-from .techniques.reference import PathSettings, declare_primary, declare_reference
+from .techniques.reference import PathSettings, declare_primary, declare_reference, path_runs
 from .techniques.scene_inputs import SceneInputs, share_scene
 
 MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
@@ -59,11 +59,17 @@ class Settings:
     path: PathSettings = field(default_factory=PathSettings)
 
 
-def declare_frame(graph: Graph, settings: Settings, scene: SceneInputs) -> list[Handle]:
-    """Declare the passes of a frame; return what can be shown. The first page to read."""
+def declare_frame(graph: Graph, settings: Settings, scene: SceneInputs, extra_runs: int = 0) -> list[Handle]:
+    """Declare the passes of a frame; return what can be shown. The first page to read.
+
+    `extra_runs` are for pixels whose paths are too long to be done in the runs planned.
+    """
     # Until there is a deferred base, direct light alone is the path tracer without indirect bounces.
     bounces = 0 if settings.gi == "none" else settings.bounces
-    reference = declare_reference(graph, settings.path, scene, spp=settings.spp, bounces=bounces, seed=settings.seed)
+    runs = path_runs(settings.path, settings.spp) + extra_runs
+    reference = declare_reference(
+        graph, settings.path, scene, spp=settings.spp, runs=runs, bounces=bounces, seed=settings.seed
+    )
     primary = declare_primary(graph, scene)
     return [
         reference.radiance,
@@ -104,6 +110,8 @@ class Renderer:
         self._upload: SceneUpload | None = None
         self._declared: tuple[object, ...] | None = None
         self._plan = ""
+        self._complete = False  # every pixel is known to have all its samples
+        self._extra_runs = 0  # of the path tracer, for pixels that are behind
 
     @property
     def adapter_name(self) -> str:
@@ -126,6 +134,8 @@ class Renderer:
         """Textures and buffers of wgpu linger until destroyed."""
         if hasattr(self, "_graph"):
             self._graph.release()
+            if self._upload is not None:
+                self._upload.release()
 
     def run(
         self,
@@ -162,16 +172,29 @@ class Renderer:
             _check_buffer(name)
         self._prepare(show)
         before = self._graph.settle_progress()
-        total_runs = max(1, -(-self.settings.spp // min(self.settings.path.samples_per_run, self.settings.spp)))
+        total_runs = path_runs(self.settings.path, self.settings.spp) + self._extra_runs
 
         def on_chunk(fraction: float) -> None:
             if progress is not None:
                 progress(min(1.0, (0.0 if before >= 1.0 else before) + fraction / total_runs))
 
         ran = self._graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
-        if ran or not self._plan:
+        if not ran and not self._complete and any(BUFFER_SOURCES[name][0].startswith("path/") for name in show):
+            self._complete = self._catch_up()
+            ran = not self._complete
+        elif ran:
+            self._complete = False
             self._plan = table(self._graph.plan())
         return ran
+
+    def _catch_up(self) -> bool:
+        """Plan more runs for pixels whose paths took so many steps that they are behind; return True if none is."""
+        samples = int(self._graph.read_back("path/emission").reshape(-1, 4)[:, 3].min())
+        missing = self.settings.spp - samples
+        runs = path_runs(self.settings.path, self.settings.spp) + self._extra_runs
+        # As many runs as the slowest pixel needs at its pace so far.
+        self._extra_runs += -(-missing * runs // max(samples, 1))
+        return missing <= 0
 
     def read_back(self, name: str = "radiance") -> NDArray[np.float32]:
         """Return a buffer of the last run as (height, width, 3) float32; `depth` as (height, width).
@@ -203,18 +226,20 @@ class Renderer:
         check_size(*self.size)
         validate(self.settings)
         if self._upload is None or self._upload.diffuse != self.settings.diffuse:
+            if self._upload is not None:
+                self._upload.release()
             self._upload = SceneUpload(self._device, self.settings.diffuse)
         self._upload.update(self.scene)
         inputs = share_scene(self._graph, self._upload)
         self._graph.uniform("scene", self._upload.info)
         self._graph.uniform("view", self._upload.view(self.camera, self.size, self.settings.camera.jitter))
         copied = replace(self.settings, camera=replace(self.settings.camera), path=replace(self.settings.path))
-        declared = (copied, self.size, inputs.features, frozenset(show))
+        declared = (copied, self.size, inputs.features, frozenset(show), self._extra_runs)
         if declared == self._declared:
             return
         self._graph.begin(self.size)
         inputs = share_scene(self._graph, self._upload)
-        declare_frame(self._graph, self.settings, inputs)
+        declare_frame(self._graph, self.settings, inputs, self._extra_runs)
         self._graph.compile([BUFFER_SOURCES[name][0] for name in show])
         self._declared = declared
 

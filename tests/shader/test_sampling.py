@@ -54,21 +54,3 @@ def test_triangle_keeps_neighbours_together(evaluate):
     near = u + 0.005
     a, b = (evaluate(SAMPLING, "sample_triangle(u(i))", "vec2f", u=v) for v in (u, near))
     assert np.abs(a - b).max() < 0.011
-
-
-def test_power_heuristic(evaluate):
-    rng = np.random.default_rng(0)
-    p, q = (10 ** rng.uniform(-18, 18, (2, 1000))).astype(np.float32)
-    got = evaluate(SAMPLING, "power_heuristic(p(i), q(i))", "f32", p=p, q=q)
-    back = evaluate(SAMPLING, "power_heuristic(q(i), p(i))", "f32", p=p, q=q)
-    with np.errstate(over="ignore"):
-        expected = 1 / (1 + (q.astype(np.float64) / p) ** 2)
-    assert np.allclose(got, expected, rtol=1e-5, atol=1e-30) and np.allclose(got + back, 1, atol=1e-6)
-
-
-def test_power_heuristic_at_the_ends(evaluate):
-    """A light without a density leaves all to the other strategy; enormous densities do not make NaN."""
-    p = np.array([1.0, 1e-30, 1e30, 1.0, 1e-30, 1e30], np.float32)
-    q = np.array([0.0, 0.0, 0.0, 1e38, 1e38, 1e30], np.float32)
-    got = evaluate(SAMPLING, "power_heuristic(p(i), q(i))", "f32", p=p, q=q)
-    assert np.allclose(got, [1, 1, 1, 0, 0, 0.5], atol=1e-6)

@@ -126,7 +126,9 @@ def _own_reason(p: Pass, renewed: set[Pass], force: bool) -> Stale | None:
     if state.settle_index + 1 < p.settle:
         return Stale("settling", f"settling: run {state.settle_index + 2} of {p.settle}")
     if force:
-        return Stale("settling" if p.progresses else "repeated", "forced")
+        # What has settled for good would find nothing left to do: it starts again.
+        settled = p.settle > 1 and not any(use.view.previous for use in p.uses)
+        return Stale("changed" if settled else "settling" if p.progresses else "repeated", "forced")
     return None
 
 

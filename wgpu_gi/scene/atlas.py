@@ -31,6 +31,9 @@ class Atlas:
 
 def pack_atlas(images: list[Image]) -> Atlas:
     """Place `images` on as few pages as shelves allow. Raises GiError if one of them or their sum is too large."""
+    for image in images:
+        if image.pixels.ndim != 3 or image.pixels.shape[2] != 4 or image.pixels.dtype != np.uint8:
+            raise GiError(f"image {image.name!r}: pixels must be (height, width, 4) uint8")
     largest = max((max(image.pixels.shape[:2]) for image in images), default=1)
     if largest > MAX_PAGE:
         name = next(i.name for i in images if max(i.pixels.shape[:2]) == largest)

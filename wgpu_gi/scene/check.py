@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from ..camera import Camera
 from ..errors import GiError
-from .scene import Scene
+from .scene import Light, Scene, SpotLight
 
 FLAT = 1e-15  # determinant of a transform, its largest entry scaled to 1, below which float64 cannot invert it
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise GiError for values that mean nothing: transforms that flatten or are not finite, negative light."""
+    """Raise GiError for values that mean nothing: flattening transforms, negative light, reflectance above 1, NaN."""
     matrices = [np.asarray(i.world_from_local, np.float64) for i in scene.instances]
     for instance, matrix in zip(scene.instances, matrices, strict=True):
         if matrix.shape != (4, 4):
@@ -31,10 +34,52 @@ def check_scene(scene: Scene) -> None:
                 f"instance {instance.name!r}: its transform flattens it to nothing; give it a scale above zero"
             )
     for light in scene.lights:
-        values = np.asarray([*light.color, light.intensity], np.float64)
-        if not np.isfinite(values).all() or (values < 0).any():
-            raise GiError(f"light {light.name!r}: color and intensity must be finite and not negative")
+        _check_light(light)
     for material in scene.materials:
-        values = np.asarray([*material.base_color, *material.emission, material.metallic, material.roughness])
-        if not np.isfinite(values).all() or (values < 0).any():
-            raise GiError(f"material {material.name!r}: its values must be finite and not negative")
+        where = f"material {material.name!r}"
+        shares = [*material.base_color, material.metallic, material.roughness]
+        if len(material.base_color) != 4 or not all(0 <= v <= 1 for v in shares):
+            raise GiError(f"{where}: base_color (4 values), metallic and roughness must lie between 0 and 1")
+        _check_color(where, "emission", material.emission)
+        if not np.isfinite([material.alpha_cutoff, material.normal_scale]).all():
+            raise GiError(f"{where}: alpha_cutoff and normal_scale must be finite")
+    if scene.environment is not None:
+        environment = scene.environment
+        where = f"environment {environment.name!r}"
+        _check_color(where, "color", environment.color)
+        if not np.isfinite(environment.rotation):
+            raise GiError(f"{where}: rotation must be finite")
+        if environment.image is not None and (np.ndim(environment.image) != 3 or environment.image.shape[2] != 3):
+            raise GiError(f"{where}: image must be (height, width, 3)")
+
+
+def check_camera(camera: Camera) -> None:
+    """Raise GiError for a camera that sees nothing: not finite, no angle, no height."""
+    matrix = np.asarray(camera.world_from_view, np.float64)
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise GiError(f"camera {camera.name!r}: world_from_view must be a finite (4, 4) matrix")
+    if camera.orthographic_height is None:
+        if not 0 < camera.yfov < np.pi:
+            raise GiError(f"camera {camera.name!r}: yfov must lie between 0 and pi radians, not {camera.yfov}")
+    elif not 0 < camera.orthographic_height < np.inf:
+        raise GiError(
+            f"camera {camera.name!r}: orthographic_height must be above 0 m, not {camera.orthographic_height}"
+        )
+
+
+def _check_light(light: Light) -> None:
+    where = f"light {light.name!r}"
+    _check_color(where, "color", light.color)
+    if not 0 <= light.intensity < np.inf:
+        raise GiError(f"{where}: color and intensity must be finite and not negative")
+    for name in ("position", "direction"):
+        place = getattr(light, name, (0.0, 0.0, 0.0))
+        if len(place) != 3 or not np.isfinite(np.asarray(place, np.float64)).all():
+            raise GiError(f"{where}: {name} must be three finite numbers")
+    if isinstance(light, SpotLight) and not 0 <= light.inner_cone_angle <= light.outer_cone_angle <= np.pi:
+        raise GiError(f"{where}: its cone angles must be 0 <= inner <= outer <= pi radians")
+
+
+def _check_color(where: str, name: str, color: Sequence[float]) -> None:
+    if len(color) != 3 or not all(0 <= v < np.inf for v in color):
+        raise GiError(f"{where}: {name} must be three numbers, finite and not negative")

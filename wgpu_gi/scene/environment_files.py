@@ -27,6 +27,8 @@ ENVIRONMENT_EXTENSIONS = (".hdr", ".pic", ".exr")
 LARGEST_SIDE = 16384
 MOST_PIXELS = 16384 * 8192
 
+MAX_TEXTURE = 8192  # WebGPU's default limit for a side
+
 # The disc of the sun has about 1.6e9 cd/m2; above, a value is an error that would drown the picture.
 LARGEST_RADIANCE = 1e10
 
@@ -43,7 +45,7 @@ def load_environment(text: str | Path, notes: list[str] | None = None) -> Enviro
         return Environment(color=_constant_color(str(text)), name="constant")
     path = Path(text)
     image = _read_exr(path) if extension == ".exr" else read_hdr(read_file(path, "environment map"), str(path))
-    return Environment(image=_sanitised(image, path, notes), name=path.stem)
+    return Environment(image=_reduced(_sanitised(image, path, notes), path, notes), name=path.stem)
 
 
 def _constant_color(text: str) -> tuple[float, float, float]:
@@ -74,6 +76,19 @@ def _sanitised(image: NDArray[np.float32], path: Path, notes: list[str] | None) 
                 f"{np.count_nonzero(absurd & ~bad)} limited to {LARGEST_RADIANCE:g}"
             )
     return np.ascontiguousarray(image, np.float32)
+
+
+def _reduced(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> NDArray[np.float32]:
+    """Average blocks of a map that is too large for a texture; radiance keeps its mean."""
+    height, width, _ = image.shape
+    step = -(-max(height, width) // MAX_TEXTURE)
+    if step == 1:
+        return image
+    rows, columns = height // step, width // step
+    if notes is not None:
+        notes.append(f"environment {path}: {width}x{height} pixels were averaged to {columns}x{rows}")
+    blocks = image[: rows * step, : columns * step].reshape(rows, step, columns, step, 3)
+    return np.ascontiguousarray(blocks.mean((1, 3), dtype=np.float32))
 
 
 def _check_size(width: int, height: int, source: str) -> None:

@@ -65,8 +65,9 @@ def _unknown(path: Path) -> GiError:
 
 
 def has_light(scene: Scene) -> bool:
-    """Say whether the scene has any source of light: a lamp, an environment or an emitting material."""
-    emitting = any(max(material.emission) > 0 or material.unlit for material in scene.materials)
+    """Say whether the scene has any source of light, or nothing that needs one because all of it is unlit."""
+    materials = scene.materials
+    emitting = any(max(m.emission) > 0 for m in materials) or (bool(materials) and all(m.unlit for m in materials))
     return bool(scene.lights) or scene.environment is not None or emitting
 
 

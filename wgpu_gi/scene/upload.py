@@ -17,7 +17,7 @@ from ..errors import GiError
 from ..gpu.device import Device
 from ..gpu.wgsl import load
 from .atlas import MAX_PAGE, Atlas, pack_atlas
-from .check import check_scene
+from .check import check_camera, check_scene
 from .emitters import LightTable, build_light_table, environment_cdf
 from .hierarchy import Hierarchy
 from .scene import Image, Light, Material, Scene, Texture
@@ -111,7 +111,11 @@ class SceneUpload:
         self.resources = {}
 
     def view(self, camera: Camera, size: tuple[int, int], jitter: bool) -> NDArray[np.void]:
-        """Return the View uniform of a camera for a picture of `size` (width, height)."""
+        """Return the View uniform of a camera for a picture of `size` (width, height).
+
+        Raises GiError for a camera that sees nothing.
+        """
+        check_camera(camera)
         view = np.zeros((), self._view_dtype)
         matrix = np.asarray(camera.world_from_view, np.float64)
         half_height = np.tan(camera.yfov / 2)
@@ -192,6 +196,11 @@ class SceneUpload:
         new_image = "environment" not in self.resources or self._environment[0] is not image
         new_table = new_image or self._environment[1] != color
         self._environment = (image, color)
+        if image is not None and max(image.shape[:2]) > MAX_PAGE:
+            raise GiError(
+                f"the environment is {image.shape[1]} x {image.shape[0]} pixels; textures hold at most {MAX_PAGE} a"
+                " side: scale it down"
+            )
         if new_image:
             pixels = np.zeros((1, 1, 4), np.float32)
             if image is not None:

@@ -52,14 +52,26 @@ class Primary:
     position: Buffer
 
 
+def path_runs(settings: PathSettings, spp: int) -> int:
+    """Return how many runs of the graph `spp` samples per pixel take, where no path is exceptionally long."""
+    return -(-spp // settings.samples_per_run)
+
+
 def declare_reference(
-    graph: Graph, settings: PathSettings, scene: SceneInputs, *, spp: int, bounces: int | None, seed: int
+    graph: Graph,
+    settings: PathSettings,
+    scene: SceneInputs,
+    *,
+    spp: int,
+    runs: int,
+    bounces: int | None,
+    seed: int,
 ) -> Reference:
     """Declare the path tracer: `spp` paths per pixel, with at most `bounces` indirect bounces (None: unlimited).
 
-    It adds `settings.samples_per_run` samples in each run of the graph until it has them all.
+    It adds up to `settings.samples_per_run` samples in each of `runs` runs of the graph, until a pixel has them all.
+    `emission`'s a tells how many it has: pixels with very long paths take fewer in a run and need more runs.
     """
-    samples = min(settings.samples_per_run, spp)
     width, height = graph.size
     layers = {
         name: graph.buffer(f"path/{name}", dtype=FOUR_FLOATS, count=width * height, nonnegative=True)
@@ -72,9 +84,14 @@ def declare_reference(
         over=tiles * 64,
         reads={**scene.surfaces, **scene.lights},
         writes=layers,
-        params={"samples": samples, "spp": spp, "bounces": UNLIMITED if bounces is None else bounces, "seed": seed},
+        params={
+            "samples": settings.samples_per_run,
+            "spp": spp,
+            "bounces": UNLIMITED if bounces is None else bounces,
+            "seed": seed,
+        },
         constants=scene.constants("reference/path.wgsl"),
-        settle=-(-spp // samples),
+        settle=runs,
         split=True,
     )
     radiance = graph.texture("path/radiance", "rgba32float", nonnegative=True)

@@ -18,10 +18,3 @@ fn sample_triangle(u: vec2f) -> vec2f {
     let half_y = 0.5 * u.y;
     return vec2f(u.x - half_y, half_y);
 }
-
-// Balance of two strategies' densities, squared (Veach 1997, section 9.2.4, power heuristic).
-fn power_heuristic(pdf: f32, other_pdf: f32) -> f32 {
-    // Dividing first keeps the squares in range.
-    let ratio = other_pdf / pdf;
-    return 1.0 / (1.0 + ratio * ratio);
-}

@@ -108,6 +108,7 @@ struct Found {
     hit: Hit,           // the first of the main ray
     occluded_a: bool,   // something stands before a shadow ray's limit
     occluded_b: bool,
+    steps: u32,         // nodes visited and triangles tested
 }
 
 // The ray in the grid of a hierarchy: a slab at integer q is reached after q * inverse + offset.
@@ -130,7 +131,7 @@ fn grid_ray(origin: vec3f, direction: vec3f, low: vec3f, scale: vec3f) -> GridRa
 // Traces the rays one after the other in one loop, because lanes of a SIMD group that finish a ray go on to their next
 // without waiting for each other (Cornell, llvmpipe: a fifth less time than a loop for each).
 fn trace_all(rays: Rays) -> Found {
-    var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0)), false, false);
+    var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0)), false, false, 0u);
     var stage = 0u;           // 1, 2: the shadow rays; 3: the main ray
     var world = rays.main;    // the ray being traced
     var origin = world.origin;
@@ -139,7 +140,7 @@ fn trace_all(rays: Rays) -> Found {
     var grid = GridRay(vec3f(0.0), vec3f(0.0));
     var stack: array<u32, STACK_SIZE>;
     var top = 0u;
-    var floor = 0u;           // where the stack of the instance being visited begins
+    var base = 0u;            // where the stack of the instance being visited begins
     var instance = NONE;
     var current = NONE;
 
@@ -169,7 +170,7 @@ fn trace_all(rays: Rays) -> Found {
                 top = 0u;
             }
             instance = NONE;
-            floor = 0u;
+            base = 0u;
             origin = world.origin;
             direction = world.direction;
             grid = grid_ray(origin, direction, scene.frame_low, scene.frame_scale);
@@ -178,6 +179,7 @@ fn trace_all(rays: Rays) -> Found {
         // Go down to the next leaf or instance, the nearer child first.
         while ((current & (REF_LEAF | REF_INSTANCE)) == 0u) {
             let node = load_node(current);
+            found.steps += 1u;
             let a0 = vec3f(node.low & vec3u(0xffffu)) * grid.inverse + grid.offset;
             let a1 = vec3f(node.low >> vec3u(16u)) * grid.inverse + grid.offset;
             let b0 = vec3f(node.high & vec3u(0xffffu)) * grid.inverse + grid.offset;
@@ -195,7 +197,7 @@ fn trace_all(rays: Rays) -> Found {
                     stack[top] = select(node.child1, node.child0, second);
                     top += 1u;
                 }
-            } else if (top > floor) {
+            } else if (top > base) {
                 top -= 1u;
                 current = stack[top];
             } else {
@@ -207,7 +209,7 @@ fn trace_all(rays: Rays) -> Found {
             // Enter an instance: its own space, its own grid. Distances keep their meaning: the direction is not
             // normalised.
             instance = current & ~REF_INSTANCE;
-            floor = top;
+            base = top;
             let local_from_world = instances[instance].local_from_world;
             origin = local_from_world * vec4f(world.origin, 1.0);
             direction = local_from_world * vec4f(world.direction, 0.0);
@@ -220,6 +222,7 @@ fn trace_all(rays: Rays) -> Found {
             // Test the triangles of a leaf (Moeller and Trumbore 1997).
             var index = current & 0x0fffffffu;
             let end = index + ((current >> 28u) & 7u) + 1u;
+            found.steps += end - index;
             var blocked = false;
             for (; index < end; index += 1u) {
                 let t = load_triangle(index);
@@ -248,10 +251,10 @@ fn trace_all(rays: Rays) -> Found {
                 found.occluded_a = found.occluded_a || stage == 1u;
                 found.occluded_b = found.occluded_b || stage == 2u;
                 top = 0u;
-                floor = 0u;
+                base = 0u;
                 instance = NONE;
             }
-            if (top > floor) {
+            if (top > base) {
                 top -= 1u;
                 current = stack[top];
             } else {

@@ -164,8 +164,14 @@ fn sample_environment(u: vec2f) -> vec4f {
     return vec4f(direction, cell_pdf(vec2i(x, y), size, length(direction.xz)));
 }
 
-// Returns what a point of an emitting triangle shines, W/(m2 sr), apart from its sides.
+// Returns what a point of an emitting triangle shines, W/(m2 sr), apart from its sides; nothing where it is cut out.
 fn triangle_emission(light: Light, weights: vec2f) -> vec3f {
+    if (HAS_MASKS) {
+        let t = load_triangle(light.triangle);
+        if ((t.flags & MASKED) != 0u && is_cut_out(light.triangle, t.material, weights)) {
+            return vec3f(0.0);
+        }
+    }
     if (HAS_TEXTURES) {
         let material = load_triangle(light.triangle).material;
         if (has_texture(material, EMISSION_SLOT)) {

@@ -1,0 +1,43 @@
+"""Pictures do not depend on how the path tracer divides its work, however many steps its paths take."""
+
+import numpy as np
+import pytest
+
+import wgpu_gi as gi
+from wgpu_gi.renderer import PathSettings, Renderer, Settings
+from wgpu_gi.scene.shapes import sphere
+
+
+def bright_cave() -> gi.Scene:
+    """A lamp in a bright sphere of many triangles, so that paths are long and rays visit many nodes."""
+    white = gi.Material(base_color=(0.95, 0.95, 0.95, 1.0), double_sided=True)
+    places = ((4.0, (0, 0, 0)), (1.0, (1.5, 0, -1)), (1.0, (-1.5, 0, -1)))
+    shapes = [sphere(centre, radius, 4, white) for radius, centre in places]
+    return gi.Scene(
+        [gi.Instance(shape) for shape in shapes],
+        [gi.PointLight((0.0, 2.0, 0.0), 10.0)],
+        cameras=[gi.Camera.look_at((0, 0, 3), (0, 0, 0))],
+    )
+
+
+@pytest.mark.parametrize("samples_per_run", [1, 64])
+def test_every_sample_is_taken_once(samples_per_run):
+    scene = bright_cave()
+    renderers = [
+        Renderer(scene, size=(16, 9), settings=Settings(spp=64, diffuse=True, path=PathSettings(samples_per_run=k)))
+        for k in (8, samples_per_run)
+    ]
+    for renderer in renderers:
+        renderer.run(show=("radiance",))
+    expected, got = (renderer.read_back() for renderer in renderers)
+    assert got == pytest.approx(expected, rel=1e-4)
+
+
+def test_forced_frames_do_their_work_again():
+    renderer = Renderer(bright_cave(), size=(16, 9), settings=Settings(spp=32))
+    renderer.run(show=("radiance",))
+    before = renderer.read_back()
+    assert not renderer.step(show=("radiance",))
+    assert renderer.step(show=("radiance",), force=True)
+    renderer.run(show=("radiance",))
+    assert np.array_equal(renderer.read_back(), before)
