@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError:
         print("wgpu-gi: error: not enough memory; use a smaller --size or a smaller scene", file=sys.stderr)
     except KeyboardInterrupt:
-        print("wgpu-gi: interrupted; no picture was written", file=sys.stderr)
+        print("wgpu-gi: interrupted; no file was left half-written", file=sys.stderr)
         return 130
     return 2
 

@@ -25,8 +25,8 @@ struct BrdfSample {
 }
 
 fn brdf_metallic_roughness(base_color: vec3f, metallic: f32, roughness: f32) -> Brdf {
-    return Brdf(
-        base_color * (1.0 - metallic), max(roughness * roughness, MIN_ALPHA), mix(vec3f(0.04), base_color, metallic), true);
+    let alpha = max(roughness * roughness, MIN_ALPHA);
+    return Brdf(base_color * (1.0 - metallic), alpha, mix(vec3f(0.04), base_color, metallic), true);
 }
 
 fn brdf_lambert(albedo: vec3f) -> Brdf {
@@ -100,7 +100,8 @@ fn sample_brdf(b: Brdf, w_o: vec3f, u: vec2f, choice: f32) -> BrdfSample {
     }
     var w_i: vec3f;
     if (choice < glossy_probability(b, w_o.z)) {
-        // Visible normals by a spherical cap (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps").
+        // Visible normals by a spherical cap (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical
+        // Caps").
         let stretched = normalize(vec3f(b.alpha * w_o.xy, w_o.z));
         let z = fma(1.0 - u.x, 1.0 + stretched.z, -stretched.z);
         let sine = sqrt(clamp(1.0 - z * z, 0.0, 1.0));

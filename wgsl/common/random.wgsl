@@ -37,7 +37,8 @@ fn sobol_2d(index: u32, seed: u32) -> vec2f {
     let shuffled_reversed = laine_karras(reverseBits(index), hash(seed));
     // Dimension 0 is the van der Corput sequence: the index with its bits reversed.
     let x = laine_karras(reverseBits(shuffled_reversed), hash(seed ^ 0x68bc21ebu));
-    // Dimension 1 has Pascal's triangle mod 2 as its matrix, applied here as five butterfly steps; bits come out reversed.
+    // Dimension 1 has Pascal's triangle mod 2 as its matrix, applied here as five butterfly steps; bits come out
+    // reversed.
     var w = reverseBits(shuffled_reversed);
     w ^= (w >> 1u) & 0x55555555u;
     w ^= (w >> 2u) & 0x33333333u;

@@ -1,15 +1,16 @@
 // One invocation traces `samples` more paths of one pixel and merges them into its running means.
 //
-// L_o = L_e + integral f_r L_i cos (Kajiya 1986). A path's last surface before its light is found in three ways, combined
-// by the power heuristic (Veach 1997, eq. 9.15 and section 10.2, with light subpaths of at most two vertices):
+// L_o = L_e + integral f_r L_i cos (Kajiya 1986). A path's last surface before its light is found in three ways,
+// combined by the power heuristic (Veach 1997, eq. 9.15 and section 10.2, with light subpaths of at most two
+// vertices):
 //   N  the path's own rays, then a ray to a chosen point of a light (next-event estimation)
 //   B  the path's own rays, then one that meets an emitter or the environment
 //   L  a ray from a light, one for each path, whose hit is connected with every vertex of the path
 // L is what finds the bright spot beside a lamp. Densities are those of that surface point and of the light's point.
 // Split by scatterings: `emission` none, `direct` one, `indirect` two and more.
 // In: the scene, and the means so far. Out: means in W/(m2 sr), the sum of squared deviations of their total.
-// Unbiased, but for light through leaks smaller than the rays' offset. Vertex normals and normal maps that lean far from
-// the triangle let some light pass through it, as in other renderers that do not clip their lobes (Mitsuba 3).
+// Unbiased, but for light through leaks smaller than the rays' offset. Vertex normals and normal maps that lean far
+// from the triangle let some light pass through it, as in other renderers that do not clip their lobes (Mitsuba 3).
 #import "scene/lights.wgsl"
 #import "common/random.wgsl"
 
@@ -29,12 +30,13 @@ struct Params {
 @group(1) @binding(14) var<storage, read_write> indirect: array<vec4f>;
 @group(1) @binding(15) var<storage, read_write> deviation: array<vec4f>;  // sum of (x - mean)^2
 
-// Paths may die after this many scatterings, with the probability that their throughput lost. Measured on Cornell, 32 spp:
-// error times run time is 26 % less than with 1, 14 % more than with 5, which traces a seventh fewer paths a second.
+// Paths may die after this many scatterings, with the probability that their throughput lost. Measured on Cornell, 32
+// spp: error times run time is 26 % less than with 1, 14 % more than with 5, which traces a seventh fewer paths a
+// second.
 const ROULETTE_FROM: u32 = 3u;
-// No more paths are begun in a run of a pixel after this many steps of traversal; later runs make up for it, path by path,
-// so the picture is the same. llvmpipe (Mesa 22) silently ends loops after 65,535 iterations, counted over all loops of a
-// SIMD group of 8, which in Sponza takes 2 to 3 times the steps of each; the last path comes on top.
+// No more paths are begun in a run of a pixel after this many steps of traversal; later runs make up for it, path by
+// path, so the picture is the same. llvmpipe (Mesa 22) silently ends loops after 65,535 iterations, counted over all
+// loops of a SIMD group of 8, which in Sponza takes 2 to 3 times the steps of each; the last path comes on top.
 const STEP_BUDGET: u32 = 6000u;
 // Never certain to go on, so that a closed white room ends, too.
 const MAX_SURVIVAL: f32 = 0.98;
@@ -63,8 +65,9 @@ fn squared_ratio(a: f32, b: f32) -> f32 {
     return r * r;
 }
 
-// The power heuristic's weights of N, B and L. `light_pdf` is that of the light's point by N, `bsdf_pdf` by B, in 1/sr at
-// the last surface; `own_density` is that of the surface by the path's rays (0: certain), `ray_density` by a light's, 1/m2.
+// The power heuristic's weights of N, B and L. `light_pdf` is that of the light's point by N, `bsdf_pdf` by B, in
+// 1/sr at the last surface; `own_density` is that of the surface by the path's rays (0: certain), `ray_density` by a
+// light's, 1/m2.
 fn weight_of_light(light_pdf: f32, bsdf_pdf: f32, own_density: f32, ray_density: f32) -> f32 {
     var others = select(0.0, squared_ratio(bsdf_pdf, light_pdf), light_pdf > 0.0);
     others += select(0.0, squared_ratio(ray_density, own_density), own_density > 0.0);

@@ -1,7 +1,8 @@
 // One invocation finds what is seen through the centre of one pixel, without light.
 //
-// Out: albedo (base colour) and, in a, 1 where something is seen; shading normal facing the viewer and, in a, the distance
-// along the ray in metres (0: nothing there); position in metres relative to the scene's origin. Rows from the top.
+// Out: albedo (base colour) and, in a, 1 where something is seen; shading normal facing the viewer and, in a, the
+// distance along the ray in metres (0: nothing there); position in metres relative to the scene's origin. Rows from
+// the top.
 #import "scene/surface.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> albedo: array<vec4f>;

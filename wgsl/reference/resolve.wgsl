@@ -1,7 +1,7 @@
 // One invocation adds up the layers of one pixel and estimates how far their mean may be off.
 //
-// standard_error = sqrt(sum (x - mean)^2 / ((n - 1) n)), per channel; one sample alone says nothing of its spread, so then
-// it is the value itself. Stratification makes the true error smaller (errs high). All in W/(m2 sr).
+// standard_error = sqrt(sum (x - mean)^2 / ((n - 1) n)), per channel; one sample alone says nothing of its spread, so
+// then it is the value itself. Stratification makes the true error smaller (errs high). All in W/(m2 sr).
 
 @group(1) @binding(0) var<storage, read> emission: array<vec4f>;   // a: number of samples
 @group(1) @binding(1) var<storage, read> direct: array<vec4f>;

@@ -1,9 +1,10 @@
 // Triangles, instances and their two-level hierarchy; rays against them.
 //
-// Loads bound the traversal. So node boxes are 16-bit integers on a grid that spans the hierarchy (rounded outwards), 32
-// bytes for both children, and nodes, triangles and vertices lie in read-only storage textures, whose texels CPU drivers
-// load in half of the time of a buffer's vec4 (llvmpipe, whole traversal: Cornell 217 -> 115 ns, Sponza 847 -> 539). Meshes with one instance lie in the tree of the world itself; others are entered
-// through their instance's transform.
+// Loads bound the traversal. So node boxes are 16-bit integers on a grid that spans the hierarchy (rounded outwards),
+// 32 bytes for both children, and nodes, triangles and vertices lie in read-only storage textures, whose texels CPU
+// drivers load in half of the time of a buffer's vec4 (llvmpipe, whole traversal: Cornell 217 -> 115 ns, Sponza 847
+// -> 539). Meshes with one instance lie in the tree of the world itself; others are entered through their instance's
+// transform.
 #import "scene/info.wgsl"
 #import "scene/materials.wgsl"
 
@@ -117,7 +118,8 @@ struct GridRay {
     offset: vec3f,
 }
 
-// Three roundings of a slab's distance may put leaving before entering a flat box (Ize 2013, "Robust BVH Ray Traversal").
+// Three roundings of a slab's distance may put leaving before entering a flat box (Ize 2013, "Robust BVH Ray
+// Traversal").
 const SLACK: f32 = 1.0000004;
 
 fn grid_ray(origin: vec3f, direction: vec3f, low: vec3f, scale: vec3f) -> GridRay {

@@ -71,7 +71,8 @@ fn load_texel(srgb: bool, x: i32, y: i32, layer: i32) -> vec4f {
     return textureLoad(atlas_linear, vec2i(x, y), layer, 0);
 }
 
-// Returns the picture in a slot, bilinear or nearest, without mip levels (aliases in the distance; unbiased under jitter).
+// Returns the picture in a slot, bilinear or nearest, without mip levels (aliases in the distance; unbiased under
+// jitter).
 fn sample_texture(material: u32, slot: u32, uv0: vec2f, uv1: vec2f) -> vec4f {
     let flags = materials[material].textures[slot].flags;
     let uv_raw = vec3f(select(uv0, uv1, (flags & TEXCOORD_1) != 0u), 1.0);

@@ -44,8 +44,8 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     var normal = geometric;
     let smooth_normal = (triangle.flags & SMOOTH) != 0u;
     if (smooth_normal) {
-        normal = corners.weights.x * unpack_normal(corners.a.normal) + corners.weights.y * unpack_normal(corners.b.normal)
-            + corners.weights.z * unpack_normal(corners.c.normal);
+        normal = weights.x * unpack_normal(corners.b.normal) + weights.y * unpack_normal(corners.c.normal)
+            + corners.weights.x * unpack_normal(corners.a.normal);
     }
     // Vertex normals are local; positions and edges are local only where the mesh is entered through an instance.
     let is_local = triangle.instance == NONE;
@@ -110,7 +110,8 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     return s;
 }
 
-// Returns the normal bent by a normal map's vector; the tangent is the file's, else it follows the texture's u direction.
+// Returns the normal bent by a normal map's vector; the tangent is the file's, else it follows the texture's u
+// direction.
 fn bend_normal(normal: vec3f, map: vec3f, triangle: Triangle, k: Corners, instance: u32) -> vec3f {
     let world_from_local = instances[instance].world_from_local;
     var tangent: vec3f;
