@@ -233,6 +233,6 @@ def test_interrupt_leaves_no_file(folder):
         except OSError:  # the terminal is closed by its last user
             break
     assert process.wait(timeout=30) == 130
-    assert b"interrupted; no picture was written" in seen
+    assert b"interrupted; no file was left half-written" in seen
     assert b"Traceback" not in seen
     assert not os.listdir(folder)

@@ -145,7 +145,7 @@ def test_bad_arguments_are_one_sentence_and_exit_code_2(arguments, words, capsys
     [
         (GiError, 2, "wgpu-gi: error: "),
         (MemoryError, 2, "not enough memory"),
-        (KeyboardInterrupt, 130, "interrupted; no picture was written"),
+        (KeyboardInterrupt, 130, "interrupted; no file was left half-written"),
     ],
 )
 def test_trouble_while_rendering_leaves_no_file(error, code, words, monkeypatch, capsys, tmp_path):
