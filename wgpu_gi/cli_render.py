@@ -16,7 +16,7 @@ from .image import check_output, save_image
 from .renderer import BUFFERS, Renderer, Settings, check_size
 from .scene.camera_files import choose_camera
 from .scene.environment_files import load_environment
-from .scene.load import load, parse_light
+from .scene.load import NO_CAMERA_NOTE, load, parse_light
 from .scene.scene import Scene
 from .settings import assign, describe, format_rows, validate
 
@@ -40,7 +40,8 @@ def render(arguments: Namespace) -> int:
     scene = scene_from(arguments)
     camera = choose_camera(scene, arguments.camera, Path(arguments.scene).parent)
     for note in scene.notes:
-        print(f"note: {note}", file=sys.stderr)
+        if note != NO_CAMERA_NOTE or arguments.camera is None:
+            print(f"note: {note}", file=sys.stderr)
 
     start = time.perf_counter()
     renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)

@@ -17,6 +17,8 @@ from .scene import DirectionalLight, Environment, Light, PointLight, Scene
 
 GLTF_EXTENSIONS = (".glb", ".gltf")
 
+NO_CAMERA_NOTE = "the scene has no camera: one was placed that frames it (--camera sets another)"
+
 # Radiance of the default sky: white, so that a material of albedo rho in the open has radiance rho.
 DEFAULT_SKY = (1.0, 1.0, 1.0)
 
@@ -78,7 +80,7 @@ def add_defaults(scene: Scene) -> None:
         scene.notes.append("the scene has no light: a white sky of radiance 1 was added (--env or --light set others)")
     if not scene.cameras:
         scene.cameras.append(framing_camera(scene))
-        scene.notes.append("the scene has no camera: one was placed that frames it (--camera sets another)")
+        scene.notes.append(NO_CAMERA_NOTE)
 
 
 def parse_light(text: str) -> Light:
