@@ -23,7 +23,7 @@ from .scene import Instance, Mesh
 NONE = 0xFFFFFFFF
 INSTANCE_FLAG = 1 << 30
 TOP_DEPTH = 24  # with the 40 of a mesh's tree they fill the traversal's stack of 64
-OPEN_UP_TO = 2048  # subtrees in the top level; more no longer shorten the paths of rays in Sponza
+OPEN_UP_TO = 2048  # subtrees in the top level; chosen, not tuned
 ROAM = 4.0  # radii that the scene's centre may be off the origin: coordinates are then 8 times as coarse, within PAD
 GROWTH = 1.5  # of a grid that something has left, so that what goes on moving outwards does not leave it each time
 

@@ -31,7 +31,7 @@ struct Params {
 @group(1) @binding(15) var<storage, read_write> deviation: array<vec4f>;  // sum of (x - mean)^2
 
 // Paths may die after this many scatterings, with the probability that their throughput lost. Measured on Cornell, 32
-// spp: error times run time is 26 % less than with 1, 14 % more than with 5, which traces a seventh fewer paths a
+// spp: error times run time is 26 % less than with 1, 13 % more than with 5, which traces a seventh fewer paths a
 // second.
 const ROULETTE_FROM: u32 = 3u;
 // No more paths are begun in a run of a pixel after this many steps of traversal; later runs make up for it, path by

@@ -131,7 +131,7 @@ fn grid_ray(origin: vec3f, direction: vec3f, low: vec3f, scale: vec3f) -> GridRa
 }
 
 // Traces the rays one after the other in one loop, because lanes of a SIMD group that finish a ray go on to their next
-// without waiting for each other (Cornell, llvmpipe: a fifth less time than a loop for each).
+// without waiting for each other.
 fn trace_all(rays: Rays) -> Found {
     var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0)), false, false, 0u);
     var stage = 0u;           // 1, 2: the shadow rays; 3: the main ray
