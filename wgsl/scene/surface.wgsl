@@ -16,8 +16,8 @@ struct Surface {
 }
 
 // How many units in the last place of its largest coordinate a hit point may be off: interpolation and two transforms.
-// In a float32 replay of 2 million random triangles under random transforms the worst was 1.5; the rest is margin for the
-// rounding of the next ray's own tests, chosen and not measured.
+// In a float32 replay of 2 million random triangles under random transforms the worst was 1.5; the rest is margin for
+// the rounding of the next ray's own tests, chosen and not measured.
 const POSITION_ULPS: f32 = 16.0 * 1.1920929e-7;
 
 fn unpack_normal(code: u32) -> vec3f {
