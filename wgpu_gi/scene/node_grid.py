@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from .bvh import LEAF_FLAG
 
 LAST_STEP = 65535
-# Grid steps that a box grows by before it is rounded outwards: above the rounding of q * inverse + offset, which is a few
-# times 2^-24 of 65536 steps (counted, not measured).
+# Grid steps that a box grows by before it is rounded outwards: above the rounding of q * inverse + offset, which is a
+# few times 2^-24 of 65536 steps (counted, not measured).
 PAD = 1 / 16
 
 
