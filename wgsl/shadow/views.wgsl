@@ -1,0 +1,31 @@
+// The lights that the deferred techniques loop over, and the shadow maps of each: records made by
+// `scene/direct_lights.py` and `techniques/shadow_views.py`.
+#import "common/math.wgsl"
+
+const DIRECT_POINT: u32 = 0u;
+const DIRECT_SPOT: u32 = 1u;
+const DIRECT_SUN: u32 = 2u;
+const DIRECT_AREA: u32 = 3u;   // a sample of an emitter: a small disc
+
+struct DirectLight {
+    position: vec3f,      // point, spot, area: metres relative to the scene's origin
+    kind: u32,
+    direction: vec3f,     // unit; spot, sun: of travel; area: normal of the side that shines
+    inverse_range: f32,   // 1/m; 0: no range
+    color: vec3f,         // point, spot: intensity W/sr; sun: irradiance W/m2; area: radiance W/(m2 sr)
+    area: f32,            // area: what of its emitter the sample stands for, m2
+    cone_scale: f32,      // spot: fall-off saturate(cosine * scale + offset)^2
+    cone_offset: f32,
+    first_view: u32,      // its first ShadowView
+    view_count: u32,      // sun: cascades, the finest first; point: 6 faces; area: 5 or 6 faces; spot: 1; 0: no shadow
+    both_sides: u32,      // area: 1 shines from both sides of its disc
+}
+
+// Faces of a point light: +X -X +Y -Y +Z -Z of the world. Of an area light: +Z, +X, -X, +Y, -Y (and -Z if both sides
+// shine) of `frame_from_normal(direction)`.
+struct ShadowView {
+    clip_from_world: mat4x4f,  // reversed depth: 1 nearest to the light; perspective: infinite, sun: 0 at the far end
+    corner: vec2f,             // of its rectangle in the atlas, texels; clip space covers the whole rectangle
+    size: vec2f,               // texels
+    texel: f32,                // perspective: width of a texel at 1 m along the view's axis; sun: its width, metres
+}
