@@ -1,4 +1,4 @@
-"""The command line: `wgpu-gi render` makes a picture, `wgpu-gi info` tells what this machine offers."""
+"""The command line: `wgpu-gi render` makes pictures, `compare` and `bench` measure them, `info` tells what there is."""
 
 from __future__ import annotations
 
@@ -24,6 +24,39 @@ examples:
 .npy .npz .exr hold linear radiance, float32, without exposure or tone curve; .png is sRGB with both.
 """
 
+COMPARE_EXAMPLES = """\
+examples:
+  wgpu-gi compare frame.exr truth.exr
+  wgpu-gi compare a.npz b.npz --layer indirect
+  wgpu-gi compare a.npz truth.npz:emit+direct+one+multi --noise truth.npz:se_full
+  wgpu-gi compare a.npz b.npz --mask regions.png --html report.html --json report.json
+
+A and B are linear: .npy .npz .exr. FILE:LAYER names a layer, FILE:ONE+TWO the sum of several. Without a layer, an .exr
+means its R, G, B, and an .npz its layer "radiance". Both must be of one size.
+
+With x of A, t of B, m the mean of t (over the whole picture, or over the region in the row of a region):
+  relMSE              mean((x-t)^2 / (t^2 + 0.01 m^2)), less the noise floor where --noise is given
+  noise floor         the relMSE that the noise of B alone makes
+  bias                mean(x-t) / m; in the JSON a fraction, not percent
+  99.9th percentile   of |x-t| / (t + 0.1 m), for fireflies
+  FLIP                mean LDR-FLIP, 0 alike to 1, at 67 pixels per degree, after scaling both so that the mean
+                      luminance of B is 0.18, and clipping at 1; needs pip install 'wgpu_gi[bench]'
+"""
+
+BENCH_EXAMPLES = """\
+examples:
+  wgpu-gi bench                                     every technique on the Cornell box
+  wgpu-gi bench a.glb b.glb --quality low,medium,high --json now.json --plot now.png
+  wgpu-gi bench a.glb --compare before.json         ratios of time and error to an earlier run on this machine
+  wgpu-gi bench a.glb --truth truth.npz             layers as `render` names them, or emit, direct, one, multi
+
+Errors are of linear radiance at the pixel centres, over the pixels that see a surface, as `wgpu-gi compare` defines
+them, less the noise of the truth. Times are of frames after a warm-up: still (nothing changes), camera moving, and all
+moving (every pass is forced); GPU ms are the sum over the passes of a frame, wall ms include Python and waiting.
+--truth path renders the truth, which may take long, and keeps it in ~/.cache/wgpu_gi/truth (or in XDG_CACHE_HOME, or
+WGPU_GI_CACHE); delete that folder at will.
+"""
+
 INFO_EPILOG = "The exit code is 0 if there is a usable adapter, else 2."
 
 
@@ -43,6 +76,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             from .cli_info import info
 
             return info()
+        if arguments.command == "compare":
+            from .cli_compare import compare
+
+            return compare(arguments)
+        if arguments.command == "bench":
+            from .cli_bench import bench
+
+            return bench(arguments)
         from .cli_render import render
 
         return render(arguments)
@@ -60,12 +101,28 @@ def build_parser() -> Parser:
     """Return the parser of the whole command line."""
     parser = Parser(prog="wgpu-gi", description="Global illumination on WebGPU.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"wgpu_gi {__version__}")
-    commands = parser.add_subparsers(dest="command", metavar="render | info", required=True)
+    commands = parser.add_subparsers(dest="command", metavar="render | compare | bench | info", required=True)
     verbatim = argparse.RawDescriptionHelpFormatter
     render = commands.add_parser(
         "render", help="make a picture of a scene", epilog=RENDER_EXAMPLES, formatter_class=verbatim, allow_abbrev=False
     )
     _add_render_arguments(render)
+    comparison = commands.add_parser(
+        "compare",
+        help="tell how far a picture is from the truth",
+        epilog=COMPARE_EXAMPLES,
+        formatter_class=verbatim,
+        allow_abbrev=False,
+    )
+    _add_compare_arguments(comparison)
+    measuring = commands.add_parser(
+        "bench",
+        help="measure error and time of techniques",
+        epilog=BENCH_EXAMPLES,
+        formatter_class=verbatim,
+        allow_abbrev=False,
+    )
+    _add_bench_arguments(measuring)
     commands.add_parser("info", help="adapters, drivers, versions, and what is missing", epilog=INFO_EPILOG)
     return parser
 
@@ -90,6 +147,38 @@ def _add_render_arguments(parser: Parser) -> None:
     add("--timings", action="store_true", help="print the time that each pass took")
     add("--check", action="store_true", help="name the first pass that makes a NaN or an infinity (slow)")
     add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+
+
+def _add_compare_arguments(parser: Parser) -> None:
+    add = parser.add_argument
+    add("image", metavar="A", help="the picture: FILE or FILE:LAYER")
+    add("truth", metavar="B", help="the truth that it is measured against")
+    add("--layer", metavar="LAYER", help="the layer of A and B where they name none themselves")
+    add("--noise", metavar="C", help="standard error of the truth: FILE or FILE:LAYER")
+    add("--mask", metavar="MASK", help="a row for each distinct value of this .png or FILE:LAYER, at most 64")
+    add("--html", default="compare.html", metavar="OUT", help="the page to write (default: compare.html)")
+    add("--no-html", dest="html", action="store_const", const=None, help="write no page")
+    add("--json", metavar="OUT", help="write the numbers to this .json")
+
+
+def _add_bench_arguments(parser: Parser) -> None:
+    add = parser.add_argument
+    add("scene", nargs="*", default=["cornell"], metavar="SCENE", help="files or built-in scenes (default: cornell)")
+    add("--gi", metavar="A,B,C", help="techniques (default: all but the path tracer, which is always held against)")
+    add("--quality", default="medium", metavar="A,B,C", help="out of low,medium,high (default: medium)")
+    add("--size", type=_size, metavar="WxH", help="pixels (default: 640x360, or as the file of --truth)")
+    add("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")
+    add("--env", metavar="ENV", help="environment: an .hdr or .exr file, or a constant radiance R,G,B")
+    add("--light", action="append", default=[], metavar="LIGHT", help='add "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
+    add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+    add("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; 'help' lists them")
+    add("--frames", type=int, default=20, metavar="N", help="frames measured in each case (default: 20)")
+    add("--truth", default="path", metavar="FILE", help="path (render it, the default), or an .npz or .exr with layers")
+    add("--truth-spp", type=int, default=256, metavar="N", help="samples per pixel of --truth path (default: 256)")
+    add("--json", metavar="OUT", help="write all numbers to this .json")
+    add("--plot", metavar="OUT", help="draw error against time to this .png, .svg or .pdf")
+    add("--compare", metavar="OLD", help="a .json of an earlier run: print the ratios to it")
+    add("--adapter", metavar="NAME", help="use the adapter whose name contains this (see wgpu-gi info)")
 
 
 def _size(text: str) -> tuple[int, int]:

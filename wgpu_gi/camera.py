@@ -70,3 +70,31 @@ class Camera:
     def position(self) -> NDArray[np.float64]:
         """World position, (3,) metres."""
         return self.world_from_view[:3, 3]
+
+    def clip_from_world(
+        self,
+        size: tuple[int, int],
+        origin: NDArray[np.float64],
+        near: float,
+        far: float,
+        offset: tuple[float, float] = (0.5, 0.5),
+    ) -> NDArray[np.float64]:
+        """Return the (4, 4) projection of positions relative to `origin` for a picture of `size` (width, height).
+
+        Perspective depth is near / view depth; orthographic depth falls from 1 at the camera to 0 at `far` metres.
+        Where rays go through their pixels at `offset` instead of (0.5, 0.5), the picture is shifted likewise.
+        """
+        half_height = np.tan(self.yfov / 2) if self.orthographic_height is None else self.orthographic_height / 2
+        half_width = half_height * size[0] / size[1]
+        axes = self.world_from_view[:3, :3].T * [[1.0], [1.0], [-1.0]]  # right, up, forward
+        view = np.column_stack([axes, axes @ (np.asarray(origin, np.float64) - self.position)])
+        clip = np.zeros((4, 4))
+        clip[0], clip[1] = view[0] / half_width, view[1] / half_height
+        if self.orthographic_height is None:
+            clip[2, 3], clip[3] = near, view[2]
+        else:
+            clip[2], clip[3, 3] = -view[2] / far, 1.0
+            clip[2, 3] += 1.0
+        clip[0] += (1.0 - 2.0 * offset[0]) / size[0] * clip[3]
+        clip[1] -= (1.0 - 2.0 * offset[1]) / size[1] * clip[3]
+        return clip

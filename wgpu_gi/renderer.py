@@ -1,86 +1,34 @@
-"""The frame: every technique in order, and the Renderer that keeps a scene, a camera and a graph in step."""
+"""The Renderer keeps a scene, a camera and the graph of a frame in step; `frame.py` says what a frame is."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable
+from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera
 from .errors import GiError
+from .frame import BUFFERS, TECHNIQUES, CameraSettings, Settings, Source, declare_frame, picture_count
 from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
-from .gpu.handles import Handle
 from .scene.camera_files import framing_camera
 from .scene.scene import Scene
 from .scene.upload import SceneUpload
-from .settings import setting, validate
-from .techniques.reference import PathSettings, declare_primary, declare_reference, path_runs
+from .settings import validate
+from .techniques.deferred_inputs import DeferredInputs
+from .techniques.reference import path_runs
 from .techniques.scene_inputs import SceneInputs, share_scene
+
+__all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "check_size", "render"]
 
 MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
 MAX_PIXELS = 2**25  # 96 bytes of running means and results each: 3 GiB
 
-# What `read_back` and `--show` know: the graph's texture or per-pixel buffer, and the channels of it.
-BUFFER_SOURCES: dict[str, tuple[str, slice | int]] = {
-    "radiance": ("path/radiance", slice(0, 3)),
-    "direct": ("path/direct", slice(0, 3)),
-    "indirect": ("path/indirect", slice(0, 3)),
-    "emission": ("path/emission", slice(0, 3)),
-    "standard_error": ("path/standard_error", slice(0, 3)),
-    "albedo": ("primary/albedo", slice(0, 3)),
-    "normal": ("primary/normal", slice(0, 3)),
-    "depth": ("primary/normal", 3),
-    "position": ("primary/position", slice(0, 3)),
-}
-BUFFERS = tuple(BUFFER_SOURCES)
-
-
-@dataclass
-class CameraSettings:
-    """How pixels are sampled."""
-
-    jitter: bool = setting(True, "Average over the pixel's square (box filter) instead of sampling its centre.")
-
-
-@dataclass
-class Settings:
-    """What to render and how well. Sections are reached as `section.name` by `--set`."""
-
-    gi: str = setting("path", "Technique: path (path tracer) or none (direct light only).", choices=("path", "none"))
-    bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
-    spp: int = setting(64, "Samples per pixel of the path tracer.", "samples", range=(1, 10_000_000))
-    seed: int = setting(0, "Seed of all random numbers.", range=(0, 2**32 - 1))
-    diffuse: bool = setting(False, "Treat every material as Lambert with its base colour.")
-    camera: CameraSettings = field(default_factory=CameraSettings)
-    path: PathSettings = field(default_factory=PathSettings)
-
-
-def declare_frame(graph: Graph, settings: Settings, scene: SceneInputs, extra_runs: int = 0) -> list[Handle]:
-    """Declare the passes of a frame; return what can be shown. The first page to read.
-
-    `extra_runs` are for pixels whose paths are too long to be done in the runs planned.
-    """
-    # Until there is a deferred base, direct light alone is the path tracer without indirect bounces.
-    bounces = 0 if settings.gi == "none" else settings.bounces
-    runs = path_runs(settings.path, settings.spp) + extra_runs
-    reference = declare_reference(
-        graph, settings.path, scene, spp=settings.spp, runs=runs, bounces=bounces, seed=settings.seed
-    )
-    primary = declare_primary(graph, scene)
-    return [
-        reference.radiance,
-        reference.direct,
-        reference.indirect,
-        reference.emission,
-        reference.standard_error,
-        primary.albedo,
-        primary.normal,
-        primary.position,
-    ]
+_TRACED = {"radiance", "direct", "indirect", "emission", "standard_error"}  # what the path tracer refines
 
 
 class Renderer:
@@ -108,7 +56,11 @@ class Renderer:
         self._device = open_device(adapter, large_buffers=True)
         self._graph = Graph(self._device)
         self._upload: SceneUpload | None = None
+        self._deferred = DeferredInputs()
+        self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
+        self._state: tuple[object, ...] | None = None  # all that makes another picture
+        self._frame = 0  # of the jittered ones that a still picture averages
         self._plan = ""
         self._complete = False  # every pixel is known to have all its samples
         self._extra_runs = 0  # of the path tracer, for pixels that are behind
@@ -123,12 +75,18 @@ class Renderer:
         """True if the adapter is a CPU."""
         return self._device.is_cpu
 
+    @property
+    def graph(self) -> Graph:
+        """The render graph, for what it measures; its passes and resources are declared anew by `step`."""
+        return self._graph
+
     def release(self) -> None:
         """Free all GPU memory of this renderer; it can render again, from scratch."""
         self._graph.release()
         if self._upload is not None:
             self._upload.release()
-        self._graph, self._upload, self._declared = Graph(self._device), None, None
+        self._graph, self._upload, self._declared, self._state = Graph(self._device), None, None, None
+        self._deferred = DeferredInputs()
 
     def __del__(self) -> None:
         """Textures and buffers of wgpu linger until destroyed."""
@@ -141,11 +99,11 @@ class Renderer:
         self,
         progress: Callable[[float], None] | None = None,
         *,
-        show: tuple[str, ...] = BUFFERS,
+        show: tuple[str, ...] = ("radiance",),
         check: bool = False,
         timings: bool = False,
     ) -> None:
-        """Render until the picture has all its samples; `progress` is called with the fraction done, 0 to 1.
+        """Render until the picture has all its samples or frames; `progress` is called with the fraction done, 0 to 1.
 
         `show` names the buffers that will be read back: passes that none of them needs are not run. `check` raises
         GiError at the first NaN, infinite or negative value that a pass writes; `timings` measures each pass.
@@ -159,7 +117,7 @@ class Renderer:
         self,
         progress: Callable[[float], None] | None = None,
         *,
-        show: tuple[str, ...] = BUFFERS,
+        show: tuple[str, ...] = ("radiance",),
         check: bool = False,
         timings: bool = False,
         force: bool = False,
@@ -168,10 +126,10 @@ class Renderer:
 
         `force` runs every pass that `show` needs, changed or not.
         """
-        for name in show:
-            _check_buffer(name)
-        self._prepare(show)
+        self._check_buffers(show)
+        self._prepare(show, force)
         before = self._graph.settle_progress()
+        frames = picture_count(self.settings)
         total_runs = path_runs(self.settings.path, self.settings.spp) + self._extra_runs
 
         def on_chunk(fraction: float) -> None:
@@ -179,12 +137,14 @@ class Renderer:
                 progress(min(1.0, (0.0 if before >= 1.0 else before) + fraction / total_runs))
 
         ran = self._graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
-        if not ran and not self._complete and any(BUFFER_SOURCES[name][0].startswith("path/") for name in show):
-            self._complete = self._catch_up()
-            ran = not self._complete
-        elif ran:
+        if progress is not None and frames > 1:
+            progress((self._frame + 1) / frames)
+        if ran:
             self._complete = False
             self._plan = table(self._graph.plan())
+        elif self.settings.gi == "path" and not self._complete and _TRACED.intersection(show):
+            self._complete = self._catch_up()
+            return not self._complete
         return ran
 
     def _catch_up(self) -> bool:
@@ -200,16 +160,21 @@ class Renderer:
         """Return a buffer of the last run as (height, width, 3) float32; `depth` as (height, width).
 
         radiance, direct, indirect, emission, standard_error: W/(m2 sr). depth: metres along the ray, 0 where nothing is
-        seen. position: world, metres. normal: unit, towards the viewer. Raises GiError for an unknown name.
+        seen. position: world, metres. normal: unit, towards the viewer. motion: pixels right and down since the frame
+        before, and the distance then in metres. Raises GiError for a buffer that there is not.
         """
-        _check_buffer(name)
-        source, channels = BUFFER_SOURCES[name]
-        pixels = self._graph.read_back(source).reshape(self._graph.size[1], self._graph.size[0], 4)
-        values: NDArray = pixels[..., channels]
+        self._check_buffers((name,))
+        if name not in self._sources:
+            raise GiError(f"{name!r} holds nothing yet: run the renderer first")
+        width, height = self._graph.size
+        source = self._sources[name]
+        if source.handle is None:
+            return np.zeros((height, width, 3), np.float32)
+        pixels = self._graph.read_back(source.handle).reshape(height, width, 4)
+        values: NDArray = pixels[..., source.first : source.first + source.count]
         if name == "position" and self._upload is not None:
-            seen = pixels[..., 3:] > 0
-            values = np.where(seen, values + self._upload.origin, 0.0)
-        return np.ascontiguousarray(values, np.float32)
+            values = np.where(pixels[..., 3:] > 0, values + self._upload.origin, 0.0)
+        return np.ascontiguousarray(values if source.count > 1 else values[..., 0], np.float32)
 
     def plan(self) -> str:
         """Return what each pass did in the last frame that ran any, and why, as a text table."""
@@ -221,27 +186,61 @@ class Renderer:
         lines = [f"{r.name:<24} {r.ms:9.2f} ms" for r in rows]
         return "\n".join([*lines, f"{'sum':<24} {sum(r.ms or 0 for r in rows):9.2f} ms"])
 
-    def _prepare(self, show: tuple[str, ...]) -> None:
+    def _prepare(self, show: tuple[str, ...], force: bool) -> None:
         """Send what changed and declare the frame anew if its shape changed."""
         check_size(*self.size)
-        validate(self.settings)
-        if self._upload is None or self._upload.diffuse != self.settings.diffuse:
+        settings, graph = self.settings, self._graph
+        validate(settings)
+        if self._upload is None or self._upload.diffuse != settings.diffuse:
             if self._upload is not None:
                 self._upload.release()
-            self._upload = SceneUpload(self._device, self.settings.diffuse)
-        self._upload.update(self.scene)
-        inputs = share_scene(self._graph, self._upload)
-        self._graph.uniform("scene", self._upload.info)
-        self._graph.uniform("view", self._upload.view(self.camera, self.size, self.settings.camera.jitter))
-        copied = replace(self.settings, camera=replace(self.settings.camera), path=replace(self.settings.path))
-        declared = (copied, self.size, inputs.features, frozenset(show), self._extra_runs)
+            self._upload = SceneUpload(self._device, settings.diffuse)
+        upload = self._upload
+        upload.update(self.scene)
+        deferred = settings.gi != "path"
+        view = upload.view(self.camera, self.size, settings.camera.jitter and not deferred)
+        if deferred:
+            self._deferred.update(upload, self.scene, view, settings.direct, settings.shadow)
+        chosen = deepcopy(settings)
+        state = (chosen, self.size, view.tobytes(), upload.info.tobytes(), upload.resources.versions())
+        self._count_frames(state, force)
+        if deferred:
+            view = upload.view(self.camera, self.size, False, pixel_offset(self._frame))
+            view["sample_index"] = self._frame
+            self._deferred.note_motion(upload, self.scene, graph, view)
+        graph.uniform("scene", upload.info)
+        graph.uniform("view", view)
+        inputs = self._share()
+        declared = (chosen, self.size, inputs.shape(), frozenset(show), self._extra_runs)
         if declared == self._declared:
             return
-        self._graph.begin(self.size)
-        inputs = share_scene(self._graph, self._upload)
-        declare_frame(self._graph, self.settings, inputs, self._extra_runs)
-        self._graph.compile([BUFFER_SOURCES[name][0] for name in show])
+        graph.begin(self.size)
+        self._sources = declare_frame(graph, settings, self._share(), self._deferred.shadows, self._extra_runs)
+        wanted = [self._sources[name].handle for name in show]
+        graph.compile([handle for handle in wanted if handle is not None])
         self._declared = declared
+
+    def _count_frames(self, state: tuple[object, ...], force: bool) -> None:
+        """Go on to the next jittered frame of a picture where nothing has changed, else begin another picture."""
+        if force or state != self._state:
+            self._frame = 0
+        elif self._frame + 1 < picture_count(self.settings):
+            self._frame += 1
+        self._state = state
+
+    def _share(self) -> SceneInputs:
+        assert self._upload is not None
+        inputs = share_scene(self._graph, self._upload)
+        return inputs if self.settings.gi == "path" else self._deferred.share(self._graph, self._upload, inputs)
+
+    def _check_buffers(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in BUFFERS:
+                raise GiError(f"there is no buffer {name!r}; there is {', '.join(BUFFERS)}")
+            if name == "standard_error" and self.settings.gi != "path":
+                raise GiError(f"--gi {self.settings.gi} has no standard_error; only the path tracer (--gi path) has one")
+            if name == "motion" and self.settings.gi == "path":
+                raise GiError("the path tracer has no buffer 'motion'; another technique, such as --gi none, has one")
 
 
 def render(
@@ -270,9 +269,12 @@ def render(
     return renderer.read_back(show)
 
 
-def _check_buffer(name: str) -> None:
-    if name not in BUFFER_SOURCES:
-        raise GiError(f"there is no buffer {name!r}; there is {', '.join(BUFFERS)}")
+def pixel_offset(frame: int) -> tuple[float, float]:
+    """Return where the rays of a jittered frame go through their pixels: the centre first, then all over the square.
+
+    Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences": multiples of the plane's golden numbers.
+    """
+    return (0.5 + frame * 0.7548776662466927) % 1.0, (0.5 + frame * 0.5698402909980532) % 1.0
 
 
 def check_size(width: int, height: int) -> None:

@@ -5,6 +5,8 @@ A technique declares a dataclass of `setting()` fields; the renderer's settings 
 >>> @dataclass
 ... class PathSettings:
 ...     samples_per_run: int = setting(4, "Samples per pixel in one run.", unit="samples", range=(1, 64))
+
+A setting may have another default for each quality: `presets={"low": 1, "high": 16}`; `apply_quality` sets them all.
 """
 
 from __future__ import annotations
@@ -12,12 +14,14 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from numbers import Integral, Real
 from types import NoneType
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from .errors import GiError
+
+QUALITIES = ("low", "medium", "high")  # the second is what the defaults of all settings are
 
 _TRUTHS = {"true": True, "1": True, "yes": True, "on": True, "false": False, "0": False, "no": False, "off": False}
 _NO_VALUE = ("none", "unlimited")
@@ -33,6 +37,7 @@ class Row(NamedTuple):
     range: tuple[float, float] | None
     choices: tuple[str, ...]
     sentence: str
+    presets: Mapping[str, Any]
 
 
 def setting(
@@ -41,9 +46,20 @@ def setting(
     unit: str = "",
     range: tuple[float, float] | None = None,
     choices: Sequence[str] = (),
+    presets: Mapping[str, Any] | None = None,
 ) -> Any:
-    """Return a dataclass field with its documentation: one sentence, a unit, an inclusive range or the choices."""
-    metadata = {"sentence": sentence, "unit": unit, "range": range, "choices": tuple(choices)}
+    """Return a dataclass field with its documentation: one sentence, a unit, an inclusive range or the choices.
+
+    `presets` are its values at other qualities than medium, which has the default: {"low": 256, "high": 1024}. A
+    quality that is left out has the default, too.
+    """
+    metadata = {
+        "sentence": sentence,
+        "unit": unit,
+        "range": range,
+        "choices": tuple(choices),
+        "presets": dict(presets or {}),
+    }
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -79,6 +95,22 @@ def assign(settings: Any, text: str) -> None:
     setattr(owner, field.name, value)
 
 
+def apply_quality(settings: Any, quality: str) -> None:
+    """Set every setting with presets, in all sections, to its value at `quality`; leave those without alone.
+
+    Apply it before what a user sets by name. Raises GiError for an unknown quality, and for a preset that the setting
+    itself would refuse.
+    """
+    if quality not in QUALITIES:
+        raise GiError(f"there is no quality {quality!r}; there is {', '.join(QUALITIES)}")
+    for path, owner, field in _fields(settings):
+        presets = field.metadata["presets"]
+        if presets:
+            value = presets.get(quality, field.default)
+            _check(path, value, field, _type_of(owner, field))
+            setattr(owner, field.name, value)
+
+
 def describe(settings: Any) -> list[Row]:
     """List every setting of a settings dataclass and of its sections, in order of declaration."""
     rows = []
@@ -86,16 +118,20 @@ def describe(settings: Any) -> list[Row]:
         meta = field.metadata
         choices = _choices(field, _type_of(owner, field))
         value = getattr(owner, field.name)
-        rows.append(Row(path, value, field.default, meta["unit"], meta["range"], choices, meta["sentence"]))
+        rows.append(
+            Row(path, value, field.default, meta["unit"], meta["range"], choices, meta["sentence"], meta["presets"])
+        )
     return rows
 
 
 def format_rows(rows: Sequence[Row]) -> str:
-    """Return the rows as an aligned text table: name=value, range with unit, sentence."""
+    """Return the rows as an aligned text table: name=value, range with unit, sentence, presets."""
     cells = []
     for row in rows:
         limits = " .. ".join(map(_text, row.range)) if row.range else " | ".join(row.choices)
-        cells.append((f"{row.name}={_text(row.value)}", f"{limits} {row.unit}".strip(), row.sentence))
+        presets = ", ".join(f"{quality} {_text(value)}" for quality, value in row.presets.items())
+        sentence = f"{row.sentence} ({presets})" if presets else row.sentence
+        cells.append((f"{row.name}={_text(row.value)}", f"{limits} {row.unit}".strip(), sentence))
     widths = [max((len(line[column]) for line in cells), default=0) for column in (0, 1)]
     return "\n".join(f"  {a:<{widths[0]}}  {b:<{widths[1]}}  {c}".rstrip() for a, b, c in cells)
 

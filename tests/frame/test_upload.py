@@ -225,7 +225,7 @@ def test_only_what_changed_is_sent(change, sent, besides):
 
     def versions():
         upload.update(scene)
-        return {name: version for name, (_, version) in upload.resources.items()}
+        return upload.resources.versions()
 
     first = versions()
     assert versions() == first
@@ -259,11 +259,11 @@ def test_camera_moves():
     scene, changed = everything(), everything()
     renderer = Renderer(scene, size=SIZE, settings=settings())
     before = shown(renderer)
-    versions = {name: version for name, (_, version) in renderer._upload.resources.items()}
+    versions = renderer._upload.resources.versions()
     camera = Camera.look_at((3, 3, 3), (0, 0, 0), yfov_deg=70)
     renderer.camera = changed.cameras[0] = camera
     after, fresh = shown(renderer), picture(changed)
-    assert versions == {name: version for name, (_, version) in renderer._upload.resources.items()}
+    assert versions == renderer._upload.resources.versions()
     assert not np.array_equal(before["depth"], after["depth"])
     for name in SHOW:
         assert np.array_equal(after[name], fresh[name])

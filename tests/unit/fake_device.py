@@ -29,10 +29,15 @@ class FakeTexture(FakeObject):
 
 
 class FakePass:
-    """A pass encoder; a dispatch or draw is noted as (pass label, arguments)."""
+    """A pass encoder; a dispatch or draw is noted with the label of bind group 1, which is the pass of the graph."""
 
-    def __init__(self, log, label):
-        self.log, self.label, self.groups = log, label, {}
+    def __init__(self, log):
+        self.log, self.groups, self.open = log, {}, True
+
+    @property
+    def label(self):
+        assert self.open
+        return self.groups[1].label
 
     def set_pipeline(self, pipeline):
         assert pipeline is not None
@@ -46,28 +51,48 @@ class FakePass:
     def dispatch_workgroups_indirect(self, buffer, offset):
         self.log.append(("dispatch", self.label, buffer.label))
 
+    def set_index_buffer(self, buffer, index_format):
+        self.log.append(("index", self.label, f"{buffer.label} {index_format}"))
+
     def draw(self, *counts):
         self.log.append(("draw", self.label, counts))
 
+    def draw_indexed(self, *counts):
+        self.log.append(("draw indexed", self.label, counts))
+
     def end(self):
-        pass
+        assert self.open
+        self.open = False
 
 
 class FakeEncoder:
+    """A command encoder; as in WebGPU, one pass is open at a time and nothing is recorded beside it."""
+
     def __init__(self, log):
-        self.log = log
+        self.log, self.last = log, None
+
+    def begin(self):
+        self.check_closed()
+        self.last = FakePass(self.log)
+        return self.last
+
+    def check_closed(self):
+        assert self.last is None or not self.last.open
 
     def begin_compute_pass(self, label, **_):
-        return FakePass(self.log, label)
+        self.log.append(("compute pass",))
+        return self.begin()
 
     def begin_render_pass(self, label, **attachments):
         self.log.append(("targets", label, attachments))
-        return FakePass(self.log, label)
+        return self.begin()
 
     def clear_buffer(self, buffer):
+        self.check_closed()
         self.log.append(("clear", buffer.label))
 
     def finish(self):
+        self.check_closed()
         return self
 
 

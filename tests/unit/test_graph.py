@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import wgpu
 from unit.fake_device import fake_device
 
 from wgpu_gi.errors import GiError
@@ -17,6 +19,12 @@ HEAD = """
 struct View { offset: vec4f }
 struct Params { gain: f32, settle_index: u32, first_workgroup: u32, width: u32 }
 """
+
+
+def loads(numbers):
+    return " + ".join(f"textureLoad(t{i}, vec2u(0), 0)" for i in numbers)
+
+
 SHADERS = {
     "fill": HEAD
     + """
@@ -70,6 +78,19 @@ struct Out { @location(0) color: vec4f, @location(1) normal: vec4f }
 @vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return vec4f(f32(i)); }
 @fragment fn fs() -> Out { return Out(); }
 """,
+    "drawn": HEAD
+    + """
+@group(0) @binding(0) var<uniform> view: View;
+@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return view.offset * f32(i); }
+""",
+    "many": "".join(f"@group(1) @binding({i}) var t{i}: texture_2d<f32>;\n" for i in range(17))
+    + "".join(f"@group(1) @binding({20 + i}) var o{i}: texture_storage_2d<rgba16float, write>;\n" for i in range(5))
+    + f"""
+@vertex fn vs() -> @builtin(position) vec4f {{ return {loads(range(9))}; }}
+@fragment fn fs() -> @location(0) vec4f {{ return {loads(range(9, 17))}; }}
+@compute @workgroup_size(8) fn sampled() {{ textureStore(o0, vec2u(0), {loads(range(17))}); }}
+@compute @workgroup_size(8) fn stored() {{ {" ".join(f"textureStore(o{i}, vec2u(0), vec4f(0));" for i in range(5))} }}
+""",
     "wide": "".join(f"@group(1) @binding({i}) var<storage, read_write> b{i}: array<u32>;\n" for i in range(9))
     + f"@compute @workgroup_size(64) fn main() {{ {' '.join(f'b{i}[0] = 1;' for i in range(9))} }}",
     "odd": """
@@ -78,6 +99,7 @@ struct Out { @location(0) color: vec4f, @location(1) normal: vec4f }
 @group(1) @binding(0) var<storage, read_write> same: array<u32>;
 @compute @workgroup_size(64) fn main() { total[0] = vec4f(0); }
 @compute @workgroup_size(64) fn twins() { one[0] = same[0]; }
+@compute @workgroup_size(64) fn index() { one[0] = 1; }
 @compute @workgroup_size(32, 32) fn large() { one[0] = 1; }
 @compute fn sizeless() { one[0] = 1; }
 """,
@@ -123,7 +145,7 @@ def ran(g, **how):
     log = g.device.gpu.log
     log.clear()
     g.run(**how)
-    return [entry[1] for entry in log if entry[0] in ("dispatch", "draw")]
+    return [entry[1] for entry in log if entry[0] in ("dispatch", "draw", "draw indexed")]
 
 
 def params_of(g, name):
@@ -133,6 +155,16 @@ def params_of(g, name):
 
 def state_of(g, name):
     return next(row for row in g.plan() if row.name == name)
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A draw function that equals another of the same count."""
+
+    count: int
+
+    def __call__(self, encoder):
+        encoder.draw(self.count, 1)
 
 
 # Culling, staleness and order.
@@ -149,6 +181,27 @@ def test_one_submit_per_frame(graph):
     chain(graph)
     graph.run()
     assert graph.device.gpu.log.count(("submit",)) == 1
+
+
+def test_dispatches_share_a_pass_between_clears_and_draws(graph):
+    graph.points = graph.device.gpu.create_buffer(label="points", size=160)
+    graph.begin((8, 8))
+    total, other = (graph.buffer(name, dtype=VEC4, count=10) for name in ("total", "other"))
+    depth = graph.texture("depth", "depth32float")
+    reads = {"points": graph.share("points", graph.points)}
+    params = {"gain": 0.0, "width": 0}
+    a = fill(graph)
+    b = read(graph, a, "b")
+    graph.raster("draw", "drawn.wgsl", draw=3, depth=depth)
+    c = read(graph, b, "c", "copy")
+    graph.compute("add", "add.wgsl", over=total, reads=reads, writes={"total": total}, clear=[total])
+    graph.compute("sum", "sum.wgsl", over=other, writes={"total": other}, params=params)
+    graph.compile([c, depth, total, other])
+    assert ran(graph) == ["fill a", "b", "draw", "c", "add", "sum"]
+    recorded = [
+        entry[0] for entry in graph.device.gpu.log if entry[0] in ("compute pass", "targets", "clear", "submit")
+    ]
+    assert recorded == ["compute pass", "targets", "compute pass", "clear", "compute pass", "submit"]
 
 
 def test_group_counts_are_rounded_up(graph):
@@ -341,6 +394,40 @@ def test_changed_shader_file_is_run_again(graph, tmp_path):
     os.utime(tmp_path / "look.wgsl", ns=(1, 1))
     chain(graph)
     assert ran(graph) == ["b", "c"]
+
+
+def test_params_buffers_go_with_their_passes(graph):
+    def declare(*names):
+        graph.begin((8, 8))
+        graph.compile([fill(graph, name) for name in names])
+        graph.run()
+        return {entry[1] for entry in graph.device.gpu.log if entry[0] == "destroy" and "params" in entry[1]}
+
+    declare("a", "b")
+    assert declare("a", "b") == set()
+    assert declare("a") == {"fill b params"}
+    assert params_of(graph, "fill a")[0] == 1.0
+
+
+def test_pass_is_another_with_another_camera(graph):
+    second = np.zeros((), VIEW)
+    graph.uniform("view_second", second)
+
+    def declare(**more):
+        graph.begin((8, 8))
+        graph.compile([read(graph, fill(graph), "b", **more)])
+        return ran(graph)
+
+    assert declare() == ["fill a", "b"]
+    assert declare(uniforms={"view": "view"}) == []
+    assert declare(uniforms={"view": "view_second"}) == ["b"]
+    (groups,) = graph.passes["b"].state.bind_groups.values()
+    assert groups[0].entries[0]["resource"]["buffer"].label == "uniform view_second"
+    second["offset"] = 1
+    graph.set_uniform("view", second)
+    assert graph.at_rest
+    graph.set_uniform("view_second", second)
+    assert ran(graph) == ["b"] and state_of(graph, "b").reason == "input changed: view_second"
 
 
 def test_later_reader_does_not_cost_the_contents(graph):
@@ -541,6 +628,55 @@ def test_draw_function_gets_the_encoder(graph):
     assert ("draw", "draw", (7, 2)) in graph.device.gpu.log
 
 
+def draw_depth(g, draw, shader="drawn", **more):
+    g.begin((8, 8))
+    depth = g.texture("depth", "depth32float")
+    p = g.raster("draw", f"{shader}.wgsl", draw=draw, depth=depth, **more)
+    g.compile([depth])
+    return p
+
+
+def test_draw_functions_that_are_equal_keep_the_state(graph):
+    draw_depth(graph, Draw(3))
+    assert ran(graph) == ["draw"]
+    draw_depth(graph, Draw(3))
+    assert ran(graph) == []
+    draw_depth(graph, Draw(4))
+    assert ran(graph) == ["draw"]
+
+
+@pytest.mark.parametrize(("draw", "counts"), [(6, (6, 1)), ((6, 2, 3), (6, 2, 3)), (Draw(5), (5, 1))])
+def test_index_buffer_is_bound_before_the_draw(graph, draw, counts):
+    indices = graph.device.gpu.create_buffer(label="indices", size=24)
+
+    def declare(version):
+        graph.begin((8, 8))
+        index = graph.share("indices", indices, version)
+        depth = graph.texture("depth", "depth32float")
+        graph.raster("draw", "drawn.wgsl", draw=draw, index=index, depth=depth)
+        graph.compile([depth])
+
+    declare(0)
+    assert ran(graph) == ["draw"]
+    kind = "draw" if callable(draw) else "draw indexed"
+    log = [e for e in graph.device.gpu.log if e[0] in ("index", "draw", "draw indexed")]
+    assert log == [("index", "draw", "indices uint32"), (kind, "draw", counts)]
+    declare(0)
+    assert graph.at_rest
+    declare(1)
+    assert ran(graph) == ["draw"] and state_of(graph, "draw").reason == "input changed: indices"
+
+
+def test_written_index_buffer_keeps_its_writer_alive(graph):
+    graph.begin((8, 8))
+    indices = graph.buffer("indices", dtype=np.uint32, count=8)
+    graph.compute("sort", "odd.wgsl", over=1, writes={"one": indices}, entry="index")
+    depth = graph.texture("depth", "depth32float")
+    graph.raster("draw", "drawn.wgsl", draw=8, index=indices, depth=depth)
+    graph.compile([depth])
+    assert ran(graph) == ["sort", "draw"] and indices.usage & wgpu.BufferUsage.INDEX
+
+
 def test_neutral_input_stands_in(graph):
     graph.begin((8, 8))
     graph.compile([read(graph, graph.neutral("texture_2d", 1.0), "b")])
@@ -556,8 +692,65 @@ def test_plan_as_text(graph):
     chain(graph)
     graph.run(timings=True)
     text = table(graph.plan())
-    assert text.splitlines()[0] == "ran 3, kept 0, culled 1"
-    assert state_of(graph, "b").ms is not None and state_of(graph, "b").bytes == 16 * 16 * 8
+    assert text.splitlines()[0] == "ran 3, kept 0, culled 1: no output needs d"
+    row = state_of(graph, "b")
+    assert row.ms is not None and row.p95 >= row.ms and row.bytes == 16 * 16 * 8
+    assert f"p95 {row.p95:.2f}" in text and "p95" not in text.splitlines()[-1]
+
+
+def test_plan_says_what_the_scene_has_none_of(graph):
+    graph.begin((8, 8))
+    graph.skip("shadow/maps", "no light that casts shadows")
+    a = fill(graph)
+    graph.skip("emitters", "no emissive material")
+    graph.skip("masked", "no alpha-masked material")
+    b = read(graph, a, "b")
+    graph.compile([b])
+    assert ran(graph) == ["fill a", "b"]
+    assert [r.name for r in graph.plan()] == ["shadow/maps", "fill a", "emitters", "masked", "b"]
+    row = state_of(graph, "emitters")
+    assert (row.state, row.reason, row.ms, row.bytes) == ("culled", "no emissive material", None, 0)
+    reasons = "no light that casts shadows, no emissive material, no alpha-masked material"
+    assert table(graph.plan()).splitlines()[0] == f"ran 2, kept 0, culled 3: {reasons}"
+    chain(graph)
+    assert [r.name for r in graph.plan()] == ["fill a", "b", "c", "d"]
+
+
+# Times.
+
+
+def test_times_of_passes_and_runs(graph, monkeypatch):
+    clock = iter(float(i**2) for i in range(1000))  # each pass takes longer than the one before
+    monkeypatch.setattr("wgpu_gi.gpu.execute.time.perf_counter", lambda: next(clock))
+    chain(graph)
+    for _ in range(3):
+        graph.run(force=True, timings=True)
+    times = graph.timing
+    assert [len(times.samples[n]) for n in ("fill a", "b", "c")] == [3, 3, 3]
+    assert list(times.frames) == pytest.approx([sum(times.samples[n][i] for n in times.samples) for i in range(3)])
+    assert times.median("b") == times.samples["b"][1] and times.median("d") is None
+    assert times.median("b") < times.p95("b") < times.samples["b"][2]
+    assert times.frame_ms() == (times.frames[1], pytest.approx(0.1 * times.frames[1] + 0.9 * times.frames[2]))
+    assert not graph.run(timings=True) and len(times.frames) == 3  # nothing ran
+    times.clear()
+    assert times.frame_ms() is None and times.median("b") is None and not times.frames
+    graph.run(force=True, timings=True)
+    assert len(times.frames) == len(times.samples["b"]) == 1
+    chain(graph, size=(32, 32))  # other textures: the times no longer hold
+    assert times.frame_ms() is None and times.median("b") is None
+
+
+def test_interrupted_run_leaves_no_times(graph):
+    split(graph, 64 * 200)
+
+    def stop(_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        graph.run(on_chunk=stop, timings=True)
+    assert not graph.timing.frames
+    graph.run(timings=True)
+    assert list(graph.timing.frames) == list(graph.timing.samples["sum"])
 
 
 # Messages: each names the pass and the shader file.
@@ -596,7 +789,14 @@ def test_binding_messages(begun):
     wrong(g, "odd", r"odd\.wgsl:2: 'total' is in group 2", over=8)
     wrong(g, "odd", r"odd\.wgsl:4: 'same' and 'one' have the same group", over=8, entry="twins")
     many = {f"b{i}": g.buffer(f"b{i}", dtype=np.uint32, count=4) for i in range(9)}
-    wrong(g, "wide", "it binds 9 storage buffers; WebGPU guarantees 8", over=8, writes=many)
+    wrong(g, "wide", "its compute stage binds 9 storage buffers; WebGPU guarantees 8", over=8, writes=many)
+    sampled = {f"t{i}": g.source for i in range(17)}
+    stored = {f"o{i}": g.texture(f"o{i}", "rgba16float") for i in range(5)}
+    given = {"over": 8, "reads": sampled, "writes": {"o0": g.out}}
+    wrong(g, "many", "binds 17 sampled textures; WebGPU guarantees 16", entry="sampled", **given)
+    wrong(g, "many", "binds 5 storage textures; WebGPU guarantees 4", entry="stored", over=8, writes=stored)
+    # The limits are per stage: 9 textures in one and 8 in the other are well.
+    g.raster("p", "many.wgsl", draw=3, color={"out": g.out}, reads=sampled)
 
 
 def test_format_messages(begun):
@@ -677,6 +877,10 @@ def test_over_messages(begun):
 def test_name_and_life_messages(begun):
     g = begun
     wrong(g, "copy", "two passes have this name", name="fill source", **g.good)
+    with pytest.raises(GiError, match="pass 'fill source': two passes have this name"):
+        g.skip("fill source", "no light")
+    g.skip("shadow", "no light")
+    wrong(g, "copy", "two passes have this name", name="shadow", **g.good)
     wrong(g, "copy", "it writes nothing", over=8, entry="other", constants={"NEEDED": 1})
     wrong(g, "nowhere", "there is no shader 'nowhere.wgsl'", over=8)
     for _ in range(2):
@@ -688,10 +892,15 @@ def test_name_and_life_messages(begun):
     wrong(g, "copy", "'source' is of another declaration", **old)
     g.compile([])
     wrong(g, "sum", "declared outside of begin", over=1, writes={"total": g.total}, params={"gain": 1, "width": 1})
+    with pytest.raises(GiError, match="pass 'shadow': skipped outside of begin"):
+        g.skip("shadow", "no light")
 
 
 def test_shared_uniform_messages(begun):
     g = begun
+    other = {"view": "view_second"}
+    wrong(g, "look", "there is no shared uniform 'view_second'; there is view", uniforms=other, **g.good)
+    wrong(g, "copy", "uniforms names view, but the shared uniforms it uses are none", uniforms=other, **g.good)
     g.uniform("view", np.dtype([("shift", "f4", (4,))]))
     wrong(g, "look", "has the fields shift@0, but View here has offset@0", **g.good)
     g.uniform("view", np.dtype("f4"))
@@ -733,6 +942,9 @@ def test_raster_messages(begun):
     wrong_raster("'color' is rgba8unorm; a depth format is needed", color=color, depth=color["color"])
     wrong_raster("'depth' is depth32float; a color format is needed", color=color | {"color": depth})
     wrong_raster("it has no vertex entry point", shader="copy", color=color)
+    wrong_raster("index: 'total' has elements of .*; uint32 is needed", color=color, index=g.total)
+    wrong_raster("index: 'color' is a texture; a buffer of uint32 is needed", color=color, index=color["color"])
+    wrong_raster("index: 3 is no texture, buffer or shared resource", color=color, index=3)
     wrong_raster("there is no vertex entry point 'vx'; there is vs", color=color, entry=("vx", "fs"))
 
 
@@ -745,6 +957,7 @@ def test_resource_messages(graph):
         ("texture 't': 9000 x 1 pixels", lambda: graph.texture("t", "r32float", size=(9000, 1))),
         ("1 layers and 5 mip levels do not fit 8 x 8", lambda: graph.texture("t", "r32float", mips=5)),
         ("dimension '1d'", lambda: graph.texture("t", "r32float", dimension="1d")),
+        ("buffer 'b': 4 elements in rows of -2", lambda: graph.buffer("b", count=4, width=-2)),
         ("buffer 'b': -1 elements", lambda: graph.buffer("b", count=-1)),
         ("buffer 'b' needs 4096 MiB; this device binds 128 MiB", lambda: graph.buffer("b", count=2**30)),
         ("'n' has no previous contents", lambda: graph.buffer("n", count=1).previous),

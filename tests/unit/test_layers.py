@@ -24,11 +24,22 @@ RULES = [
     (r"__main__|cli_\w+", ("",)),
     (r"settings|camera", ()),
     (r"image|metrics", ("image",)),
+    (r"compare_page", ("image", "metrics")),
+    (r"atomic_file", ()),
     (r"gpu\.\w+", ("gpu.",)),
     (r"scene\.upload", ("scene.", "gpu.", "camera", "settings")),
     (r"scene\.\w+", ("scene.", "camera", "settings", "image")),
     (r"techniques\.\w+", ("techniques.", "gpu.", "scene.", "settings", "camera")),
     (r"renderer|frame\w*", ("techniques.", "gpu.", "scene.", "settings", "camera", "image")),
+    (r"truth_cache", ("renderer", "frame", "scene.", "gpu.wgsl", "camera", "image", "atomic_file")),
+    (
+        r"bench",
+        (
+            *("bench_results", "truth_cache", "renderer", "frame", "techniques.", "scene.", "gpu."),
+            *("camera", "metrics", "__init__"),
+        ),
+    ),
+    (r"bench_\w+", ("bench_results", "metrics", "atomic_file")),
 ]
 NEVER_IMPORTED = re.compile(r"__main__|cli_\w+|view\w*")
 

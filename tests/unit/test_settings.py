@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.settings import assign, describe, format_rows, setting, validate
+from wgpu_gi.frame import Settings
+from wgpu_gi.settings import QUALITIES, apply_quality, assign, describe, format_rows, setting, validate
 
 
 @dataclass
@@ -114,3 +115,54 @@ def test_describe_lists_settings_in_order():
     assert "path.samples_per_run=4" in table
     assert "1 .. 64 samples" in table
     assert "Samples per pixel in one run." in table
+
+
+@dataclass
+class Maps:
+    resolution: int = setting(512, "Texels a side.", "texels", range=(16, 4096), presets={"low": 256, "high": 1024})
+    filter: str = setting("box", "Kernel.", choices=("box", "tent"), presets={"high": "tent"})
+    bias: float = setting(1.5, "Against acne.", "texels")
+
+
+@dataclass
+class WithPresets:
+    gi: str = setting("path", "Global illumination by.")
+    maps: Maps = field(default_factory=Maps)
+
+
+@pytest.mark.parametrize(
+    ("quality", "expected"), [("low", (256, "box")), ("medium", (512, "box")), ("high", (1024, "tent"))]
+)
+def test_quality_sets_what_has_presets_and_nothing_else(quality, expected):
+    settings = WithPresets("none", Maps(17, "tent", 9.0))
+    apply_quality(settings, quality)
+    assert (settings.maps.resolution, settings.maps.filter) == expected
+    assert (settings.gi, settings.maps.bias) == ("none", 9.0)
+
+
+def test_medium_is_the_default():
+    settings = WithPresets()
+    apply_quality(settings, "medium")
+    assert settings == WithPresets()
+
+
+def test_unknown_quality_and_bad_presets_are_refused():
+    @dataclass
+    class Bad:
+        rays: int = setting(4, "Rays.", "rays", range=(1, 8), presets={"high": 9})
+
+    with pytest.raises(GiError, match="no quality 'ultra'; there is low, medium, high"):
+        apply_quality(WithPresets(), "ultra")
+    with pytest.raises(GiError, match="rays must lie between 1 and 8 rays, not 9"):
+        apply_quality(Bad(), "high")
+
+
+def test_table_shows_presets():
+    assert "Texels a side. (low 256, high 1024)" in format_rows(describe(WithPresets()))
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_every_preset_of_the_renderer_is_allowed(quality):
+    settings = Settings()
+    apply_quality(settings, quality)
+    validate(settings)

@@ -26,7 +26,12 @@ USAGES = {
     "texture": wgpu.TextureUsage.TEXTURE_BINDING,
     "storage_texture": wgpu.TextureUsage.STORAGE_BINDING,
 }
-MAX_STORAGE_BUFFERS = 8  # per stage, what WebGPU guarantees
+# Per stage, what WebGPU guarantees (its specification, section 3.6.2).
+MOST_BINDINGS = {
+    "storage": (8, "storage buffers"),
+    "storage_texture": (4, "storage textures"),
+    "texture": (16, "sampled textures"),
+}
 
 
 def entry_point(where: str, source: ShaderSource, stage: str, name: str | None) -> EntryPoint | None:
@@ -93,8 +98,19 @@ def resource_uses(
         raise GiError(
             f"{where}: nothing is given for {', '.join(f'{n!r} ({KINDS[b.space]})' for n, b in missing.items())}"
         )
-    _check_storage_count(where, uses)
     return uses, samplers
+
+
+def check_counts(where: str, entries: Iterable[EntryPoint], uses: Iterable[Use]) -> None:
+    """Raise GiError if a stage binds more than WebGPU guarantees."""
+    uses = list(uses)
+    for entry in entries:
+        spaces = [u.binding.space for u in uses if u.binding is not None and u.name in entry.uses]
+        for space, (most, what) in MOST_BINDINGS.items():
+            if spaces.count(space) > most:
+                raise GiError(
+                    f"{where}: its {entry.stage} stage binds {spaces.count(space)} {what}; WebGPU guarantees {most}"
+                )
 
 
 def check_hazards(where: str, uses: Iterable[Use]) -> None:
@@ -112,53 +128,6 @@ def check_hazards(where: str, uses: Iterable[Use]) -> None:
                     "use one read_write binding, or history=True and .previous"
                 )
             owner[key] = use
-
-
-def color_targets(
-    where: str, fragment: EntryPoint | None, color: Mapping[str, Texture | View]
-) -> tuple[tuple[int, Use], ...]:
-    """Match the color targets with the outputs of the fragment shader by name."""
-    outputs = fragment.outputs if fragment is not None else {}
-    if "" in outputs and len(color) == 1:  # a bare return value has no name
-        outputs = {next(iter(color)): outputs[""]}
-    unknown, missing = [n for n in color if n not in outputs], [n for n in outputs if n not in color]
-    if unknown or missing:
-        raise GiError(f"{where}: color targets {names_of(color)} given, but its outputs are {names_of(outputs)}")
-    targets = []
-    for name, handle in color.items():
-        view = _target(f"{where}: {name!r}", handle, depth=False)
-        targets.append((outputs[name], Use(name, view, "write", wgpu.TextureUsage.RENDER_ATTACHMENT)))
-    return tuple(sorted(targets, key=lambda target: target[0]))
-
-
-def depth_target(where: str, handle: Texture | View, write: bool) -> Use:
-    """Return the use of a depth attachment."""
-    view = _target(f"{where}: depth", handle, depth=True)
-    return Use("depth", view, "write" if write else "read", wgpu.TextureUsage.RENDER_ATTACHMENT)
-
-
-def same_size(where: str, views: list[View]) -> None:
-    """Raise GiError if attachments differ in size."""
-    sizes = {v.resource.name: v.resource.mip_size(v.mip or 0) for v in views if isinstance(v.resource, Texture)}
-    if len(set(sizes.values())) > 1:
-        raise GiError(
-            f"{where}: its targets differ in size: {', '.join(f'{n} {w}x{h}' for n, (w, h) in sizes.items())}"
-        )
-
-
-def _target(what: str, handle: Any, depth: bool) -> View:
-    view = as_view(handle, what)
-    resource = view.resource
-    if not isinstance(resource, Texture | Shared) or (isinstance(resource, Shared) and resource.is_buffer):
-        raise GiError(f"{what}: {resource.name!r} is a buffer, not a texture")
-    if view.previous:
-        raise GiError(f"{what}: previous contents cannot be written")
-    if resource.format is not None and resource.format.is_depth != depth:
-        wanted = "a depth format" if depth else "a color format"
-        raise GiError(f"{what}: {resource.name!r} is {resource.format.name}; {wanted} is needed")
-    if isinstance(resource, Texture) and view.mip is None:
-        view = View(resource, False, 0, view.layer)
-    return view
 
 
 def check_sampling(
@@ -263,12 +232,6 @@ def _sampler(where: str, binding: Binding, handle: Any) -> Sampler:
     if (binding.type.name == "sampler_comparison") != (handle.kind == "comparison"):
         raise GiError(f"{where}: {binding.name!r} is {binding.type}, but the sampler given is {handle.kind}")
     return handle
-
-
-def _check_storage_count(where: str, uses: list[Use]) -> None:
-    count = sum(u.binding is not None and u.binding.space == "storage" for u in uses)
-    if count > MAX_STORAGE_BUFFERS:
-        raise GiError(f"{where}: it binds {count} storage buffers; WebGPU guarantees {MAX_STORAGE_BUFFERS}")
 
 
 def is_params(binding: Binding) -> bool:

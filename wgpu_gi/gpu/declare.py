@@ -58,12 +58,22 @@ class Declarations:
         return self._resource(texture)
 
     def buffer(
-        self, name: str, *, dtype: Any = np.float32, count: int, history: bool = False, nonnegative: bool = False
+        self,
+        name: str,
+        *,
+        dtype: Any = np.float32,
+        count: int,
+        history: bool = False,
+        nonnegative: bool = False,
+        width: int = 0,
     ) -> Buffer:
-        """Declare a storage buffer of `count` elements of a numpy dtype (structured: `ShaderSource.struct_dtype`)."""
-        if count < 0:
-            raise GiError(f"buffer {name!r}: {count} elements")
-        buffer = Buffer(name, np.dtype(dtype), int(count), history)
+        """Declare a storage buffer of `count` elements of a numpy dtype (structured: `ShaderSource.struct_dtype`).
+
+        If it holds an element per pixel, `width` is that of a row of pixels: `check=True` then names the pixel.
+        """
+        if count < 0 or width < 0:
+            raise GiError(f"buffer {name!r}: {count} elements" + (f" in rows of {width}" if width else ""))
+        buffer = Buffer(name, np.dtype(dtype), int(count), history, int(width))
         if buffer.dtype.itemsize == 0:
             raise GiError(f"buffer {name!r}: elements of type {buffer.dtype} have no bytes")
         limit = self.device.limits.get("max-storage-buffer-binding-size", 2**27)

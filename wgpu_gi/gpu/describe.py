@@ -13,27 +13,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Row:
-    """A pass in the plan: `state` is ran, kept or culled, `ms` the median of its runs, `bytes` of what it writes."""
+    """A pass in the plan: `state` is ran, kept or culled, `bytes` are of what it writes.
+
+    `ms` is the median of its runs that were measured, `p95` their 95th percentile.
+    """
 
     name: str
     state: str
     reason: str
     ms: float | None
+    p95: float | None
     bytes: int
 
 
 def plan(graph: Graph) -> list[Row]:
     """Describe what each pass did in the last run of the graph, in the order of declaration."""
-    rows = []
-    for p in graph.passes.values():
-        if not p.active:
-            state, reason = "culled", p.culled_because or "the graph is not compiled"
-        elif p.name in graph.last_run:
-            state, reason = "ran", graph.last_run[p.name]
-        else:
-            state, reason = "kept", f"inputs unchanged: {', '.join(_inputs(p)) or 'it has none'}"
-        rows.append(Row(p.name, state, reason, graph.timing.median(p.name), p.bytes if p.active else 0))
-    return rows
+    return [_row(graph, name, what) for name, what in graph.planned.items()]
+
+
+def _row(graph: Graph, name: str, what: Pass | str) -> Row:
+    if isinstance(what, str):
+        return Row(name, "culled", what, None, None, 0)
+    if not what.active:
+        return Row(name, "culled", what.culled_because or "the graph is not compiled", None, None, 0)
+    state, reason = "ran", graph.last_run.get(name)
+    if reason is None:
+        state, reason = "kept", f"inputs unchanged: {', '.join(_inputs(what)) or 'it has none'}"
+    return Row(name, state, reason, graph.timing.median(name), graph.timing.p95(name), what.bytes)
 
 
 def _inputs(p: Pass) -> list[str]:
@@ -47,10 +53,12 @@ def _inputs(p: Pass) -> list[str]:
 def table(rows: list[Row]) -> str:
     """Format a plan as text: a summary, then a line per pass."""
     counts = [f"{state} {sum(r.state == state for r in rows)}" for state in ("ran", "kept", "culled")]
+    why = ", ".join(dict.fromkeys(r.reason for r in rows if r.state == "culled"))
     width = max((len(r.name) for r in rows), default=0)
-    lines = [", ".join(counts)]
+    lines = [", ".join(counts) + (f": {why}" if why else "")]
     for r in rows:
         ms = "" if r.ms is None else f"{r.ms:.2f} ms"
+        p95 = "" if r.p95 is None else f"p95 {r.p95:.2f}"
         size = f"{r.bytes / 2**20:.2f} MiB" if r.bytes else ""
-        lines.append(f"{r.name:<{width}}  {r.state:<6} {ms:>11} {size:>12}  {r.reason}".rstrip())
+        lines.append(f"{r.name:<{width}}  {r.state:<6} {ms:>11} {p95:>12} {size:>12}  {r.reason}".rstrip())
     return "\n".join(lines)

@@ -22,7 +22,7 @@ from .messages import reason
 from .pipelines import Pipelines
 
 BACKENDS = ("Vulkan", "Metal", "D3D12")
-WANTED_FEATURES = {"timestamp-query", "float32-filterable"}
+WANTED_FEATURES = {"timestamp-query", "float32-filterable", "rg11b10ufloat-renderable"}
 # The kinds of adapter, best first; anything else comes last.
 PREFERENCE = ("DiscreteGPU", "IntegratedGPU", "CPU")
 LARGE_BUFFER = 2**31 - 4  # the largest multiple of 4 that drivers with 32-bit signed sizes accept

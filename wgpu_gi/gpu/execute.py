@@ -35,8 +35,10 @@ def run(graph: Graph, force: bool, timings: bool, check: bool, on_chunk: Callabl
     if not stale:
         return False
     frame = _Frame(graph, timings, check, on_chunk)
+    if timings:
+        graph.timing.begin()
     try:
-        for resource in dict.fromkeys(r for p in stale for r in p.written() if r.history):
+        for resource in {r for p in stale for r in p.written if r.history}:
             resource.flip ^= 1
         for p in graph.order:
             if p in stale:
@@ -49,7 +51,7 @@ def run(graph: Graph, force: bool, timings: bool, check: bool, on_chunk: Callabl
             p.state.restart()
         raise
     if timings:
-        graph.timing.collect()
+        graph.timing.end()
     return True
 
 
@@ -64,6 +66,7 @@ class _Frame:
         self.check = check
         self.on_chunk = on_chunk
         self.encoder: Any = None
+        self.dispatches: Any = None  # the compute pass of wgpu that is open: one takes as many dispatches as follow
 
     def run(self, p: Pass) -> None:
         """Record a pass, or run it at once where it must be alone."""
@@ -90,16 +93,19 @@ class _Frame:
             check_written(self.gpu, p)
 
     def begin(self) -> Any:
-        """Return the encoder."""
+        """Return the encoder, with no pass open."""
         if self.encoder is None:
             self.encoder = self.gpu.create_command_encoder(label="frame")
+        if self.dispatches is not None:
+            self.dispatches.end()
+            self.dispatches = None
         return self.encoder
 
     def submit(self) -> None:
         """Send what is recorded. Raises GiError for what only the driver finds wrong."""
         if self.encoder is None:
             return
-        encoder, self.encoder = self.encoder, None
+        encoder, self.encoder = self.begin(), None
         try:
             self.gpu.queue.submit([encoder.finish()])
         except (wgpu.GPUError, RuntimeError) as error:
@@ -107,10 +113,12 @@ class _Frame:
 
     def record_compute(self, p: Pass, groups: tuple[int, int, int] | None, stamps: Any, clear: bool = True) -> None:
         """Record a dispatch."""
-        encoder = self.begin()
         for resource in p.clear if clear else ():
-            encoder.clear_buffer(resource.object())
-        compute = encoder.begin_compute_pass(label=p.name, **({"timestamp_writes": stamps} if stamps else {}))
+            self.begin().clear_buffer(resource.object())
+        if self.dispatches is None or stamps:
+            more = {"timestamp_writes": stamps} if stamps else {}
+            self.dispatches = self.begin().begin_compute_pass(label="compute", **more)
+        compute = self.dispatches
         compute.set_pipeline(p.pipeline)
         for index, group in enumerate(_bind_groups(self.graph, p)):
             compute.set_bind_group(index, group)
@@ -118,7 +126,8 @@ class _Frame:
             compute.dispatch_workgroups_indirect(p.indirect.object(), 0)
         elif groups is not None:
             compute.dispatch_workgroups(*groups)
-        compute.end()
+        if stamps:
+            self.begin()
 
     def record_raster(self, p: Pass, raster: RasterState, stamps: Any) -> None:
         """Record a render pass."""
@@ -130,7 +139,7 @@ class _Frame:
                 "store_op": "store",
                 "clear_value": raster.clear_color,
             }
-            for _, use in sorted(raster.targets, key=lambda target: target[0])
+            for _, use in raster.targets
         ]
         depth = None
         if raster.depth is not None:
@@ -146,8 +155,12 @@ class _Frame:
         encoder.set_pipeline(p.pipeline)
         for index, group in enumerate(_bind_groups(self.graph, p)):
             encoder.set_bind_group(index, group)
+        if raster.index is not None:
+            encoder.set_index_buffer(raster.index.view.resource.object(raster.index.view.previous), "uint32")
         if callable(raster.draw):
             raster.draw(encoder)
+        elif raster.index is not None:
+            encoder.draw_indexed(*raster.draw)
         else:
             encoder.draw(*raster.draw)
         encoder.end()
@@ -193,17 +206,17 @@ def _prepare(graph: Graph, p: Pass, why: Stale) -> None:
 def _write_params(graph: Graph, p: Pass, first_workgroup: int) -> None:
     if p.params is None:
         return
-    state, names = p.state, p.params.dtype.names or ()
+    state, data = p.state, p.params_bytes
+    if p.special_params:
+        special = {"settle_index": state.settle_index, "first_workgroup": first_workgroup}
+        block = p.params.copy()
+        for name in p.special_params:
+            block[name] = special[name]
+        data = block.tobytes()
     if state.params_buffer is None:
-        size = -(-p.params.dtype.itemsize // 16) * 16
+        size = -(-len(data) // 16) * 16
         usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
         state.params_buffer = graph.device.gpu.create_buffer(label=f"{p.name} params", size=size, usage=usage)
-    block = p.params.copy()
-    if "settle_index" in names:
-        block["settle_index"] = state.settle_index
-    if "first_workgroup" in names:
-        block["first_workgroup"] = first_workgroup
-    data = block.tobytes()
     if data != state.params_on_gpu:
         graph.device.gpu.queue.write_buffer(state.params_buffer, 0, data)
         state.params_on_gpu = data
@@ -211,7 +224,7 @@ def _write_params(graph: Graph, p: Pass, first_workgroup: int) -> None:
 
 def _bind_groups(graph: Graph, p: Pass) -> tuple[Any, Any]:
     """Return the groups of shared uniforms and of the rest, made anew only for resources that are."""
-    key = tuple((u.view.resource.generation, u.view.resource.flip) for u in p.uses)
+    key = (*[r.generation for r in p.resources], *[r.flip for r in p.resources if r.history])
     found = p.state.bind_groups.get(key)
     if found is not None:
         return found

@@ -33,7 +33,36 @@ class Format:
     @property
     def is_float(self) -> bool:
         """True if a texel can hold NaN or infinity."""
-        return self.dtype.kind == "f"
+        return self.dtype.kind == "f" or self.name == "rg11b10ufloat"
+
+    def floats(self, texels: np.ndarray) -> np.ndarray:
+        """Return texels of a float format as read back, with the values of packed ones as the last axis."""
+        return unpack_rg11b10ufloat(texels[..., 0]) if self.name == "rg11b10ufloat" else texels
+
+    @property
+    def end(self) -> np.ndarray:
+        """The magnitude, per channel of a float format, from which values are out of range."""
+        if self.name == "rg11b10ufloat":
+            return np.array(LARGEST_RG11B10UFLOAT, np.float32)
+        return np.full(self.channels, float_end(self.dtype))
+
+
+def float_end(dtype: np.dtype) -> float:
+    """Return the magnitude from which values of a float type are out of range.
+
+    For types narrower than 32 bits it is their largest finite value, which GPUs may store in place of infinity.
+    """
+    return np.inf if dtype.itemsize >= 4 else float(np.finfo(dtype).max)
+
+
+# Exponent 15, all bits of the mantissa set: 6 of red and green, 5 of blue.
+LARGEST_RG11B10UFLOAT = (65024.0, 65024.0, 64512.0)
+
+
+def unpack_rg11b10ufloat(words: np.ndarray) -> np.ndarray:
+    """Return (..., 3) float32 of packed texels: the upper bits of a half float without a sign, red in the lowest."""
+    halves = np.stack([(words & 0x7FF) << 4, (words >> 11 & 0x7FF) << 4, (words >> 22) << 5], -1)
+    return halves.astype(np.uint16).view(np.float16).astype(np.float32)
 
 
 def _table() -> dict[str, Format]:

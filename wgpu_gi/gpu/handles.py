@@ -187,18 +187,22 @@ class Texture(Resource):
 
 
 class Buffer(Resource):
-    """A buffer of `count` elements of a numpy dtype, structured or not."""
+    """A buffer of `count` elements of a numpy dtype, structured or not.
 
-    def __init__(self, name: str, dtype: np.dtype, count: int, history: bool = False) -> None:
+    With one element per pixel, row by row, `width` are the pixels of a row; else it is 0.
+    """
+
+    def __init__(self, name: str, dtype: np.dtype, count: int, history: bool = False, width: int = 0) -> None:
         super().__init__(name)
         self.dtype = dtype
         self.count = count
         self.history = history
+        self.width = width
 
     @property
     def spec(self) -> tuple:
-        """Element type and count."""
-        return ("buffer", self.dtype, self.count, self.history)
+        """Element type, count and so on."""
+        return ("buffer", self.dtype, self.count, self.history, self.width)
 
     @property
     def size_bytes(self) -> int:

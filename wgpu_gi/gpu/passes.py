@@ -19,7 +19,7 @@ SPECIAL_PARAMS = ("settle_index", "first_workgroup")
 
 @dataclass(frozen=True)
 class Use:
-    """A resource in a pass. `binding` is None for attachments and indirect arguments; `usage` are wgpu flags."""
+    """A resource in a pass, with wgpu usage flags; `binding` is None for attachments, indices, indirect arguments."""
 
     name: str
     view: View
@@ -49,6 +49,7 @@ class RasterState:
     clear_color: tuple[float, ...]
     clear_depth: float
     draw: Callable[[Any], None] | tuple[int, ...]
+    index: Use | None = None
 
 
 @dataclass(eq=False)
@@ -68,6 +69,12 @@ class PassState:
         """Forget that it ran."""
         self.seen = None
         self.settle_index = 0
+
+    def release(self) -> None:
+        """Destroy its buffer."""
+        if self.params_buffer is not None:
+            self.params_buffer.destroy()
+        self.params_buffer, self.params_on_gpu = None, b""
 
 
 @dataclass(eq=False)
@@ -93,7 +100,7 @@ class Pass:
     pipeline: Any = None
     # Found by Graph.compile.
     active: bool = False
-    producers: tuple[Pass, ...] = ()
+    producers: dict[Pass, tuple[str, ...]] = field(default_factory=dict)  # earlier ones, and the inputs each writes
     fellows: tuple[Pass, ...] = ()  # run whenever this one runs
     culled_because: str = ""
 
@@ -103,21 +110,52 @@ class Pass:
         return f"pass {self.name!r} ({self.source.path})"
 
     @cached_property
+    def resources(self) -> tuple[Resource, ...]:
+        """The resource of each use."""
+        return tuple(use.view.resource for use in self.uses)
+
+    @cached_property
+    def written(self) -> tuple[Resource, ...]:
+        """The resources that it writes, each once, in order."""
+        return tuple(dict.fromkeys(use.view.resource for use in self.uses if use.writes))
+
+    @cached_property
+    def read_slots(self) -> frozenset[Slot]:
+        """The current slots that it reads."""
+        return frozenset(s for u in self.uses if not u.writes and not u.view.previous for s in u.view.slots())
+
+    @cached_property
+    def written_slots(self) -> frozenset[Slot]:
+        """The slots that it writes."""
+        return frozenset(s for u in self.uses if u.writes for s in u.view.slots())
+
+    @cached_property
     def params_bytes(self) -> bytes:
         """The params struct, its special fields zero."""
         return b"" if self.params is None else self.params.tobytes()
 
+    @cached_property
+    def special_params(self) -> tuple[str, ...]:
+        """The fields of the params struct that the executor fills in."""
+        names = () if self.params is None else self.params.dtype.names or ()
+        return tuple(name for name in SPECIAL_PARAMS if name in names)
+
+    @cached_property
+    def reads_history(self) -> bool:
+        """True if it reads previous contents."""
+        return any(use.view.previous for use in self.uses)
+
     @property
     def progresses(self) -> bool:
         """True if running it again with the same inputs changes what it writes."""
-        return self.settle > 1 or any(use.view.previous for use in self.uses)
+        return self.settle > 1 or self.reads_history
 
     def signature(self) -> tuple:
         """All that must stay the same for its contents and its run state to stay valid."""
         return (
             self.source,
             tuple(e.name for e in self.entries),
-            tuple((u.name, u.view, u.access) for u in self.uses),
+            tuple((u.name, u.view, u.access, u.sample_type) for u in self.uses),
             tuple(s for _, s in self.samplers),
             tuple(u for _, u in self.uniforms),
             tuple(sorted(self.constants.items())),
@@ -127,15 +165,7 @@ class Pass:
             self.raster,
         )
 
-    def slots(self, writes: bool) -> set[Slot]:
-        """Return the current slots that it writes, or those that it reads."""
-        return {s for u in self.uses if u.writes == writes and not u.view.previous for s in u.view.slots()}
-
-    def written(self) -> list[Resource]:
-        """Return the resources that it writes, each once, in order."""
-        return list(dict.fromkeys(u.view.resource for u in self.uses if u.writes))
-
     @property
     def bytes(self) -> int:
         """Bytes of what it writes."""
-        return sum(r.bytes for r in self.written())
+        return sum(r.bytes for r in self.written)

@@ -27,7 +27,7 @@ def link(passes: list[Pass], outputs: Iterable[View]) -> None:
     """Set `active`, `producers` and `fellows` of each pass. Raises GiError where something is read but not written."""
     writers: dict[Slot, list[Pass]] = {}
     for p in passes:
-        for slot in p.slots(writes=True):
+        for slot in p.written_slots:
             writers.setdefault(slot, []).append(p)
     place = {p: i for i, p in enumerate(passes)}
     for p in passes:
@@ -36,9 +36,9 @@ def link(passes: list[Pass], outputs: Iterable[View]) -> None:
     for p in passes:
         if not p.active:
             continue
-        reads, writes = p.slots(writes=False), p.slots(writes=True)
+        reads, writes = p.read_slots, p.written_slots
         sources = {q for s in reads | writes for q in writers.get(s, ()) if place[q] < place[p]}
-        p.producers = tuple(q for q in passes if q in sources)
+        p.producers = {q: _names_from(p, q) for q in passes if q in sources}
         # What p reads is gone if a later pass has written over it: then all of its writers must run again.
         overwritten = {s for s in reads if any(q.active and place[q] > place[p] for q in writers.get(s, ()))}
         others = {q for s in writes | overwritten for q in writers.get(s, ()) if q.active and q is not p}
@@ -68,7 +68,7 @@ def _cull(passes: list[Pass], outputs: Iterable[View], writers: dict[Slot, list[
             raise GiError(f"output {str(view)!r} is written by no pass")
         needed += found
     for p in passes:
-        p.active, p.producers, p.fellows, p.culled_because = False, (), (), ""
+        p.active, p.producers, p.fellows, p.culled_because = False, {}, (), ""
     while needed:
         p = needed.pop()
         if p.active:
@@ -79,16 +79,15 @@ def _cull(passes: list[Pass], outputs: Iterable[View], writers: dict[Slot, list[
                 needed += [q for q in writers.get(slot, ()) if use.view.previous or place[q] < place[p]]
     for p in passes:
         if not p.active:
-            p.culled_because = "no output needs " + ", ".join(r.name for r in p.written())
+            p.culled_because = "no output needs " + ", ".join(r.name for r in p.written)
 
 
 def inputs(p: Pass) -> tuple:
     """Return the versions of all that a pass depends on."""
-    resources = [use.view.resource for use in p.uses]
     return (
         p.params_bytes,
         *[uniform.version for _, uniform in p.uniforms],
-        *[(r.generation, r.version) if isinstance(r, Shared) else r.generation for r in resources],
+        *[(r.generation, r.version) if isinstance(r, Shared) else r.generation for r in p.resources],
         *[q.state.serial for q in p.producers],
     )
 
@@ -117,9 +116,9 @@ def _own_reason(p: Pass, renewed: set[Pass], force: bool) -> Stale | None:
     state = p.state
     if state.seen is None:
         return Stale("changed", "first run")
-    if renewed and not renewed.isdisjoint(p.producers):
-        names = _names_from(p, renewed)
-        return Stale("changed", f"input changed: {', '.join(names)}")
+    if not renewed.isdisjoint(p.producers):
+        names = [name for q, written in p.producers.items() if q in renewed for name in written]
+        return Stale("changed", f"input changed: {', '.join(dict.fromkeys(names))}")
     now = inputs(p)
     if now != state.seen:
         return Stale("changed", f"input changed: {', '.join(_differences(p, now, state.seen))}")
@@ -127,16 +126,16 @@ def _own_reason(p: Pass, renewed: set[Pass], force: bool) -> Stale | None:
         return Stale("settling", f"settling: run {state.settle_index + 2} of {p.settle}")
     if force:
         # What has settled for good would find nothing left to do: it starts again.
-        settled = p.settle > 1 and not any(use.view.previous for use in p.uses)
+        settled = p.settle > 1 and not p.reads_history
         return Stale("changed" if settled else "settling" if p.progresses else "repeated", "forced")
     return None
 
 
-def _names_from(p: Pass, sources: set[Pass]) -> list[str]:
-    """Return the names of the resources of `p` that `sources` write."""
-    slots = {s for q in sources if q in p.producers for s in q.slots(writes=True)}
+def _names_from(p: Pass, producer: Pass) -> tuple[str, ...]:
+    """Return the names of the resources of `p` that an earlier pass writes."""
+    slots = producer.written_slots
     names = [u.view.resource.name for u in p.uses if not u.view.previous and not slots.isdisjoint(u.view.slots())]
-    return list(dict.fromkeys(names))
+    return tuple(dict.fromkeys(names))
 
 
 def _differences(p: Pass, now: tuple, before: tuple) -> list[str]:
@@ -151,6 +150,6 @@ def _input_names(p: Pass) -> list[str]:
     return [
         "params",
         *[uniform.name for _, uniform in p.uniforms],
-        *[use.view.resource.name for use in p.uses],
-        *[", ".join(_names_from(p, {q})) for q in p.producers],
+        *[resource.name for resource in p.resources],
+        *[", ".join(names) for names in p.producers.values()],
     ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 from collections import deque
 from typing import Any
 
@@ -11,19 +10,26 @@ import wgpu
 
 from .passes import Pass
 
-RING = 64  # runs of a pass that the median is taken of
+RING = 256  # the last runs of a pass, or of the graph, that are kept: chosen
 MAX_QUERIES = 4096  # the largest query set of WebGPU
 
 
 class Timing:
-    """Collects the times of passes of a graph while its runs ask for them."""
+    """Collects the times of the passes of a graph, and their sum per run (`frames`), while its runs ask for them."""
 
     def __init__(self, device: Any) -> None:
         self.device = device
         self.samples: dict[str, deque[float]] = {}
+        self.frames: deque[float] = deque(maxlen=RING)
+        self._sum = 0.0  # of the passes of this run
         self._queries: Any = None
         self._buffer: Any = None
         self._pending: list[str] = []
+
+    def begin(self) -> None:
+        """Start a run; what one before it left unfinished is dropped."""
+        self._pending.clear()
+        self._sum = 0.0
 
     def has_timestamps(self, p: Pass) -> bool:
         """True if timestamps around this kind of pass are right on this device."""
@@ -46,10 +52,14 @@ class Timing:
             "end_of_pass_write_index": first + 1,
         }
 
-    def collect(self) -> None:
-        """Read the queries of the passes submitted since the last call; waits for them."""
-        if not self._pending:
-            return
+    def end(self) -> None:
+        """Note the run; waits for the passes submitted since it began."""
+        if self._pending:
+            self._collect()
+        self.frames.append(self._sum)
+
+    def _collect(self) -> None:
+        """Read the queries."""
         count = 2 * len(self._pending)
         gpu = self.device.gpu
         encoder = gpu.create_command_encoder(label="timing")
@@ -61,14 +71,33 @@ class Timing:
         self._pending.clear()
 
     def add(self, name: str, ms: float) -> None:
-        """Note a measured time."""
+        """Note the measured time of a pass."""
         self.samples.setdefault(name, deque(maxlen=RING)).append(ms)
+        self._sum += ms
 
     def forget(self, name: str) -> None:
-        """Drop the times of a pass that is no longer the same."""
+        """Drop the times of a pass that is no longer the same, and so those of the whole."""
         self.samples.pop(name, None)
+        self.frames.clear()
+
+    def clear(self) -> None:
+        """Drop all times, such as those of a warm-up."""
+        self.samples.clear()
+        self.frames.clear()
 
     def median(self, name: str) -> float | None:
         """Return the median of a pass in milliseconds, None if it was not measured."""
-        samples = self.samples.get(name)
-        return statistics.median(samples) if samples else None
+        return _percentile(self.samples.get(name), 50)
+
+    def p95(self, name: str) -> float | None:
+        """Return the 95th percentile of a pass in milliseconds, None if it was not measured."""
+        return _percentile(self.samples.get(name), 95)
+
+    def frame_ms(self) -> tuple[float, float] | None:
+        """Return median and 95th percentile of the sums per run in milliseconds, None if none was measured."""
+        median, p95 = _percentile(self.frames, 50), _percentile(self.frames, 95)
+        return None if median is None or p95 is None else (median, p95)
+
+
+def _percentile(samples: deque[float] | None, percent: float) -> float | None:
+    return float(np.percentile(samples, percent)) if samples else None

@@ -69,10 +69,16 @@ def neutral(gpu: Any, kind: str, value: float | tuple[float, ...]) -> Shared:
         usage = wgpu.BufferUsage.STORAGE | wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_SRC
         return Shared(name, gpu.create_buffer(label=name, size=256, usage=usage), 0)
     shape, _, scalar = kind.rstrip(">").partition("<")
+    if kind == "texture_depth_2d":
+        # WebGPU writes depth by rendering only, but every texture begins as zeros.
+        usage = wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.RENDER_ATTACHMENT
+        return Shared(name, gpu.create_texture(label=name, size=(1, 1, 1), format="depth32float", usage=usage), 0)
     formats = {"": "rgba16float", "f32": "rgba16float", "u32": "rgba32uint", "i32": "rgba32sint"}
     shapes = {"texture_2d": 1, "texture_2d_array": 1, "texture_3d": 1, "texture_cube": 6}
     if shape not in shapes or scalar not in formats:
-        raise GiError(f"there is no neutral {kind!r}; there is buffer and {', '.join(shapes)}, of f32, u32 or i32")
+        raise GiError(
+            f"there is no neutral {kind!r}; there is buffer, texture_depth_2d and {', '.join(shapes)}, of f32, u32, i32"
+        )
     format, layers = FORMATS[formats[scalar]], shapes[shape]
     texture = gpu.create_texture(
         label=name,

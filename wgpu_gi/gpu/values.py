@@ -19,13 +19,22 @@ MAX_GROUPS = 65535
 
 
 def shared_uniforms(
-    where: str, source: ShaderSource, used: dict[str, Binding], known: Mapping[str, Uniform]
+    where: str,
+    source: ShaderSource,
+    used: dict[str, Binding],
+    known: Mapping[str, Uniform],
+    others: Mapping[str, str],
 ) -> list[tuple[Binding, Uniform]]:
-    """Find the shared uniforms (group 0) that the shader uses."""
+    """Find the shared uniforms (group 0) that the shader uses; `others` are those of another name than its variable."""
+    wanted = {n: b for n, b in used.items() if b.group == 0}
+    unknown = [n for n in others if n not in wanted]
+    if unknown:
+        raise GiError(
+            f"{where}: uniforms names {names_of(unknown)}, but the shared uniforms it uses are {names_of(wanted)}"
+        )
     found = []
-    for name, binding in used.items():
-        if binding.group != 0:
-            continue
+    for variable, binding in wanted.items():
+        name = others.get(variable, variable)
         if name not in known:
             raise GiError(f"{where}: there is no shared uniform {name!r}; there is {names_of(known)}")
         layout, dtype = source.layout(binding.type), known[name].dtype

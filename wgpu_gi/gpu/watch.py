@@ -1,4 +1,4 @@
-"""NaN watch: the first pass, resource, place and value that is NaN, infinite, or negative where nothing may be."""
+"""NaN watch: the first pass, resource, pixel and value that is NaN, infinite, out of range, or wrongly negative."""
 
 from __future__ import annotations
 
@@ -8,36 +8,51 @@ from typing import Any
 import numpy as np
 
 from ..errors import GiError
+from .formats import float_end
 from .handles import Buffer, Resource, Texture, View
 from .passes import Pass
 from .transfer import read_back
 
 
 def check_written(gpu: Any, p: Pass) -> None:
-    """Read back all that a pass wrote. Raises GiError that names the first bad value."""
-    for use in p.uses:
-        resource = use.view.resource
-        if not use.writes or not isinstance(resource, Texture | Buffer):
-            continue
-        if isinstance(resource, Texture) and not resource.format.is_float:
-            continue
-        for _, mip in use.view.slots():
-            _check(p, resource, read_back(gpu, View(resource), mip), mip)
+    """Read back all that a pass wrote. Raises GiError that names the first bad value.
+
+    Bad are NaN, infinity, what has reached the largest value of a float format narrower than 32 bits (saturation keeps
+    overflow from showing as infinity), and negative values where none may be. Integers and what others own are passed.
+    """
+    for view in dict.fromkeys(View(u.view.resource, mip=u.view.mip) for u in p.uses if u.writes):
+        resource = view.resource
+        if isinstance(resource, Buffer):
+            _check(p, resource, read_back(gpu, view, 0), 0)
+        elif isinstance(resource, Texture) and resource.format.is_float:
+            for _, mip in view.slots():
+                _check(p, resource, resource.format.floats(read_back(gpu, view, mip)), mip)
 
 
-def _check(p: Pass, resource: Resource, data: np.ndarray, mip: int) -> None:
+def _check(p: Pass, resource: Buffer | Texture, data: np.ndarray, mip: int) -> None:
     for field, values in _floats(data, ""):
-        finite = np.isfinite(values)
-        bad = ~finite if not resource.nonnegative else ~finite | (values < 0)
+        name, end = _range(resource, values.dtype)
+        with np.errstate(invalid="ignore"):  # comparisons with NaN, which are false
+            bad = ~(np.abs(values) < end)
+            if resource.nonnegative:
+                bad |= values < 0
         if not bad.any():
             continue
         at = tuple(int(i) for i in np.argwhere(bad)[0])
         value = values[at]
-        place = _place(resource, at, mip)
+        saturated = np.isfinite(value) and abs(value) >= np.broadcast_to(end, values.shape)[at]
         raise GiError(
-            f"{p.where}: wrote {value} to {resource.name!r} at {place}{' field ' + field if field else ''} "
+            f"{p.where}: wrote {value}{f' (where the range of {name} ends)' if saturated else ''} "
+            f"to {resource.name!r} at {_place(resource, at, mip)}{' field ' + field if field else ''} "
             f"({int(bad.sum())} of {bad.size} values are bad)"
         )
+
+
+def _range(resource: Buffer | Texture, dtype: np.dtype) -> tuple[str, Any]:
+    """Return the name of a float format, and the magnitude from which its values are out of range."""
+    if isinstance(resource, Texture):
+        return resource.format.name, resource.format.end
+    return str(dtype), float_end(dtype)
 
 
 def _floats(data: np.ndarray, name: str) -> Iterator[tuple[str, np.ndarray]]:
@@ -52,6 +67,8 @@ def _floats(data: np.ndarray, name: str) -> Iterator[tuple[str, np.ndarray]]:
 def _place(resource: Resource, at: tuple[int, ...], mip: int) -> str:
     if isinstance(resource, Buffer):
         inner = f", component {', '.join(map(str, at[1:]))}" if len(at) > 1 else ""
+        if resource.width:
+            return f"pixel ({at[0] % resource.width}, {at[0] // resource.width}){inner}"
         return f"index {at[0]}{inner}"
     *layer, row, column, channel = at
     parts = [f"pixel ({column}, {row}), channel {channel}", *(f"layer {index}" for index in layer)]

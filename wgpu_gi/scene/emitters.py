@@ -6,6 +6,7 @@ the environment), so that a lamp beside a sun that does not reach it still gets 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from ..errors import GiError
 from .atlas import mean_linear_color
 from .hierarchy import Hierarchy
-from .scene import DirectionalLight, Environment, Instance, Light, Material, PointLight, Scene, SpotLight
+from .scene import DirectionalLight, Environment, Instance, Light, Material, Mesh, PointLight, Scene, SpotLight
 
 KIND_POINT, KIND_SPOT, KIND_SUN, KIND_TRIANGLE, KIND_ENVIRONMENT = range(5)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -32,6 +33,22 @@ class LightTable:
     environment_pdf: float
 
 
+@dataclass
+class EmittingPart:
+    """The triangles of one emissive material in one instance of a mesh, in metres relative to the scene's origin.
+
+    Corners come in the order of the hierarchy's barycentric weights: `corners` (n, 3, 3), `vertices` (n, 3) into the
+    mesh. `sides` as in wgsl/scene/lights.wgsl: 1 shines from the side of edge1 x edge2, 2 from the other, 3 from both.
+    """
+
+    material: Material
+    mesh: Mesh
+    triangles: NDArray[np.int64]  # into the hierarchy's
+    corners: NDArray[np.float64]
+    vertices: NDArray[np.uint32]
+    sides: int
+
+
 def build_light_table(scene: Scene, hierarchy: Hierarchy, cdf: NDArray | None, dtype: np.dtype) -> LightTable:
     """Tabulate the lights of a scene whose hierarchy is up to date; `cdf` is the environment's, or None."""
     groups: list[tuple[NDArray[np.void], NDArray[np.float64]]] = []  # records and their powers
@@ -41,11 +58,14 @@ def build_light_table(scene: Scene, hierarchy: Hierarchy, cdf: NDArray | None, d
         if power > 0:
             groups.append((record, np.array([power])))
     group_of_material = {}
-    for material, parts in _emitting_triangles(scene.instances, hierarchy, dtype).items():
+    records_of: dict[Material, list[tuple[NDArray[np.void], NDArray[np.float64]]]] = {}
+    for part in emitting_parts(scene.instances, hierarchy):
+        records_of.setdefault(part.material, []).append(_triangle_records(part, dtype))
+    for material, parts in records_of.items():
         powers = np.concatenate([area for _, area in parts]) * _exitance(material)
         if powers.sum() > 0:
             group_of_material[material] = len(groups)
-            groups.append((_join([records for records, _ in parts], dtype), powers))
+            groups.append((join_records([records for records, _ in parts], dtype), powers))
     environment_power = 0.0 if cdf is None else _environment_power(scene.environment, radius)
     if environment_power > 0:
         record = np.zeros(1, dtype)
@@ -57,7 +77,7 @@ def build_light_table(scene: Scene, hierarchy: Hierarchy, cdf: NDArray | None, d
     # Every group's probability, then every light's within its group.
     totals = np.array([powers.sum() for _, powers in groups])
     chance = POWER_SHARE * totals / totals.sum() + (1 - POWER_SHARE) / len(groups)
-    lights = _join([records for records, _ in groups], dtype)
+    lights = join_records([records for records, _ in groups], dtype)
     probability = np.concatenate([c * p / p.sum() for c, (_, p) in zip(chance, groups, strict=True)])
     lights["probability"] = probability
     cumulative = np.cumsum(probability)
@@ -67,7 +87,7 @@ def build_light_table(scene: Scene, hierarchy: Hierarchy, cdf: NDArray | None, d
     return LightTable(lights, len(lights), pdf, float(chance[-1]) if environment_power > 0 else 0.0)
 
 
-def _join(parts: list[NDArray[np.void]], dtype: np.dtype) -> NDArray[np.void]:
+def join_records(parts: list[NDArray[np.void]], dtype: np.dtype) -> NDArray[np.void]:
     """Concatenate records; numpy's own function would drop the padding that WGSL has between fields."""
     joined = np.zeros(sum(map(len, parts)), dtype)
     first = 0
@@ -83,23 +103,29 @@ def _punctual(light: Light, origin: NDArray, radius: float, dtype: np.dtype) -> 
     record["color"] = np.asarray(light.color, np.float64) * light.intensity
     strength = float(np.asarray(light.color, np.float64) @ LUMINANCE * light.intensity)
     if isinstance(light, DirectionalLight):
-        record["kind"], record["edge1"] = KIND_SUN, _direction(light)
+        record["kind"], record["edge1"] = KIND_SUN, light_direction(light)
         return record, strength * np.pi * radius**2
     record["position"] = np.asarray(light.position, np.float64) - origin
     if isinstance(light, PointLight):
         record["kind"] = KIND_POINT
         return record, strength * 4 * np.pi
     assert isinstance(light, SpotLight)
+    record["kind"], record["edge1"] = KIND_SPOT, light_direction(light)
+    record["edge2"] = (*spot_falloff(light), 0.0)
     inner, outer = np.cos(light.inner_cone_angle), np.cos(light.outer_cone_angle)
-    # KHR_lights_punctual: scale = 1 / max(0.001, cos inner - cos outer), offset = -cos outer * scale
-    scale = 1.0 / max(0.001, inner - outer)
-    record["kind"], record["edge1"] = KIND_SPOT, _direction(light)
-    record["edge2"] = (scale, -outer * scale, 0.0)
     # The fall-off squared over the ring between the cones has the mean 1/3.
     return record, strength * 2 * np.pi * ((1 - inner) + (inner - outer) / 3)
 
 
-def _direction(light: DirectionalLight | SpotLight) -> NDArray[np.float64]:
+def spot_falloff(light: SpotLight) -> tuple[float, float]:
+    """Return scale and offset of the fall-off saturate(cosine * scale + offset)^2, as KHR_lights_punctual has them."""
+    inner, outer = float(np.cos(light.inner_cone_angle)), float(np.cos(light.outer_cone_angle))
+    scale = 1.0 / max(0.001, inner - outer)
+    return scale, -outer * scale
+
+
+def light_direction(light: DirectionalLight | SpotLight) -> NDArray[np.float64]:
+    """Return the unit direction of travel. Raises GiError if the light has none."""
     v = np.asarray(light.direction, np.float64)
     length = np.linalg.norm(v)
     if v.shape != (3,) or not 0 < length < np.inf:
@@ -115,11 +141,8 @@ def _exitance(material: Material) -> float:
     return float(color @ LUMINANCE) * np.pi * (2 if material.double_sided else 1)
 
 
-def _emitting_triangles(
-    instances: list[Instance], hierarchy: Hierarchy, dtype: np.dtype
-) -> dict[Material, list[tuple[NDArray[np.void], NDArray[np.float64]]]]:
-    """Return light records and areas in m2 of each emissive material's triangles, one pair for each mesh it is on."""
-    found: dict[Material, list[tuple[NDArray[np.void], NDArray[np.float64]]]] = {}
+def emitting_parts(instances: list[Instance], hierarchy: Hierarchy) -> Iterator[EmittingPart]:
+    """Yield all triangles that may shine, instance by instance."""
     for instance in instances:
         place = hierarchy.placement(instance.mesh)
         for m, material in enumerate(instance.mesh.materials):
@@ -130,18 +153,22 @@ def _emitting_triangles(
             translation = matrix[:3, 3] - hierarchy.origin
             corners = place.data.corners[chosen].astype(np.float64) @ matrix[:3, :3].T + translation
             mirrored = np.linalg.det(matrix[:3, :3]) < 0
-            if mirrored and place.baked is not None:
-                # Barycentric weights must agree with how the hierarchy stores a mirrored triangle.
-                corners = corners[:, [0, 2, 1]]
-            edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-            records = np.zeros(len(chosen), dtype)
-            records["kind"] = KIND_TRIANGLE
-            records["position"], records["edge1"], records["edge2"] = corners[:, 0], edge1, edge2
-            records["triangle"], records["color"] = chosen + place.triangles.start, material.emission
-            records["sides"] = 3 if material.double_sided else 2 if mirrored and place.baked is None else 1
-            area = np.linalg.norm(np.cross(edge1, edge2), axis=1) / 2
-            found.setdefault(material, []).append((records, area))
-    return found
+            # Barycentric weights must agree with how the hierarchy stores a mirrored triangle.
+            turn = [0, 2, 1] if mirrored and place.baked is not None else [0, 1, 2]
+            sides = 3 if material.double_sided else 2 if mirrored and place.baked is None else 1
+            vertices = place.data.indices[chosen][:, turn]
+            triangles = chosen + place.triangles.start
+            yield EmittingPart(material, instance.mesh, triangles, corners[:, turn], vertices, sides)
+
+
+def _triangle_records(part: EmittingPart, dtype: np.dtype) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    """Return the light records and areas in m2 of emitting triangles."""
+    edge1, edge2 = part.corners[:, 1] - part.corners[:, 0], part.corners[:, 2] - part.corners[:, 0]
+    records = np.zeros(len(part.triangles), dtype)
+    records["kind"] = KIND_TRIANGLE
+    records["position"], records["edge1"], records["edge2"] = part.corners[:, 0], edge1, edge2
+    records["triangle"], records["color"], records["sides"] = part.triangles, part.material.emission, part.sides
+    return records, np.linalg.norm(np.cross(edge1, edge2), axis=1) / 2
 
 
 def environment_cdf(environment: Environment) -> NDArray[np.float32] | None:

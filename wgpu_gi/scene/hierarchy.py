@@ -63,6 +63,7 @@ class Hierarchy:
         self.world = NodeGrid.around(np.zeros((2, 3)))
         self.centre = np.zeros(3)  # of a sphere around all instances, metres from the origin
         self.radius = 0.0  # and its radius
+        self.box = np.zeros((2, 3))  # around all instances, metres from the origin
         self.has_instances = False  # some are entered through their transforms
         self._home = self.world  # the grid around the scene as it was laid out
         self._prepared: dict[int, MeshData] = {}
@@ -99,7 +100,8 @@ class Hierarchy:
                 self._lay_out(meshes, instances, matrices, bounds)
             else:
                 self._unbake_moved(instances, matrices)
-            self.centre = bounds.mean(0) - self.origin
+            self.box = bounds - self.origin
+            self.centre = self.box.mean(0)
             self._place(instances, matrices, bounds - self.origin, boxes - self.origin)
             self._layout, self._matrices = layout, matrices
         self._number_materials(meshes, material_index)
@@ -107,6 +109,10 @@ class Hierarchy:
     def placement(self, mesh: Mesh) -> Placement:
         """Return where a mesh lies."""
         return self._places[id(mesh)]
+
+    def placements(self) -> list[Placement]:
+        """Return the places of all meshes."""
+        return list(self._places.values())
 
     def _world_boxes(self, instances: list[Instance], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the boxes of all instances in the world, (n, 2, 3)."""

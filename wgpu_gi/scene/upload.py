@@ -18,16 +18,19 @@ from ..gpu.device import Device
 from ..gpu.wgsl import load
 from .atlas import MAX_PAGE, Atlas, pack_atlas
 from .check import check_camera, check_scene
+from .draws import Draws, RasterMesh, build_draws
+from .direct_lights import build_direct_lights
 from .emitters import LightTable, build_light_table, environment_cdf
+from .gpu_resources import GpuResources
 from .hierarchy import Hierarchy
 from .scene import Image, Light, Material, Scene, Texture
+from .surface_samples import sample_surfaces
 
 DOUBLE_SIDED, UNLIT, TEXTURED, COATED = 1, 2, 4, 8  # material flags, as wgsl/scene/materials.wgsl
 PRESENT, TEXCOORD_1, NEAREST = 1, 2, 4  # texture flags
 WRAP_CODES = {"repeat": 0, "clamp": 1, "mirror": 2}
-# Tables in textures, and how many texels wide they are (wgsl/scene/geometry.wgsl).
-TABLES = ("nodes", "triangles", "vertices")
-TABLE_WIDTH = 4096
+TABLES = ("nodes", "triangles", "vertices")  # are textures
+NEAR = 1e-5  # near plane over the scene's radius; reversed float depth has the precision for it
 STRUCTS = {
     "materials": "Material",
     "nodes": "Node",
@@ -47,21 +50,25 @@ class SceneUpload:
 
     def __init__(self, device: Device, diffuse: bool = False) -> None:
         self._gpu = device.gpu
-        self._limit = int(device.limits["max-storage-buffer-binding-size"])
         self.diffuse = diffuse
         shader = load("scene/lights.wgsl")
         self._dtypes = {name: shader.struct_dtype(struct) for name, struct in STRUCTS.items()}
         self._view_dtype = shader.struct_dtype("View")
         self._hierarchy = Hierarchy(self._dtypes)
-        self._contents: dict[str, bytes] = {}  # of the small buffers, to see whether they changed
         self._images: dict[str, list[Image]] = {}
         self._atlases: dict[str, Atlas] = {}
-        self._sent: dict[str, NDArray[np.uint8]] = {}  # the tables as the GPU has them
         self._environment: tuple[Any, Any] = (None, None)
         self._table: LightTable | None = None
         self._sources: object = None
         self._cdf: NDArray[np.float32] | None = None
-        self.resources: dict[str, tuple[Any, int]] = {}
+        self._raster_meshes: dict[int, RasterMesh] = {}
+        self._raster_stale = True
+        self._geometry = 0  # grows when meshes or transforms change
+        self._direct: tuple[object, NDArray[np.void]] = (None, np.zeros(0))
+        self._before: NDArray[np.float64] | None = None
+        self._samples: tuple[int, NDArray[np.float64]] | None = None
+        self.draws: Draws | None = None
+        self.resources = GpuResources(device.gpu, int(device.limits["max-storage-buffer-binding-size"]))
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))
         self.features: dict[str, bool] = {}
 
@@ -69,6 +76,11 @@ class SceneUpload:
     def origin(self) -> NDArray[np.float64]:
         """World position of the GPU's zero, metres."""
         return self._hierarchy.origin
+
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """Lower and upper corner of the scene's bounds relative to the origin, (2, 3) metres."""
+        return self._hierarchy.box
 
     def update(self, scene: Scene) -> None:
         """Send what changed since the last call.
@@ -80,6 +92,8 @@ class SceneUpload:
         scene = _without_empty(scene)
         materials = scene.materials
         self._hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(materials)})
+        self._raster_stale |= bool(self._hierarchy.changed & {"triangles", "indices", "vertices"})
+        self._geometry += bool(self._hierarchy.changed)
         self._upload_atlases(materials)
         self._upload_environment(scene)
         # Tabulating many emitters takes time, so only if one of them, or what places them, has changed.
@@ -87,33 +101,78 @@ class SceneUpload:
         if self._table is None or self._hierarchy.changed or sources != self._sources:
             self._table = build_light_table(scene, self._hierarchy, self._cdf, self._dtypes["lights"])
             self._sources = sources
-            self._upload_small("lights", self._table.lights)
+            self.resources.records("lights", self._table.lights)
         table = self._table
-        self._upload_small("materials", self._pack_materials(materials, table.material_pdf))
+        self.resources.records("materials", self._pack_materials(materials, table.material_pdf))
         for name in ("nodes", "triangles", "vertices", "indices", "instances"):
             if name in self._hierarchy.changed or name not in self.resources:
-                upload = self._upload_table if name in TABLES else self._upload
-                upload(name, getattr(self._hierarchy, name))
+                send = self.resources.table if name in TABLES else self.resources.buffer
+                send(name, getattr(self._hierarchy, name))
         self.features = {
             "HAS_INSTANCES": self._hierarchy.has_instances,
             "HAS_MASKS": any(m.alpha_mode == "mask" for m in materials),
             "HAS_TEXTURES": any(self._images.values()),
             "HAS_COATS": not self.diffuse,
             "HAS_EMITTERS": any(max(m.emission) > 0 for m in materials),
+            "HAS_ENVIRONMENT": bool(scene.environment and max(scene.environment.color) > 0),
             "HAS_PICTURED_ENVIRONMENT": bool(scene.environment and scene.environment.image is not None),
         }
         self._fill_info(scene, table.count, table.environment_pdf)
 
+    def update_draws(self, scene: Scene) -> Draws:
+        """Send what raster passes need, if it changed; call it after `update`."""
+        if self._raster_stale or self.draws is None:
+            scene = _without_empty(scene)
+            self.draws = build_draws(scene.instances, self._hierarchy, self._raster_meshes)
+            alive = {id(place.data) for place in self._hierarchy.placements()}
+            self._raster_meshes = {key: mesh for key, mesh in self._raster_meshes.items() if key in alive}
+            for name in ("vertices", "sources", "indices", "slots"):
+                self.resources.buffer(f"raster_{name}", getattr(self.draws, name))
+            self._raster_stale = False
+        self.draws.clusters.place(self._hierarchy.instances["world_from_local"])
+        return self.draws
+
+    def direct_lights(self, scene: Scene, dtype: np.dtype, samples: int, use_range: bool) -> NDArray[np.void]:
+        """Return the lights that deferred techniques loop over; call it after `update`."""
+        ranges = [getattr(light, "range", None) for light in scene.lights]
+        key = (samples, use_range, ranges, self._geometry, self._sources)
+        if key != self._direct[0]:
+            lights = build_direct_lights(_without_empty(scene), self._hierarchy, dtype, samples, use_range)
+            self._direct = (key, lights)
+        return self._direct[1]
+
+    def surface_samples(self, scene: Scene) -> NDArray[np.float64]:
+        """Return points spread over the surfaces, relative to the origin; call it after `update`."""
+        if self._samples is None or self._samples[0] != self._geometry:
+            self._samples = (self._geometry, sample_surfaces(_without_empty(scene).instances, self._hierarchy))
+        return self._samples[1]
+
+    def update_motion(self, scene: Scene) -> None:
+        """Send where each instance was at the last call; call it after `update`."""
+        instances = _without_empty(scene).instances
+        now = np.array([i.world_from_local for i in instances], np.float64).reshape(-1, 4, 4)
+        before = now if self._before is None or len(self._before) != len(now) else self._before
+        self._before = now
+        to_origin, from_origin = np.eye(4), np.eye(4)
+        to_origin[:3, 3], from_origin[:3, 3] = -self.origin, self.origin
+        change = to_origin @ before @ np.linalg.inv(now) @ from_origin if len(now) else np.eye(4)[None]
+        # What stands still moves by nothing, not by the rounding of an inverse.
+        change[np.all(before == now, (1, 2)) if len(now) else [True]] = np.eye(4)
+        columns = np.zeros((len(change), 4, 4), np.float32)  # a mat4x3f has columns of 16 bytes
+        columns[..., :3] = change[:, :3].transpose(0, 2, 1)
+        self.resources.records("before_from_now", columns)
+
     def release(self) -> None:
         """Free all GPU memory; do not use this object any more."""
-        for resource, _ in self.resources.values():
-            resource.destroy()
-        self.resources = {}
+        self.resources.release()
 
-    def view(self, camera: Camera, size: tuple[int, int], jitter: bool) -> NDArray[np.void]:
+    def view(
+        self, camera: Camera, size: tuple[int, int], jitter: bool, offset: tuple[float, float] = (0.5, 0.5)
+    ) -> NDArray[np.void]:
         """Return the View uniform of a camera for a picture of `size` (width, height).
 
-        Raises GiError for a camera that sees nothing.
+        `jitter` is for rays that each go through a random point of their pixel, `offset` where all others go through
+        it. Raises GiError for a camera that sees nothing.
         """
         check_camera(camera)
         view = np.zeros((), self._view_dtype)
@@ -126,7 +185,12 @@ class SceneUpload:
         view["up"] = matrix[:3, 1] * half_height
         view["forward"] = -matrix[:3, 2]
         view["orthographic"] = camera.orthographic_height is not None
-        view["jitter"], view["size"] = jitter, size
+        view["jitter"], view["size"], view["offset"] = jitter, size, offset
+        radius = max(self._hierarchy.radius, 1e-30)
+        # How far the scene reaches along the view.
+        far = max(float((self._hierarchy.centre - view["position"]) @ view["forward"]) + radius, radius)
+        clip = camera.clip_from_world(size, self.origin, NEAR * radius, far, offset)
+        view["clip_from_world"] = clip.T
         return view
 
     def _fill_info(self, scene: Scene, light_count: int, environment_pdf: float) -> None:
@@ -186,7 +250,7 @@ class SceneUpload:
                     {"bytes_per_row": 4 * width, "rows_per_image": height},
                     (width, height, 1),
                 )
-            self._set(name, texture)
+            self.resources.set(name, texture)
 
     def _upload_environment(self, scene: Scene) -> None:
         environment = scene.environment
@@ -206,85 +270,11 @@ class SceneUpload:
             if image is not None:
                 pixels = np.ones((*image.shape[:2], 4), np.float32)
                 pixels[..., :3] = image
-            self._upload_texture("environment", "rgba32float", pixels)
+            self.resources.texture("environment", "rgba32float", pixels)
         if new_table:
             self._cdf = environment_cdf(environment) if environment and max(environment.color) > 0 else None
             table = self._cdf if self._cdf is not None else np.ones((1, 2), np.float32)
-            self._upload_texture("environment_cdf", "r32float", table[..., None])
-
-    def _upload_texture(self, name: str, texture_format: str, pixels: NDArray[np.float32]) -> None:
-        height, width, channels = pixels.shape
-        texture = self._gpu.create_texture(
-            label=f"scene/{name}",
-            size=(width, height, 1),
-            format=texture_format,
-            usage=wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST,
-        )
-        layout = {"bytes_per_row": 4 * channels * width, "rows_per_image": height}
-        self._gpu.queue.write_texture({"texture": texture}, np.ascontiguousarray(pixels), layout, (width, height, 1))
-        self._set(name, texture)
-
-    def _upload_small(self, name: str, array: NDArray[np.void]) -> None:
-        contents = array.tobytes()
-        if self._contents.get(name) != contents:
-            self._contents[name] = contents
-            self._upload(name, array)
-
-    def _upload(self, name: str, array: NDArray) -> None:
-        """Write into the buffer there is if it fits exactly, else into a new one."""
-        if array.nbytes > self._limit:
-            raise GiError(
-                f"the scene's {name} take {array.nbytes / 2**20:.0f} MiB; this device binds at most"
-                f" {self._limit / 2**20:.0f} MiB: use fewer triangles"
-            )
-        old, version = self.resources.get(name, (None, 0))
-        if old is not None and old.size == array.nbytes:
-            self._gpu.queue.write_buffer(old, 0, array)
-            self.resources[name] = (old, version + 1)
-            return
-        usage = wgpu.BufferUsage.STORAGE | wgpu.BufferUsage.COPY_DST
-        if name == "indices":
-            usage |= wgpu.BufferUsage.INDEX
-        buffer = self._gpu.create_buffer(label=f"scene/{name}", size=array.nbytes, usage=usage)
-        self._gpu.queue.write_buffer(buffer, 0, array)
-        self._set(name, buffer)
-
-    def _upload_table(self, name: str, array: NDArray) -> None:
-        """Write records as texels of 16 bytes into a texture: from the first row that differs to the last."""
-        texels = array.nbytes // 16
-        rows = -(-texels // TABLE_WIDTH)
-        if rows > MAX_PAGE:
-            raise GiError(
-                f"the scene's {name} take {rows} rows of a texture; {MAX_PAGE} are possible: use fewer triangles"
-            )
-        pixels = np.zeros((rows, TABLE_WIDTH * 16), np.uint8)
-        pixels.ravel()[: array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
-        first, last = 0, rows - 1
-        if name in self.resources and self._sent[name].shape == pixels.shape:
-            different = np.flatnonzero((pixels != self._sent[name]).any(1))
-            if not len(different):
-                return
-            first, last = int(different[0]), int(different[-1])
-            texture, version = self.resources[name]
-            self.resources[name] = (texture, version + 1)
-        else:
-            usage = wgpu.TextureUsage.STORAGE_BINDING | wgpu.TextureUsage.COPY_DST
-            size = (TABLE_WIDTH, rows, 1)
-            texture = self._gpu.create_texture(label=f"scene/{name}", size=size, format="rgba32uint", usage=usage)
-            self._set(name, texture)
-        self._sent[name] = pixels
-        self._gpu.queue.write_texture(
-            {"texture": texture, "origin": (0, first, 0)},
-            pixels[first : last + 1],
-            {"bytes_per_row": TABLE_WIDTH * 16, "rows_per_image": last + 1 - first},
-            (TABLE_WIDTH, last + 1 - first, 1),
-        )
-
-    def _set(self, name: str, resource: Any) -> None:
-        old, version = self.resources.get(name, (None, 0))
-        self.resources[name] = (resource, version + 1)
-        if old is not None:
-            old.destroy()
+            self.resources.texture("environment_cdf", "r32float", table[..., None])
 
 
 def _pack_texture(slot: NDArray[np.void], texture: Texture, atlas: Atlas) -> None:

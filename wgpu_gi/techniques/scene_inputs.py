@@ -4,33 +4,87 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from typing import Any
+
 from ..gpu.graph import Graph
 from ..gpu.handles import Shared
 from ..gpu.wgsl import load
+from ..scene.draws import Draws, Run
 from ..scene.upload import SceneUpload
 
 SURFACE_INPUTS = ("materials", "atlas_srgb", "atlas_linear", "nodes", "triangles", "indices", "vertices", "instances")
 LIGHT_INPUTS = ("lights", "environment", "environment_cdf")
+RASTER_INPUTS = ("raster_vertices", "raster_sources", "raster_slots")
+
+
+@dataclass(frozen=True)
+class DrawRuns:
+    """Draws runs of the index buffer; runs that are the same draw the same."""
+
+    runs: tuple[Run, ...]
+
+    def __call__(self, encoder: Any) -> None:
+        """Record the draws."""
+        for first, count, slot, instances in self.runs:
+            encoder.draw_indexed(count, instances, first, 0, slot)
+
+
+@dataclass
+class DirectInputs:
+    """The lights that deferred techniques loop over, and how many; their shadow views and the side of the atlas."""
+
+    lights: Shared
+    count: int
+    views: Shared
+    atlas_size: int  # texels; 0: no light casts shadows
+    before_from_now: Shared  # the motion of each instance
 
 
 @dataclass
 class SceneInputs:
-    """`surfaces` is what rays need to hit and shade, `lights` what light sampling needs; both go into `reads=`."""
+    """`surfaces` is what rays need to hit and shade, `lights` what light sampling needs; both go into `reads=`.
+
+    `raster` goes there for passes that draw `draws` by `raster_indices`; these and `direct` are empty for the path tracer.
+    """
 
     surfaces: dict[str, Shared]
     lights: dict[str, Shared]
     features: dict[str, bool]
+    raster: dict[str, Shared]
+    raster_indices: Shared | None
+    draws: Draws | None
+    direct: DirectInputs | None = None
 
     def constants(self, shader: str) -> dict[str, bool]:
         """Return the HAS_ constants that `shader` declares: code for what the scene lacks is compiled out."""
         return {name: value for name, value in self.features.items() if name in load(shader).overrides}
 
 
+    def shape(self) -> tuple[object, ...]:
+        """Return all that makes another declaration of the passes; what they bind may have other contents."""
+        runs = (self.draws.opaque, self.draws.masked) if self.draws is not None else ()
+        lights = (self.direct.count, self.direct.atlas_size) if self.direct is not None else ()
+        return (tuple(self.features.items()), runs, lights)
+
+    def draw_all(self, masked: bool) -> DrawRuns:
+        """Return what draws all opaque, or all alpha-masked triangles."""
+        assert self.draws is not None
+        return DrawRuns(self.draws.masked if masked else self.draws.opaque)
+
+
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:
     """Make an uploaded scene known to the graph; call it again after each `upload.update`."""
-    handles = {name: graph.share(f"scene/{name}", *upload.resources[name]) for name in SURFACE_INPUTS + LIGHT_INPUTS}
+
+
+    def share(names: tuple[str, ...]) -> dict[str, Shared]:
+        return {name: graph.share(f"scene/{name}", *upload.resources[name]) for name in names}
+
+    drawn = upload.draws is not None
     return SceneInputs(
-        {name: handles[name] for name in SURFACE_INPUTS},
-        {name: handles[name] for name in LIGHT_INPUTS},
+        share(SURFACE_INPUTS),
+        share(LIGHT_INPUTS),
         dict(upload.features),
+        share(RASTER_INPUTS) if drawn else {},
+        share(("raster_indices",))["raster_indices"] if drawn else None,
+        upload.draws,
     )

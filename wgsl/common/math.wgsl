@@ -47,3 +47,10 @@ fn octahedral_decode(code: vec2f) -> vec3f {
     v.y += select(fold, -fold, v.y >= 0.0);
     return normalize(v);
 }
+
+// Returns the octahedral code in [-1, 1]^2 of a unit vector.
+fn octahedral_encode(v: vec3f) -> vec2f {
+    let p = v.xy / (abs(v.x) + abs(v.y) + abs(v.z));
+    let folded = (1.0 - abs(p.yx)) * select(vec2f(-1.0), vec2f(1.0), p >= vec2f(0.0));
+    return select(p, folded, v.z < 0.0);
+}

@@ -303,12 +303,17 @@ fn color_at(k: Corners) -> vec4f {
         + k.weights.z * unpack_color(k.c.color);
 }
 
+// Returns the alpha of the base colour, given that of the vertex colours.
+fn base_alpha(material: u32, vertex_alpha: f32, texcoord0: vec2f, texcoord1: vec2f) -> f32 {
+    var alpha = materials[material].base_color.a * vertex_alpha;
+    if (HAS_TEXTURES && has_texture(material, BASE_COLOR_SLOT)) {
+        alpha *= sample_texture(material, BASE_COLOR_SLOT, texcoord0, texcoord1).a;
+    }
+    return alpha;
+}
+
 // Returns whether the base colour's alpha is below its material's cutoff at a point of a triangle.
 fn is_cut_out(triangle: u32, material: u32, barycentric: vec2f) -> bool {
-    let corners = load_corners(triangle, barycentric);
-    var alpha = materials[material].base_color.a * color_at(corners).a;
-    if (HAS_TEXTURES && has_texture(material, BASE_COLOR_SLOT)) {
-        alpha *= sample_texture(material, BASE_COLOR_SLOT, texcoord0_at(corners), texcoord1_at(corners)).a;
-    }
-    return alpha < materials[material].alpha_cutoff;
+    let k = load_corners(triangle, barycentric);
+    return base_alpha(material, color_at(k).a, texcoord0_at(k), texcoord1_at(k)) < materials[material].alpha_cutoff;
 }

@@ -6,10 +6,12 @@ struct View {
     right: vec3f,      // from the picture's centre to its right edge, at unit distance (metres if orthographic)
     jitter: u32,       // 1: rays go through a random point of their pixel, 0: through its centre
     up: vec3f,         // to the top edge, likewise
-    pad0: u32,
+    sample_index: u32, // of the jittered frames of a still picture
     forward: vec3f,    // unit
-    pad1: u32,
+    pad0: u32,
     size: vec2u,       // pixels
+    offset: vec2f,     // where rays go through a pixel if they do not jitter, pixels from its top left corner
+    clip_from_world: mat4x4f,  // reversed depth: near / view depth, or 1 .. 0 to the far end if orthographic
 }
 
 struct SceneInfo {
@@ -31,6 +33,11 @@ struct SceneInfo {
 struct Ray {
     origin: vec3f,
     direction: vec3f,  // need not be of unit length
+}
+
+// Returns the ray of a pixel as rasterisation has it.
+fn pixel_ray(pixel: vec2u) -> Ray {
+    return camera_ray(vec2f(pixel) + view.offset);
 }
 
 // Returns the ray through a point of the picture, in pixels from its top left corner.

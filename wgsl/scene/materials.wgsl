@@ -57,10 +57,13 @@ fn wrap(coordinate: i32, size: i32, mode: u32) -> i32 {
     if (mode == WRAP_CLAMP) {
         return clamp(coordinate, 0, size - 1);
     }
+    // By a quotient in floats, which CPU drivers divide much faster than integers. All values are below 2^24, so exact,
+    // and the quotient's rounding may put the remainder one period off.
     let period = select(size, 2 * size, mode == WRAP_MIRROR);
-    // Truncating `%` leaves negative remainders; those get one more period.
-    var c = coordinate % period;
+    let quotient = floor(f32(coordinate) / f32(period));
+    var c = i32(f32(coordinate) - quotient * f32(period));
     c = select(c, c + period, c < 0);
+    c = select(c, c - period, c >= period);
     return select(c, period - 1 - c, c >= size);
 }
 

@@ -17,12 +17,13 @@ struct DirectLight {
     cone_scale: f32,      // spot: fall-off saturate(cosine * scale + offset)^2
     cone_offset: f32,
     first_view: u32,      // its first ShadowView
-    view_count: u32,      // sun: cascades, the finest first; point: 6 faces; area: 5 or 6 faces; spot: 1; 0: no shadow
+    view_count: u32,      // sun: cascades, the finest first; point: 6 faces; area: 5 or 6 faces; spot: 1, wide 5 or 6
     both_sides: u32,      // area: 1 shines from both sides of its disc
 }
 
-// Faces of a point light: +X -X +Y -Y +Z -Z of the world. Of an area light: +Z, +X, -X, +Y, -Y (and -Z if both sides
-// shine) of `frame_from_normal(direction)`.
+// Faces of a point light: +X -X +Y -Y +Z -Z of the world. Of an area light, and of a spot wider than 60 degrees off its
+// axis: +Z, +X, -X, +Y, -Y (and -Z if both sides shine, or beyond 90 degrees) of `frame_from_normal(direction)`. Of five
+// faces the last four are halves, those above the light's plane. Every view is two texels wider than its face.
 struct ShadowView {
     clip_from_world: mat4x4f,  // reversed depth: 1 nearest to the light; perspective: infinite, sun: 0 at the far end
     corner: vec2f,             // of its rectangle in the atlas, texels; clip space covers the whole rectangle

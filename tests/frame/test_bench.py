@@ -1,0 +1,75 @@
+"""`wgpu-gi bench` end to end on a tiny picture, on whatever adapter there is."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+
+import pytest
+
+from wgpu_gi.__main__ import main
+from wgpu_gi.bench_report import load_json
+from wgpu_gi.frame import TECHNIQUES
+from wgpu_gi.image import load_image
+
+TINY = ["--size", "32x18", "--frames", "3", "--truth-spp", "16", "--gi", "none"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("WGPU_GI_CACHE", str(tmp_path / "cache"))
+    return tmp_path
+
+
+def test_bench_measures_compares_and_draws(capsys, folder):
+    assert main(["bench", "cornell", *TINY, "--json", "one.json"]) == 0
+    (entry,) = (folder / "cache" / "truth").iterdir()
+    made = entry.stat().st_mtime_ns
+    plot = ["--plot", "two.png"] if importlib.util.find_spec("matplotlib") else []
+    assert main(["bench", "cornell", *TINY, "--json", "two.json", "--compare", "one.json", *plot]) == 0
+    assert entry.stat().st_mtime_ns == made  # the truth was kept
+    assert "now / one.json" in capsys.readouterr().out
+
+    one, two = load_json("one.json"), load_json("two.json")
+    assert one.machine == two.machine
+    (technique,) = two.scenes[0].techniques
+    assert technique.errors == one.scenes[0].techniques[0].errors  # pictures are deterministic
+    errors = technique.errors
+    assert errors["indirect"].bias == pytest.approx(-1.0)  # there is none in direct light alone
+    assert errors["indirect"].relmse + errors["indirect"].floor < 1.0
+    assert abs(errors["direct"].bias) < 0.1
+    assert -0.5 < errors["full"].bias < -0.05
+    assert errors["full"].pixels == 32 * 18
+
+    assert technique.cases["still"].passes_run == 0
+    assert technique.cases["still"].gpu_ms.median == 0.0
+    moving = technique.cases["all"]
+    assert moving.passes_run == len(moving.passes) > 0
+    assert 0 < moving.gpu_ms.median <= moving.gpu_ms.p95
+    assert technique.cases["camera"].passes.keys() <= moving.passes.keys()
+    assert technique.bytes > 32 * 18 * 16
+
+    (reference,) = two.scenes[0].references
+    assert [p.spp for p in reference.curve[:3]] == [1, 2, 4]
+    assert reference.curve[-1].errors["full"].relmse < reference.curve[0].errors["full"].relmse
+    if plot:
+        assert load_image("two.png").std() > 0.05
+    assert set(os.listdir()) == {"cache", "one.json", "two.json", *plot[1:]}
+
+
+def test_truth_of_a_file_is_taken_with_its_size(capsys):
+    shows = [f"--show={name}" for name in ("radiance", "direct", "indirect", "standard_error", "depth")]
+    assert main(["render", "cornell", "-o", "t.npz", "--size=16x9", "--spp=64", "--set=camera.jitter=0", *shows]) == 0
+    assert main(["bench", "cornell", "--truth", "t.npz", "--frames", "1", "--gi", "none", "--json", "b.json"]) == 0
+    scene = load_json("b.json").scenes[0]
+    assert (scene.size, scene.references[0].truth) == ((16, 9), "t.npz")
+    assert scene.techniques[0].errors["full"].floor > 0
+    assert scene.techniques[0].errors["direct"].floor is None  # the file does not know
+
+
+def test_every_technique_is_measured_by_default():
+    tiny = TINY[: TINY.index("--gi")]
+    assert main(["bench", "cornell-point", *tiny, "--json", "b.json"]) == 0
+    names = [m.gi for m in load_json("b.json").scenes[0].techniques]
+    assert names == [name for name in TECHNIQUES if name != "path"]

@@ -1,0 +1,36 @@
+"""Reports with made-up numbers."""
+
+from __future__ import annotations
+
+from wgpu_gi.bench_results import Case, Measurement, PathPoint, Reference, Report, SceneReport, Stats
+from wgpu_gi.metrics import Errors
+
+MACHINE = {"adapter": "Fake 1", "driver": "2.3", "is_cpu": False, "cores": 4, "packages": {"numpy": "2"}}
+
+
+def errors(relmse: float) -> Errors:
+    return Errors(pixels=8, relmse=relmse, floor=0.001, bias=-0.25, percentile=0.5, flip=None)
+
+
+def case(ms: float, *names: str) -> Case:
+    passes = {name: Stats(ms / len(names), ms) for name in names}
+    return Case(len(names), Stats(ms + 1, ms + 2), Stats(ms, 2 * ms), passes)
+
+
+def measurement(gi: str = "none", quality: str = "medium", ms: float = 4.0, relmse: float = 0.2) -> Measurement:
+    cases = {"still": case(0.0), "camera": case(ms / 2, "shade"), "all": case(ms, "maps", "shade")}
+    layers = {"full": errors(relmse), "direct": errors(relmse / 100), "indirect": None}
+    return Measurement(gi, quality, None, layers, cases, 3 * 2**20)
+
+
+def scene_report(*techniques: Measurement, scene: str = "cornell", size: tuple[int, int] = (64, 36)) -> SceneReport:
+    curve = [
+        PathPoint(spp, 10.0 * spp, 11.0 * spp, {"full": errors(1 / spp), "direct": None, "indirect": errors(2 / spp)})
+        for spp in (1, 2, 4)
+    ]
+    reference = Reference(None, "path tracer, 256 spp", {"full": 0.001, "direct": None, "indirect": 0.004}, curve)
+    return SceneReport(scene, None, "1,1,1", [], False, [], size, list(techniques or [measurement()]), [reference])
+
+
+def report(*scenes: SceneReport, **machine: object) -> Report:
+    return Report(MACHINE | machine, 20, 3, list(scenes or [scene_report()]))

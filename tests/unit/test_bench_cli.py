@@ -1,0 +1,153 @@
+"""`wgpu-gi bench`'s own part, with made-up measurements: arguments, messages, exit codes, files."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from unit.bench_data import MACHINE, measurement, report, scene_report
+
+from wgpu_gi import cli_bench
+from wgpu_gi.__main__ import main
+from wgpu_gi.bench_report import load_json, save_json
+from wgpu_gi.image import save_image
+
+
+@pytest.fixture(autouse=True)
+def stand_ins(monkeypatch, tmp_path):
+    """Measure nothing; remember what was to be measured."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("WGPU_GI_CACHE", str(tmp_path / "cache"))
+    calls = []
+
+    def measure(scene, camera, size, candidates, truth_of, **options):
+        calls.append((scene, camera, size, candidates, truth_of, options))
+        made = scene_report(*(measurement(c.gi, c.quality) for c in candidates))
+        return made.techniques, made.references
+
+    monkeypatch.setattr(cli_bench, "machine", lambda adapter: MACHINE)
+    monkeypatch.setattr(cli_bench, "measure_scene", measure)
+    return calls
+
+
+def test_defaults(stand_ins, capsys):
+    assert main(["bench"]) == 0
+    ((scene, camera, size, candidates, _, options),) = stand_ins
+    assert scene.name == "cornell"
+    assert camera is scene.cameras[0]
+    assert size == (640, 360)
+    assert options["frames"] == 20
+    assert [(c.gi, c.quality) for c in candidates] == [(n, "medium") for n in cli_bench.TECHNIQUES if n != "path"]
+    assert all(not c.settings.camera.jitter for c in candidates)
+    printed = capsys.readouterr().out
+    assert "cornell, 640x360" in printed
+    assert "on Fake 1" in printed
+    assert not os.listdir()
+
+
+def test_everything_is_passed_on(stand_ins):
+    arguments = "bench cornell corridor --gi none,path --quality low,high --size 32x18 --frames 3 --diffuse --env 1,2,3"
+    assert main([*arguments.split(), "--light", "point 0,1,0 3", "--set", "seed=5", "--set", "bounces=1"]) == 0
+    assert [call[0].name for call in stand_ins] == ["cornell", "corridor"]
+    for scene, _, size, candidates, _, options in stand_ins:
+        assert (size, options["frames"]) == ((32, 18), 3)
+        assert scene.environment.color == (1.0, 2.0, 3.0)
+        assert len(scene.lights) >= 1
+        names = [(c.gi, c.quality) for c in candidates]
+        assert names == [("none", "low"), ("none", "high"), ("path", "low"), ("path", "high")]
+        for c in candidates:
+            assert (c.settings.gi, c.settings.seed, c.settings.bounces, c.settings.diffuse) == (c.gi, 5, 1, True)
+        assert candidates[2].settings.spp == candidates[2].settings.path.samples_per_run
+
+
+def test_truth_by_path_is_asked_for_as_said(stand_ins, monkeypatch):
+    asked = {}
+    monkeypatch.setattr(cli_bench, "truth_by_path", lambda *_, **options: asked.update(options))
+    assert main(["bench", "--truth-spp", "32", "--diffuse"]) == 0
+    stand_ins[0][4](1)
+    assert (asked["spp"], asked["bounces"], asked["diffuse"]) == (32, 1, True)
+
+
+def test_file_of_the_truth_sets_the_size(stand_ins):
+    save_image("truth.npz", {"radiance": np.ones((9, 16, 3), np.float32)})
+    assert main(["bench", "--truth", "truth.npz"]) == 0
+    _, _, size, _, truth_of, _ = stand_ins[0]
+    assert size == (16, 9)
+    assert truth_of(None).source == "truth.npz"
+
+
+def test_files_and_comparison(stand_ins, capsys):
+    save_json("old.json", report(replace(scene_report(measurement(ms=8.0), size=(640, 360)), env=None)))
+    assert main(["bench", "--json", "new.json", "--compare", "old.json", "--gi", "none"]) == 0
+    printed = capsys.readouterr().out
+    assert "now / old.json" in printed
+    assert "0.50" in printed
+    assert load_json("new.json").scenes[0].techniques == [measurement()]
+    assert sorted(os.listdir()) == ["new.json", "old.json"]
+
+
+def test_comparison_with_another_machine_is_refused(capsys):
+    save_json("old.json", report(adapter="Another"))
+    assert main(["bench", "--compare", "old.json"]) == 0
+    printed = capsys.readouterr()
+    assert "warning: old.json was measured on Another" in printed.err
+    assert "now / old.json" not in printed.out
+
+
+def test_comparison_with_nothing_in_common_says_so(capsys):
+    save_json("old.json", report(scene_report(scene="corridor")))
+    assert main(["bench", "--compare", "old.json"]) == 0
+    assert "holds nothing with the same scene" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("--gi magic", "--gi takes"),
+        ("--gi ,", "--gi takes names"),
+        ("--quality ultra", "--quality takes low, medium, high"),
+        ("--frames 0", "--frames must lie between 1"),
+        ("--frames many", "--frames"),
+        ("--truth-spp 1", "--truth-spp must lie between 2"),
+        ("--size 0x9", "0x9"),
+        ("--set nonsense=1", "nonsense"),
+        ("--json out.txt", "ends in .json"),
+        ("--json no/out.json", "no folder"),
+        ("--plot out.jpeg", "ends in .png or .svg or .pdf"),
+        ("--compare missing.json", "missing.json"),
+        ("--truth missing.npz", "no such file"),
+        ("--truth truth.png", ".npz or .exr"),
+        ("--truth small.npz --size 640x360", "small.npz is 16x9, but --size asks for 640x360"),
+        ("cornell corridor --truth small.npz", "of one scene"),
+        ("missing.glb", "missing.glb"),
+        ("--camera 99", "no camera"),
+        ("--light sun", "sun"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments, words, capsys):
+    save_image("small.npz", {"radiance": np.ones((9, 16, 3), np.float32)})
+    assert main(["bench", *arguments.split()]) == 2
+    printed = capsys.readouterr()
+    errors = [line for line in printed.err.splitlines() if not line.startswith(("note: ", "warning: "))]
+    assert len(errors) == 1, printed.err
+    assert errors[0].startswith("wgpu-gi: error: ")
+    assert words in errors[0]
+    assert printed.out == ""
+    assert os.listdir() == ["small.npz"]
+
+
+def test_interruption_leaves_nothing(monkeypatch, capsys):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli_bench, "measure_scene", interrupted)
+    assert main(["bench", "--json", "out.json", "--plot", "out.svg"]) == 130
+    assert not os.listdir()
+
+
+def test_set_help_lists_settings(capsys, stand_ins):
+    assert main(["bench", "--set", "help"]) == 0
+    assert "camera.jitter" in capsys.readouterr().out
+    assert not stand_ins

@@ -1,0 +1,371 @@
+"""A scene of ours as one of Mitsuba 3: every surface Lambert with its base colour, lights and camera rays as we define them.
+
+What is one to one: triangles, vertex normals, instances (placed in float64), base colour factor x texture (bilinear or
+nearest, without mip levels) or vertex colour, punctual lights, emission from the counter-clockwise side, environments.
+What is approximate: the alpha mask (bilinear alpha against the cutoff, cut on a grid finer than the texels), the spot's
+fall-off (a picture of it). Double-sided emitters are two sheets a hair apart; emitters are flat-shaded.
+What Mitsuba cannot say raises GiError: see `_refuse`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.errors import GiError
+from wgpu_gi.scene.scene import (
+    DirectionalLight,
+    Environment,
+    Instance,
+    Light,
+    Material,
+    Mesh,
+    PointLight,
+    Scene,
+    SpotLight,
+    Texture,
+)
+
+Floats = NDArray[np.float64]
+Words = dict[str, Any]  # what mitsuba.load_dict takes
+
+# The spot's fall-off is drawn on a plane across its axis, which wide cones stretch without bound.
+WIDEST_SPOT = math.radians(80.0)
+SPOT_PIXELS = 2048
+
+# The mask is cut at up to 8 x 8 points a texel, as long as the picture stays below this side. Chosen.
+MASK_STEPS = 8
+MASK_SIDE = 8192
+
+# How far the two sheets of a double-sided emitter stand from the surface, in diagonals of the scene: far above float32
+# rounding (6e-8), far below what a picture shows.
+SHEET = 2e-5
+
+PAD_MODES: dict[str, Any] = {"repeat": "wrap", "clamp": "edge", "mirror": "symmetric"}
+
+
+@dataclass
+class Surface:
+    """Triangles of one material in world space: `corners` (m, 3, 3) metres, the rest per corner, too, or None."""
+
+    material: Material
+    corners: Floats
+    normals: Floats | None  # (m, 3, 3), any length
+    texcoords: Floats | None  # (m, 3, 2) after the texture transform
+    colors: Floats | None  # (m, 3, 4)
+
+
+# --------------------------------------------------------------------------------------- geometry, without Mitsuba
+
+
+def surfaces(scene: Scene) -> list[Surface]:
+    """Return the triangles of a scene in world space by material, smooth ones apart from flat ones.
+
+    Without those that have no area or that a mask without a texture cuts out. Raises GiError for what `_refuse` names.
+    """
+    parts: dict[tuple[int, bool], list[Surface]] = {}
+    for instance in scene.instances:
+        for part in _parts(instance):
+            _refuse(part)
+            parts.setdefault((id(part.material), part.normals is None), []).append(part)
+    return [_joined(same) for same in parts.values()]
+
+
+def _parts(instance: Instance) -> Iterator[Surface]:
+    """Yield an instance's triangles by material and smoothness."""
+    mesh = instance.mesh
+    triangles, placed = np.asarray(mesh.triangles, np.int64), _placed(instance)
+    material_of = np.zeros(len(triangles), np.int64)
+    if mesh.material_of_triangle is not None:
+        material_of = np.asarray(mesh.material_of_triangle, np.int64)
+    has_area = np.linalg.norm(_area_normals(placed[triangles]), axis=1) > 0
+    normals = None if mesh.normals is None else np.asarray(mesh.normals, np.float64)
+    smooth = np.zeros(len(triangles), bool) if normals is None else (normals != 0).any(1)[triangles].all(1)
+    matrix = np.asarray(instance.world_from_local, np.float64)[:3, :3]
+    for index, material in enumerate(mesh.materials):
+        cut_out = material.alpha_mode == "mask" and material.base_color[3] < material.alpha_cutoff
+        for is_smooth in (True, False):
+            chosen = has_area & (material_of == index) & (smooth == is_smooth)
+            if cut_out or not chosen.any():
+                continue
+            # glTF: under a mirroring transform the front is the clockwise side.
+            t = triangles[chosen] if np.linalg.det(matrix) > 0 else triangles[chosen][:, ::-1]
+            bent = None
+            if is_smooth and normals is not None and not shines(material):
+                unit = normals[t] / np.linalg.norm(normals[t], axis=-1, keepdims=True)
+                bent = unit @ np.linalg.inv(matrix)
+            colors = None if mesh.colors is None else np.clip(np.asarray(mesh.colors, np.float64)[t], 0.0, 1.0)
+            plain = colors is None or bool((colors == 1.0).all())
+            yield Surface(material, placed[t], bent, _texcoords(mesh, material, t), None if plain else colors)
+
+
+def _placed(instance: Instance) -> Floats:
+    matrix = np.asarray(instance.world_from_local, np.float64)
+    return np.asarray(instance.mesh.positions, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _area_normals(corners: Floats) -> Floats:
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _texcoords(mesh: Mesh, material: Material, triangles: NDArray[np.int64]) -> Floats | None:
+    """Return where the corners lie in the material's pictures, (m, 3, 2), v downwards; None without a picture."""
+    texture = material.base_color_texture or material.emission_texture
+    if texture is None:
+        return None
+    stored = mesh.texcoords1 if texture.texcoord else mesh.texcoords0
+    uv = np.zeros((*triangles.shape, 2)) if stored is None else np.asarray(stored, np.float64)[triangles]
+    # KHR_texture_transform: scale, then turn, then move.
+    u, v = uv[..., 0] * texture.scale[0], uv[..., 1] * texture.scale[1]
+    sine, cosine = math.sin(texture.rotation), math.cos(texture.rotation)
+    return np.stack([cosine * u + sine * v + texture.offset[0], cosine * v - sine * u + texture.offset[1]], axis=-1)
+
+
+def shines(material: Material) -> bool:
+    """Say whether a material emits."""
+    return max(material.emission) > 0
+
+
+def _refuse(part: Surface) -> None:
+    """Raise GiError for a material that Mitsuba's plugins cannot express."""
+    m = part.material
+    textures = [t for t in (m.base_color_texture, m.emission_texture) if t is not None]
+    masked = m.alpha_mode == "mask"
+    reason = ""
+    if m.unlit:
+        reason = "it is unlit"
+    elif any(t.wrap_u != t.wrap_v for t in textures):
+        reason = "its texture wraps in one way along u and in another along v"
+    elif len({(t.texcoord, t.offset, t.scale, t.rotation) for t in textures}) > 1:
+        reason = "its base colour and its emission have different texture coordinates"
+    elif part.colors is not None and m.base_color_texture is not None:
+        reason = "it has a base colour texture and vertex colours"
+    elif part.colors is not None and masked and (part.colors[..., 3] < 1).any():
+        reason = "it has an alpha mask by vertex colours"
+    elif masked and shines(m):
+        reason = "it emits and has an alpha mask"
+    if reason:
+        raise GiError(f"material {m.name!r} cannot be converted for Mitsuba: {reason}; leave it out of the reference")
+
+
+def _joined(parts: list[Surface]) -> Surface:
+    """Join surfaces of one material; the ones without vertex colours are white."""
+    colors = None
+    if any(p.colors is not None for p in parts):
+        colors = np.concatenate([np.ones((*p.corners.shape[:2], 4)) if p.colors is None else p.colors for p in parts])
+    first = parts[0]
+    normals = None if first.normals is None else np.concatenate([p.normals for p in parts if p.normals is not None])
+    texcoords = [p.texcoords for p in parts if p.texcoords is not None]
+    corners = np.concatenate([p.corners for p in parts])
+    return Surface(first.material, corners, normals, np.concatenate(texcoords) if texcoords else None, colors)
+
+
+def sheets(surface: Surface, distance: float) -> list[Surface]:
+    """Return a surface, or for a double-sided emitter its front and its back, each `distance` outside of it."""
+    if not (surface.material.double_sided and shines(surface.material)):
+        return [surface]
+    normals = _area_normals(surface.corners)
+    step = (normals * (distance / np.linalg.norm(normals, axis=1, keepdims=True)))[:, None]
+    texcoords, colors = surface.texcoords, surface.colors
+    front = Surface(surface.material, surface.corners + step, None, texcoords, colors)
+    turned = [None if values is None else values[:, ::-1] for values in (texcoords, colors)]
+    return [front, Surface(surface.material, (surface.corners - step)[:, ::-1], None, *turned)]
+
+
+# --------------------------------------------------------------------------------------- pictures, without Mitsuba
+
+
+def linear_pixels(texture: Texture, factor: tuple[float, ...]) -> NDArray[np.float32]:
+    """Return an sRGB picture decoded to linear, times `factor`, (height, width, 3)."""
+    code = np.arange(256) / 255.0
+    curve = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    return (curve[texture.image.pixels[..., :3]] * np.asarray(factor[:3])).astype(np.float32)
+
+
+def mask_pixels(texture: Texture, factor: float, cutoff: float) -> NDArray[np.float32]:
+    """Return 1 where a picture's alpha times `factor` reaches the cutoff and 0 elsewhere, on a grid inside its texels."""
+    alpha = texture.image.pixels[..., 3] / 255.0
+    steps = 1 if texture.filter == "nearest" else max(1, min(MASK_STEPS, MASK_SIDE // max(alpha.shape)))
+    fine = np.pad(alpha, 1, mode=PAD_MODES[texture.wrap_u])
+    for axis, count in enumerate(alpha.shape if texture.filter == "linear" else ()):
+        # Points in texels of the padded picture, whose texel k has its centre at k.
+        at = (np.arange(count * steps) + 0.5) / steps + 0.5
+        low = np.floor(at).astype(np.int64)
+        weight = (at - low).reshape((-1, 1) if axis == 0 else (1, -1))
+        fine = np.take(fine, low, axis) * (1 - weight) + np.take(fine, low + 1, axis) * weight
+    if texture.filter == "nearest":
+        fine = alpha
+    return (fine * factor >= cutoff).astype(np.float32)
+
+
+def spot_pixels(light: SpotLight, size: int = SPOT_PIXELS) -> NDArray[np.float32]:
+    """Return the fall-off of a spot on the square around its cone, on a plane across the axis, (size, size)."""
+    slope = ((np.arange(size) + 0.5) / size * 2 - 1) * math.tan(light.outer_cone_angle)
+    cosine = 1 / np.sqrt(1 + slope[:, None] ** 2 + slope**2)
+    inner, outer = math.cos(light.inner_cone_angle), math.cos(light.outer_cone_angle)
+    # KHR_lights_punctual keeps the ring between the cones at least this wide.
+    return (np.clip((cosine - outer) / max(0.001, inner - outer), 0, 1) ** 2).astype(np.float32)
+
+
+def environment_pixels(environment: Environment) -> NDArray[np.float32]:
+    """Return the radiance of a pictured environment, (2 h + 1, w, 3).
+
+    Mitsuba puts the first and the last row onto the poles, we put pixel centres half a row off: with the means of
+    neighbours put between the rows, and the outer rows repeated at the poles, both interpolate alike.
+    """
+    assert environment.image is not None
+    image = np.asarray(environment.image, np.float64) * np.asarray(environment.color, np.float64)
+    rows = np.empty((2 * len(image) + 1, *image.shape[1:]))
+    rows[1::2] = image
+    rows[2:-1:2] = (image[1:] + image[:-1]) / 2
+    rows[0], rows[-1] = image[0], image[-1]
+    return rows.astype(np.float32)
+
+
+# ------------------------------------------------------------------------------------------------ camera rays
+
+
+def camera_rays(camera: Camera, size: tuple[int, int]) -> tuple[Floats, Floats]:
+    """Return origins and unit directions of the rays through the pixel centres, each (height, width, 3)."""
+    width, height = size
+    x = ((np.arange(width) + 0.5) / width * 2 - 1) * (width / height)
+    y = 1 - (np.arange(height) + 0.5) / height * 2
+    right, up, back = np.asarray(camera.world_from_view, np.float64)[:3, :3].T
+    across = x[None, :, None] * right + y[:, None, None] * up
+    if camera.orthographic_height is not None:
+        origins = camera.position + across * (camera.orthographic_height / 2)
+        return origins, np.broadcast_to(-back, origins.shape)
+    directions = across * math.tan(camera.yfov / 2) - back
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    return np.broadcast_to(camera.position, directions.shape), directions
+
+
+# ------------------------------------------------------------------------------------------------ Mitsuba's words
+
+
+def mitsuba_scene(mi: Any, scene: Scene, origin: Floats) -> Any:
+    """Return the scene as Mitsuba's, moved so that `origin` (world, metres) is at its origin."""
+    words: Words = {"type": "scene"}
+    distance = SHEET * float(np.linalg.norm(np.diff(scene.bounds(), axis=0)))
+    for surface in surfaces(scene):
+        material = f"{surface.material.name or 'material'} {len(words)}"
+        for sheet in sheets(surface, distance):
+            words[f"shape_{len(words)}"] = _mesh(mi, sheet, origin, material)
+    for light in scene.lights:
+        if light.intensity * max(light.color) > 0:
+            words[f"light_{len(words)}"] = _light(mi, light, origin)
+    environment = scene.environment
+    if environment is not None and max(environment.color) > 0:
+        words["environment"] = _environment(mi, environment)
+    return mi.load_dict(words)
+
+
+def needs_null_surfaces(scene: Scene) -> bool:
+    """Say whether rays must pass through parts of a surface, because of an alpha mask with a picture."""
+    return any(m.alpha_mode == "mask" and m.base_color_texture is not None for m in scene.materials)
+
+
+def _mesh(mi: Any, surface: Surface, origin: Floats, name: str) -> Any:
+    """Return a mesh of three vertices a triangle, so that nothing is shared that differs."""
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(_bsdf(mi, surface))
+    if shines(surface.material):
+        properties["emitter"] = mi.load_dict({"type": "area", "radiance": _emission(mi, surface.material)})
+    count = len(surface.corners)
+    mesh = mi.Mesh(
+        name.replace(".", "_"),
+        3 * count,
+        count,
+        props=properties,
+        has_vertex_normals=surface.normals is not None,
+        has_vertex_texcoords=surface.texcoords is not None,
+    )
+    values = mi.traverse(mesh)
+    values["vertex_positions"] = _flat(surface.corners - origin)
+    values["faces"] = np.arange(3 * count, dtype=np.uint32)
+    if surface.normals is not None:
+        values["vertex_normals"] = _flat(surface.normals)
+    if surface.texcoords is not None:
+        values["vertex_texcoords"] = _flat(surface.texcoords)
+    values.update()
+    if surface.colors is not None:
+        tinted = surface.colors[..., :3] * np.asarray(surface.material.base_color[:3])
+        mesh.add_attribute("vertex_color", 3, _flat(tinted))
+    return mesh
+
+
+def _flat(values: Floats) -> NDArray[np.float32]:
+    return values.astype(np.float32).ravel()
+
+
+def _bsdf(mi: Any, surface: Surface) -> Words:
+    """Return a Lambert surface that reflects on both sides, with its holes."""
+    m = surface.material
+    reflectance: Words = {"type": "rgb", "value": list(m.base_color[:3])}
+    if surface.colors is not None:
+        reflectance = {"type": "mesh_attribute", "name": "vertex_color"}
+    elif m.base_color_texture is not None:
+        reflectance = _picture(mi, linear_pixels(m.base_color_texture, m.base_color), m.base_color_texture)
+    bsdf: Words = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
+    if m.alpha_mode == "mask" and m.base_color_texture is not None:
+        pixels = mask_pixels(m.base_color_texture, m.base_color[3], m.alpha_cutoff)
+        opacity = _picture(mi, pixels, m.base_color_texture) | {"filter_type": "nearest"}
+        return {"type": "mask", "opacity": opacity, "bsdf": bsdf}
+    return bsdf
+
+
+def _emission(mi: Any, material: Material) -> Words:
+    if material.emission_texture is None:
+        return _rgb(material.emission)
+    return _picture(mi, linear_pixels(material.emission_texture, material.emission), material.emission_texture)
+
+
+def _picture(mi: Any, pixels: NDArray[np.float32], texture: Texture) -> Words:
+    return {
+        "type": "bitmap",
+        "bitmap": mi.Bitmap(pixels),
+        "raw": True,
+        "filter_type": "bilinear" if texture.filter == "linear" else "nearest",
+        "wrap_mode": texture.wrap_u,
+    }
+
+
+def _rgb(color: Any) -> Words:
+    return {"type": "rgb", "value": [float(channel) for channel in color]}
+
+
+def _light(mi: Any, light: Light, origin: Floats) -> Words:
+    power = _rgb(np.asarray(light.color, np.float64) * light.intensity)
+    if isinstance(light, DirectionalLight):
+        return {"type": "directional", "direction": [float(x) for x in light.direction], "irradiance": power}
+    position = np.asarray(light.position, np.float64) - origin
+    if isinstance(light, PointLight):
+        return {"type": "point", "position": position.tolist(), "intensity": power}
+    if light.outer_cone_angle > WIDEST_SPOT:
+        widest = f"{math.degrees(WIDEST_SPOT):.0f}"
+        raise GiError(f"light {light.name!r} is a spot wider than {widest} degrees from its axis; make it narrower")
+    axis = np.asarray(light.direction, np.float64) / np.linalg.norm(light.direction)
+    up = (0.0, 1.0, 0.0) if abs(axis[1]) < 0.9 else (1.0, 0.0, 0.0)
+    # The plugin's own ramp, linear in the angle, is left no room; the picture is the fall-off.
+    cone = math.degrees(light.outer_cone_angle)
+    return {
+        "type": "spot",
+        "to_world": mi.ScalarTransform4f().look_at(position.tolist(), (position + axis).tolist(), up),
+        "intensity": power,
+        "cutoff_angle": cone,
+        "beam_width": cone,
+        "texture": {"type": "bitmap", "bitmap": mi.Bitmap(spot_pixels(light)), "raw": True, "wrap_mode": "clamp"},
+    }
+
+
+def _environment(mi: Any, environment: Environment) -> Words:
+    if environment.image is None:
+        return {"type": "constant", "radiance": _rgb(environment.color)}
+    turn = mi.ScalarTransform4f().rotate([0, 1, 0], math.degrees(environment.rotation))
+    return {"type": "envmap", "bitmap": mi.Bitmap(environment_pixels(environment)), "to_world": turn}

@@ -1,0 +1,108 @@
+"""The picture of a bench: error against time, one line per technique, the path tracer, and the noise of the truth."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from .atomic_file import atomic_file
+from .bench_results import Measurement, Reference, Report, SceneReport
+from .errors import GiError
+
+PLOT_FORMATS = (".png", ".svg", ".pdf")
+LAYERS = {"full": "full image", "indirect": "indirect part"}
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito 2008, for every eye
+MARKERS = {"low": "v", "medium": "o", "high": "^"}
+PANEL_INCHES = (5.2, 3.9)
+DOTS_PER_INCH = 130
+
+
+def require_matplotlib() -> None:
+    """Raise GiError in one sentence if the package that draws is not there."""
+    try:
+        importlib.import_module("matplotlib.figure")
+    except ImportError:
+        raise GiError("--plot needs the package matplotlib: pip install 'wgpu_gi[bench]'") from None
+
+
+def save_plot(path: str | Path, report: Report) -> None:
+    """Draw a row of two panels, full image and indirect part, for each scene; write .png, .svg or .pdf.
+
+    x is the time of a frame in which all is moving, or of a whole picture of the path tracer. Both axes are
+    logarithmic, so that a point is left out where an error is not positive: it is lost in the noise of the truth.
+    """
+    require_matplotlib()
+    figure_module = importlib.import_module("matplotlib.figure")
+    rows = len(report.scenes)
+    figure = figure_module.Figure(figsize=(2 * PANEL_INCHES[0], rows * PANEL_INCHES[1] + 0.5), layout="constrained")
+    panels = figure.subplots(rows, len(LAYERS), squeeze=False, sharex="row")
+    names = list(dict.fromkeys(m.gi for scene in report.scenes for m in scene.techniques))
+    colors = {name: COLORS[number % len(COLORS)] for number, name in enumerate(names)}
+    for scene, row in zip(report.scenes, panels, strict=True):
+        for layer, panel in zip(LAYERS, row, strict=True):
+            _draw_panel(panel, scene, layer, colors)
+    handles: dict[str, Any] = {}
+    for panel in panels.flat:
+        lines, labels = panel.get_legend_handles_labels()
+        handles |= dict(zip(labels, lines, strict=True))
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, frameon=False)
+    figure.suptitle(f"Error against time on {report.machine['adapter']}", fontsize="medium")
+    with atomic_file(path) as temporary:
+        figure.savefig(temporary, format=Path(path).suffix.lower()[1:], dpi=DOTS_PER_INCH)
+
+
+def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, str]) -> None:
+    panel.set_title(f"{scene.scene}, {scene.size[0]}x{scene.size[1]}: {LAYERS[layer]}", fontsize="medium")
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.xaxis.set_major_formatter("{x:g}")
+    panel.set_xlabel("GPU ms per frame, all moving (path tracer: per picture)")
+    panel.set_ylabel("relMSE, less the noise of the truth")
+    panel.grid(True, which="major", color="0.88", linewidth=0.8)
+    panel.set_axisbelow(True)
+    panel.spines[["top", "right"]].set_visible(False)
+    for number, reference in enumerate(scene.references):
+        _draw_reference(panel, reference, layer, ("--", "-.", ":")[number % 3])
+    for name, color in colors.items():
+        points = [(m, *_point(m, layer)) for m in scene.techniques if m.gi == name]
+        _draw_technique(panel, name, color, [(m, x, y) for m, x, y in points if x > 0 and y > 0])
+    if not panel.lines:
+        panel.text(0.5, 0.5, "nothing to measure: the truth is black", ha="center", transform=panel.transAxes)
+
+
+def _draw_reference(panel: Any, reference: Reference, layer: str, style: str) -> None:
+    """Draw the path tracer's way, with its samples per pixel at both ends, and the noise of the truth."""
+    suffix = "" if reference.bounces is None else f", {reference.bounces} bounces"
+    errors = ((p, p.errors[layer]) for p in reference.curve)
+    points = [(p.spp, p.gpu_ms, e.relmse) for p, e in errors if e is not None and e.relmse > 0 and p.gpu_ms > 0]
+    if points:
+        panel.plot(
+            [x for _, x, _ in points], [y for _, _, y in points], f"k{style}", marker=".", label=f"path tracer{suffix}"
+        )
+        for spp, x, y in (points[0], points[-1]):
+            _annotate(panel, f"{spp} spp", x, y, "black")
+    noise = reference.noise[layer]
+    if noise:
+        panel.axhline(noise, color="0.55", linestyle=style, linewidth=1, label=f"noise of the truth{suffix}")
+
+
+def _draw_technique(panel: Any, name: str, color: str, points: list[tuple[Measurement, float, float]]) -> None:
+    if not points:
+        return
+    panel.plot([x for _, x, _ in points], [y for _, _, y in points], color=color)
+    for m, x, y in points:
+        # A name in the legend once, by the first of its qualities.
+        label = name if m is points[0][0] else None
+        panel.plot(x, y, color=color, marker=MARKERS[m.quality], linestyle="-", label=label)
+        if len(points) > 1:
+            _annotate(panel, m.quality, x, y, color)
+
+
+def _annotate(panel: Any, text: str, x: float, y: float, color: str) -> None:
+    panel.annotate(text, (x, y), (5, 4), textcoords="offset points", fontsize="x-small", color=color)
+
+
+def _point(m: Measurement, layer: str) -> tuple[float, float]:
+    errors = m.errors[layer]
+    return m.cases["all"].gpu_ms.median, 0.0 if errors is None else errors.relmse

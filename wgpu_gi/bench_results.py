@@ -1,0 +1,92 @@
+"""What a bench measures, as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from .metrics import Errors
+
+CASES = {"still": "still", "camera": "camera moving", "all": "all moving"}
+
+
+@dataclass(frozen=True)
+class Stats:
+    """Median and 95th percentile, in milliseconds."""
+
+    median: float
+    p95: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """Times of the frames of one of `CASES`.
+
+    `gpu_ms` is the sum over the passes of a frame, measured apart from `wall_ms`, which is from the call to the last
+    work of the GPU. `passes` are over the frames in which each ran, `passes_run` the most in any frame.
+    """
+
+    passes_run: int
+    wall_ms: Stats
+    gpu_ms: Stats
+    passes: dict[str, Stats]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A technique measured: errors by layer (None: the truth is black or unknown), times by case, bytes of its graph.
+
+    `bounces` are the indirect bounces of the truth that it is held against, None for all.
+    """
+
+    gi: str
+    quality: str
+    bounces: int | None
+    errors: dict[str, Errors | None]
+    cases: dict[str, Case]
+    bytes: int
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """A picture of the path tracer: what it takes from nothing, and how good it is."""
+
+    spp: int
+    gpu_ms: float
+    wall_ms: float
+    errors: dict[str, Errors | None]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A truth that was used, with its noise as relMSE by layer, and the path tracer's way towards it."""
+
+    bounces: int | None
+    truth: str
+    noise: dict[str, float | None]
+    curve: list[PathPoint]
+
+
+@dataclass(frozen=True)
+class SceneReport:
+    """All that was measured in one scene; the fields before `size` are as on the command line."""
+
+    scene: str
+    camera: str | None
+    env: str | None
+    light: list[str]
+    diffuse: bool
+    set: list[str]
+    size: tuple[int, int]
+    techniques: list[Measurement]
+    references: list[Reference]
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that was measured in one go."""
+
+    machine: dict[str, Any]
+    frames: int
+    warm_up: int
+    scenes: list[SceneReport]

@@ -1,0 +1,228 @@
+"""`wgpu-gi bench`: from arguments to measurements of scenes, techniques and presets, tables, a JSON file and a plot."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from .atomic_file import check_writable
+from .bench import WARM_UP_FRAMES, Candidate, machine, measure_scene
+from .bench_plot import PLOT_FORMATS, require_matplotlib, save_plot
+from .bench_report import different_machine, load_json, ratio_table, ratios, save_json, tables
+from .bench_results import Report, SceneReport
+from .camera import Camera
+from .cli_render import scene_from
+from .errors import GiError
+from .frame import TECHNIQUES, Settings
+from .renderer import check_size
+from .scene.camera_files import choose_camera
+from .scene.load import NO_CAMERA_NOTE
+from .scene.scene import Scene
+from .settings import QUALITIES, apply_quality, assign, describe, format_rows, validate
+from .truth_cache import Progress, Truth, truth_by_path, truth_from_file
+
+DEFAULT_SIZE = (640, 360)
+TABLE_WIDTH = 140  # where the output is no terminal
+MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
+
+
+def bench(arguments: Namespace) -> int:
+    """Carry out `wgpu-gi bench`; return the exit code. Raises GiError for all that the user can put right."""
+    if "help" in arguments.set:
+        print(format_rows(describe(Settings())))
+        return 0
+    # Refuse what cannot work before any time is spent on it.
+    candidates = candidates_from(arguments)
+    check_outputs(arguments)
+    scenes = list(dict.fromkeys(arguments.scene))
+    size = size_from(arguments, scenes)
+    old = None if arguments.compare is None else load_json(arguments.compare)
+    here = machine(arguments.adapter)
+    if here["is_cpu"]:
+        print(f"warning: {here['adapter']} IS A CPU, not a GPU: this is slow", file=sys.stderr)
+    difference = None if old is None else different_machine(old, here)
+    if difference is not None:
+        print(f"warning: {arguments.compare} was {difference}", file=sys.stderr)
+
+    with progress_bar() as progress:
+        reports = [bench_scene(arguments, name, size, candidates, progress) for name in scenes]
+    report = Report(here, arguments.frames, WARM_UP_FRAMES, reports)
+    if arguments.json is not None:
+        save_json(arguments.json, report)
+    if arguments.plot is not None:
+        save_plot(arguments.plot, report)
+    print_report(report)
+    if old is not None and difference is None:
+        print_ratios(old, report, arguments.compare)
+    return 0
+
+
+def candidates_from(arguments: Namespace) -> list[Candidate]:
+    """Return what `--gi`, `--quality` and `--set` ask for: each technique at each quality, at the pixel centres."""
+    # The path tracer is measured in any case, as the curve that all are held against.
+    every = [name for name in TECHNIQUES if name != "path"]
+    techniques = every if arguments.gi is None else _split("--gi", arguments.gi)
+    for name in techniques:
+        if name not in TECHNIQUES:
+            raise GiError(f"--gi takes techniques out of {', '.join(TECHNIQUES)}, with commas between, not {name!r}")
+    candidates = []
+    for name in techniques:
+        for quality in _split("--quality", arguments.quality):
+            if quality not in QUALITIES:
+                raise GiError(f"--quality takes {', '.join(QUALITIES)}, with commas between, not {quality!r}")
+            settings = Settings()
+            apply_quality(settings, quality)
+            for text in arguments.set:
+                assign(settings, text)
+            settings.gi, settings.diffuse, settings.camera.jitter = name, arguments.diffuse, False
+            if name == "path":
+                settings.spp = settings.path.samples_per_run  # a frame of it is one run
+            validate(settings)
+            candidates.append(Candidate(name, quality, settings))
+    return candidates
+
+
+def check_outputs(arguments: Namespace) -> None:
+    """Raise GiError if numbers make no sense, or a file could not be written at the end."""
+    for flag, number, least, most in (
+        ("--frames", arguments.frames, 1, MOST_FRAMES),
+        ("--truth-spp", arguments.truth_spp, 2, MOST_SPP),
+    ):
+        if not least <= number <= most:
+            raise GiError(f"{flag} must lie between {least} and {most}, not {number}")
+    if arguments.json is not None:
+        _check_suffix("--json", arguments.json, (".json",))
+    if arguments.plot is not None:
+        _check_suffix("--plot", arguments.plot, PLOT_FORMATS)
+        require_matplotlib()
+
+
+def size_from(arguments: Namespace, scenes: list[str]) -> tuple[int, int]:
+    """Return the size of all pictures: as given, or that of the truth's file. Raises GiError if the two differ."""
+    size: tuple[int, int] = arguments.size or DEFAULT_SIZE
+    if arguments.truth != "path":
+        if len(scenes) > 1:
+            raise GiError(f"--truth {arguments.truth} is of one scene, but {len(scenes)} are given; bench one by one")
+        stored = truth_from_file(arguments.truth).size
+        if arguments.size is not None and arguments.size != stored:
+            raise GiError(
+                f"{arguments.truth} is {stored[0]}x{stored[1]}, but --size asks for {size[0]}x{size[1]}; leave it out"
+            )
+        size = stored
+    check_size(*size)
+    return size
+
+
+def bench_scene(
+    arguments: Namespace, name: str, size: tuple[int, int], candidates: list[Candidate], progress: Progress | None
+) -> SceneReport:
+    """Load and measure one scene."""
+    scene = scene_from(Namespace(scene=name, light=arguments.light, env=arguments.env))
+    camera = choose_camera(scene, arguments.camera, Path(name).parent)
+    for note in scene.notes:
+        if note != NO_CAMERA_NOTE or arguments.camera is None:
+            print(f"note: {name}: {note}", file=sys.stderr)
+
+    def report(what: str, fraction: float) -> None:
+        if progress is not None:
+            progress(f"{name}: {what}", fraction)
+
+    truth_of = truth_source(arguments, scene, camera, size, report)
+    try:
+        measured = measure_scene(
+            scene,
+            camera,
+            size,
+            candidates,
+            truth_of,
+            frames=arguments.frames,
+            adapter=arguments.adapter,
+            progress=report,
+        )
+    except GiError as error:
+        raise GiError(f"{name}: {error}") from None
+    techniques, references = measured
+    return SceneReport(
+        name,
+        arguments.camera,
+        arguments.env,
+        arguments.light,
+        arguments.diffuse,
+        arguments.set,
+        size,
+        techniques,
+        references,
+    )
+
+
+def truth_source(
+    arguments: Namespace, scene: Scene, camera: Camera, size: tuple[int, int], report: Progress
+) -> Callable[[int | None], Truth]:
+    """Return a function from indirect bounces to the truth, as `--truth` says."""
+    if arguments.truth != "path":
+        return partial(truth_from_file, arguments.truth)
+    return lambda bounces: truth_by_path(
+        scene,
+        camera,
+        size,
+        spp=arguments.truth_spp,
+        bounces=bounces,
+        diffuse=arguments.diffuse,
+        adapter=arguments.adapter,
+        progress=report,
+    )
+
+
+def print_report(report: Report) -> None:
+    """Print all tables."""
+    from rich.console import Console
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else TABLE_WIDTH)
+    for table in tables(report):
+        console.print(table)
+        console.print()
+    here = report.machine
+    console.print(f"{report.frames} frames each, on {here['adapter']}, {here['driver']}, {here['cores']} cores")
+
+
+def print_ratios(old: Report, new: Report, old_name: str) -> None:
+    """Print the ratios to an earlier report, or that there is nothing to compare."""
+    from rich.console import Console
+
+    rows = ratios(old, new)
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else TABLE_WIDTH)
+    if rows:
+        console.print("", ratio_table(rows, old_name), sep="\n")
+    else:
+        console.print(f"{old_name} holds nothing with the same scene, size, settings and technique")
+
+
+@contextmanager
+def progress_bar() -> Iterator[Progress | None]:
+    """Yield a function that takes what is done and the fraction of it, or None where no person watches."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("measuring", total=1.0)
+        yield lambda what, fraction: bar.update(task, description=what, completed=fraction)
+
+
+def _split(flag: str, text: str) -> list[str]:
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise GiError(f"{flag} takes names with commas between, not {text!r}")
+    return list(dict.fromkeys(names))
+
+
+def _check_suffix(flag: str, path: str, suffixes: tuple[str, ...]) -> None:
+    if Path(path).suffix.lower() not in suffixes:
+        raise GiError(f"{flag} takes a file name that ends in {' or '.join(suffixes)}, not {path!r}")
+    check_writable(path)

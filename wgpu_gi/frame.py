@@ -1,0 +1,137 @@
+"""The frame: every technique in order, and what can be shown of it. The first page to read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from .gpu.graph import Graph
+from .gpu.handles import Buffer, Handle
+from .settings import setting
+from .techniques.composite import declare_mean, declare_sum
+from .techniques.direct import DirectSettings, declare_direct
+from .techniques.environment import EnvironmentSettings, declare_environment
+from .techniques.gbuffer import declare_gbuffer, declare_motion
+from .techniques.reference import PathSettings, declare_primary, declare_reference, path_runs
+from .techniques.scene_inputs import SceneInputs
+from .techniques.shadow import ShadowDraws, declare_shadow_maps
+from .techniques.shadow_views import ShadowSettings
+
+
+@dataclass(frozen=True)
+class Technique:
+    """What a technique promises: `bounces` of indirect light at most (None: as many as are asked for)."""
+
+    sentence: str
+    bounces: int | None
+
+
+# Everything that takes any technique (the command line, benchmarks, tests of invariance) reads this list.
+TECHNIQUES = {
+    "path": Technique("progressive path tracer, the truth", None),
+    "none": Technique("direct light only, deferred", 0),
+}
+
+# What can be read back and shown. All but the last two are there for every technique.
+BUFFERS = (
+    "radiance",
+    "direct",
+    "indirect",
+    "emission",
+    "albedo",
+    "normal",
+    "depth",
+    "position",
+    "standard_error",  # of the path tracer
+    "motion",  # of all others
+)
+
+
+@dataclass
+class CameraSettings:
+    """How pixels are sampled."""
+
+    jitter: bool = setting(True, "Average over the pixel's square (box filter) instead of sampling its centre.")
+    frames: int = setting(
+        16,
+        "Jittered frames that a still picture averages; not of the path tracer, which jitters every sample.",
+        "frames",
+        range=(1, 65536),
+        presets={"low": 4, "high": 64},
+    )
+
+
+@dataclass
+class Settings:
+    """What to render and how well. Sections are reached as `section.name` by `--set`."""
+
+    gi: str = setting("path", "Technique for light: path (path tracer) or none (direct only).", choices=(*TECHNIQUES,))
+    bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
+    spp: int = setting(64, "Samples per pixel of the path tracer.", "samples", range=(1, 10_000_000))
+    seed: int = setting(0, "Seed of all random numbers.", range=(0, 2**32 - 1))
+    diffuse: bool = setting(False, "Treat every material as Lambert with its base colour.")
+    camera: CameraSettings = field(default_factory=CameraSettings)
+    path: PathSettings = field(default_factory=PathSettings)
+    direct: DirectSettings = field(default_factory=DirectSettings)
+    shadow: ShadowSettings = field(default_factory=ShadowSettings)
+    environment: EnvironmentSettings = field(default_factory=EnvironmentSettings)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a buffer lies: a handle with four values per pixel, and which of them; without a handle it is zero."""
+
+    handle: Handle | None
+    first: int = 0
+    count: int = 3
+
+
+def picture_count(settings: Settings) -> int:
+    """Return how many jittered frames make a picture."""
+    return settings.camera.frames if settings.camera.jitter and settings.gi != "path" else 1
+
+
+def declare_frame(
+    graph: Graph, settings: Settings, scene: SceneInputs, shadows: ShadowDraws, extra_runs: int = 0
+) -> dict[str, Source]:
+    """Declare the passes of a frame; return what can be shown, by the names of BUFFERS.
+
+    `extra_runs` are for pixels whose paths are too long to be done in the runs planned.
+    """
+    declare = _declare_path if settings.gi == "path" else _declare_deferred
+    shown = declare(graph, settings, scene, shadows, extra_runs)
+    primary = declare_primary(graph, scene)
+    return shown | {
+        "albedo": Source(primary.albedo),
+        "normal": Source(primary.normal),
+        "depth": Source(primary.normal, 3, 1),
+        "position": Source(primary.position),
+    }
+
+
+def _declare_path(
+    graph: Graph, settings: Settings, scene: SceneInputs, shadows: ShadowDraws, extra_runs: int
+) -> dict[str, Source]:
+    runs = path_runs(settings.path, settings.spp) + extra_runs
+    reference = declare_reference(
+        graph, settings.path, scene, spp=settings.spp, runs=runs, bounces=settings.bounces, seed=settings.seed
+    )
+    layers = ("radiance", "direct", "indirect", "emission", "standard_error")
+    return {name: Source(getattr(reference, name)) for name in layers}
+
+
+def _declare_deferred(
+    graph: Graph, settings: Settings, scene: SceneInputs, shadows: ShadowDraws, extra_runs: int
+) -> dict[str, Source]:
+    gbuffer = declare_gbuffer(graph, scene)[0]
+    motion = declare_motion(graph, scene, gbuffer)
+    ambient = declare_environment(graph, settings.environment, scene)
+    atlas = declare_shadow_maps(graph, scene, shadows)
+    direct = declare_direct(graph, settings.direct, scene, gbuffer, atlas, ambient)
+    indirect: Buffer | None = None
+    radiance = declare_sum(graph, gbuffer.emission, direct, indirect)
+    layers = {"radiance": radiance, "direct": direct, "indirect": indirect, "emission": gbuffer.emission}
+    if picture_count(settings) > 1:
+        layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}
+    return {name: Source(layer) for name, layer in layers.items()} | {"motion": Source(motion)}
+
+

@@ -1,0 +1,194 @@
+"""The half of the graph that declares passes: checks them against their shaders and finds them again by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import wgpu
+
+from ..errors import GiError
+from . import attachments, checks, values
+from .declare import Declarations
+from .handles import Buffer, Shared, Texture, View
+from .passes import Pass, RasterState, Use
+from .reflect import EntryPoint
+from .timing import Timing
+from .values import Over
+from .wgsl import ShaderSource, load
+
+
+class PassDeclarations(Declarations):
+    """All passes of a frame. What is declared as before keeps what is remembered of its last run."""
+
+    def __init__(self, device: Any, shader_root: Path | str | None = None) -> None:
+        super().__init__(device)
+        self.shader_root = shader_root
+        self.passes: dict[str, Pass] = {}
+        self.planned: dict[str, Pass | str] = {}  # all that was declared, in order: a pass, or why there is none
+        self.timing = Timing(device)
+        self._declaring = False
+        self._old_passes: dict[str, Pass] = {}
+
+    def compute(
+        self,
+        name: str,
+        shader: str,
+        *,
+        over: Over | None = None,
+        indirect: Buffer | None = None,
+        reads: Mapping[str, Any] | None = None,
+        writes: Mapping[str, Any] | None = None,
+        params: Mapping[str, Any] | None = None,
+        constants: Mapping[str, float] | None = None,
+        uniforms: Mapping[str, str] | None = None,
+        entry: str = "main",
+        settle: int = 0,
+        split: bool = False,
+        clear: Iterable[Buffer] = (),
+    ) -> Pass:
+        """Declare a compute pass with a thread for each pixel of a texture, element of a buffer, or of `over` threads.
+
+        The keys of `reads` and `writes` are WGSL variable names; read_write bindings go in `writes`. `uniforms` binds
+        shared uniforms of other names than in the shader: {"view": "view_second"}. `settle` runs follow each change.
+        With `split`, consecutive ranges of workgroups along x are dispatched one by one; the shader adds
+        `params.first_workgroup` to its workgroup_id.x. `clear` are buffers zeroed before each run. `indirect` is a
+        buffer of three u32 group counts, instead of `over`.
+        """
+        where = f"pass {name!r} ({shader})"
+        source = self._load(name, shader)
+        main = checks.entry_point(where, source, "compute", entry)
+        assert main is not None
+        more = () if indirect is None else (Use("indirect", View(indirect), "read", wgpu.BufferUsage.INDIRECT),)
+        p = self._pass(name, source, (main,), reads, writes, params, constants, uniforms, settle, more)
+        p.split, p.clear, p.indirect = split, tuple(clear), indirect
+        if split and "first_workgroup" not in (p.params.dtype.names or () if p.params is not None else ()):
+            raise GiError(f"{where}: split=True needs a field first_workgroup: u32 in params")
+        for buffer in p.clear:
+            if buffer not in p.written or not isinstance(buffer, Buffer):
+                raise GiError(f"{where}: clear takes buffers that the pass writes")
+        if (over is None) == (indirect is None):
+            raise GiError(f"{where}: give either over= (a texture, a buffer or a number of threads) or indirect=")
+        if split and indirect is not None:
+            raise GiError(f"{where}: split=True needs over=; the size of an indirect dispatch is not known")
+        if over is not None:
+            p.groups = values.workgroups(p, over)
+        return self._add(p)
+
+    def raster(
+        self,
+        name: str,
+        shader: str,
+        *,
+        draw: Callable[[Any], None] | tuple[int, ...] | int,
+        index: Buffer | Shared | View | None = None,
+        color: Mapping[str, Texture | View] | None = None,
+        depth: Texture | View | None = None,
+        reads: Mapping[str, Any] | None = None,
+        writes: Mapping[str, Any] | None = None,
+        params: Mapping[str, Any] | None = None,
+        constants: Mapping[str, float] | None = None,
+        uniforms: Mapping[str, str] | None = None,
+        entry: tuple[str, str] | None = None,
+        settle: int = 0,
+        topology: str = "triangle-list",
+        cull: str = "none",
+        depth_compare: str = "greater",
+        depth_write: bool = True,
+        load: bool = False,
+        clear_color: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+        clear_depth: float = 0.0,
+    ) -> Pass:
+        """Declare a raster pass; the keys of `color` are the names of the fragment shader's outputs.
+
+        `draw` records draw calls on the render pass encoder it is given, or is (vertices, instances). Functions that
+        compare equal, such as instances of a frozen dataclass, are the same to a redeclaration. `index` is a buffer of
+        uint32 that is bound before; counts are then of indices. Targets are cleared unless `load`. Depth is reversed:
+        1 near, cleared to 0, greater wins. `entry` is (vertex, fragment); `uniforms` as in `compute`.
+        """
+        where = f"pass {name!r} ({shader})"
+        source = self._load(name, shader)
+        vertex = checks.entry_point(where, source, "vertex", entry[0] if entry else None)
+        fragment = checks.entry_point(where, source, "fragment", entry[1] if entry else None)
+        if vertex is None:
+            raise GiError(f"{where}: it has no vertex entry point")
+        if color and fragment is None:
+            raise GiError(f"{where}: it has no fragment entry point, but color targets are given")
+        entries = (vertex,) if fragment is None else (vertex, fragment)
+        targets = attachments.color_targets(where, fragment, color or {})
+        target = attachments.depth_target(where, depth, depth_write) if depth is not None else None
+        if not targets and target is None:
+            raise GiError(f"{where}: it has neither color nor depth targets")
+        attachments.same_size(where, [use.view for _, use in targets] + ([target.view] if target else []))
+        indices = attachments.index_buffer(where, index) if index is not None else None
+        more = tuple(use for _, use in targets) + tuple(use for use in (target, indices) if use is not None)
+        p = self._pass(name, source, entries, reads, writes, params, constants, uniforms, settle, more)
+        calls = (draw, 1) if isinstance(draw, int) else draw
+        p.raster = RasterState(
+            targets, target, topology, cull, depth_compare, depth_write, load, clear_color, clear_depth, calls, indices
+        )
+        return self._add(p)
+
+    def skip(self, name: str, reason: str) -> None:
+        """Say in the plan why a pass is not declared: "no alpha-masked material"."""
+        if not self._declaring:
+            raise GiError(f"pass {name!r}: skipped outside of begin ... compile")
+        if name in self.planned:
+            raise GiError(f"pass {name!r}: two passes have this name; give one another")
+        self.planned[name] = reason
+
+    def _load(self, name: str, shader: str) -> ShaderSource:
+        try:
+            return load(shader, self.shader_root)
+        except GiError as error:
+            raise GiError(f"pass {name!r} ({shader}): {error}") from error
+
+    def _pass(
+        self,
+        name: str,
+        source: ShaderSource,
+        entries: tuple[EntryPoint, ...],
+        reads: Mapping[str, Any] | None,
+        writes: Mapping[str, Any] | None,
+        params: Mapping[str, Any] | None,
+        constants: Mapping[str, float] | None,
+        uniforms: Mapping[str, str] | None,
+        settle: int,
+        more: tuple[Use, ...],
+    ) -> Pass:
+        """Check what compute and raster passes have in common; `more` are uses that are not bound by name."""
+        where = f"pass {name!r} ({source.path})"
+        if name in self.planned:
+            raise GiError(f"{where}: two passes have this name; give one another")
+        used = checks.bindings_used(where, source, entries)
+        filters = "float32-filterable" in self.device.features
+        uses, samplers = checks.resource_uses(where, source, used, reads or {}, writes or {}, filters)
+        checks.check_sampling(where, source, uses, samplers)
+        checks.check_counts(where, entries, uses)
+        shared = values.shared_uniforms(where, source, used, self.uniforms, uniforms or {})
+        block, binding = values.params_block(where, source, used, params or {})
+        overrides = values.override_values(where, source, entries, constants or {})
+        uses += more
+        return Pass(
+            name, source, entries, tuple(uses), tuple(shared), tuple(samplers), block, binding, overrides, settle
+        )
+
+    def _add(self, p: Pass) -> Pass:
+        """Add a pass; it takes over the state of the same pass of the declaration before."""
+        if not self._declaring:
+            raise GiError(f"{p.where}: declared outside of begin ... compile")
+        if not any(use.writes for use in p.uses):
+            raise GiError(f"{p.where}: it writes nothing")
+        for name, resource in ((use.view.resource.name, use.view.resource) for use in p.uses):
+            if self.resources.get(name) is not resource:
+                raise GiError(f"{p.where}: {name!r} is of another declaration; declare it after begin")
+        checks.check_hazards(p.where, p.uses)
+        old = self._old_passes.get(p.name)
+        if old is not None and old.signature() == p.signature():
+            p.state = old.state
+            p.pipeline = old.pipeline
+        else:
+            self.timing.forget(p.name)
+        self.passes[p.name] = self.planned[p.name] = p
+        return p

@@ -1,0 +1,251 @@
+"""The lights that the deferred techniques loop over: all punctual ones, and sample lights that stand for emitters.
+
+An emitter's samples have equal power: a lattice is warped over it by cumulative sums, as pictured environments are
+sampled (Pharr et al. 2023, "Physically Based Rendering", 4th ed., section A.4), here over points on the surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .emitters import LUMINANCE, EmittingPart, emitting_parts, join_records, light_direction, spot_falloff
+from .hierarchy import Hierarchy
+from .scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
+from .texture_lookup import look_up
+
+DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN, DIRECT_AREA = range(4)  # as wgsl/shadow/views.wgsl
+POINTS = 1 << 12  # on all emitters together, at least; chosen
+POINTS_PER_SAMPLE = 256  # at least: places on a grid of 16 x 16 about each sample; chosen
+TEXTURED = 8  # times as many points on pictured emitters, so that small bright spots are found; chosen
+# The plane's numbers, 1 / g and 1 / g^2 with g^3 = g + 1 (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
+# Sequences").
+GOLDEN = (5**0.5 - 1) / 2
+R2 = np.array([0.7548776662466927, 0.5698402909980532])
+# The first of nearly equal lengths is chosen whatever rounding does to them.
+PREFER_FIRST = np.array([1.0, 0.991, 0.983])
+POINT = np.dtype(
+    [
+        ("position", "f8", 3),
+        ("normal", "f8", 3),  # of the side that shines
+        ("radiance", "f8", 3),
+        ("area", "f8"),  # that it stands for
+        ("power", "f8"),  # luminance of radiance times area: of one side, over pi
+    ]
+)
+
+
+@dataclass
+class _Patch:
+    """Triangles of one emitting part that face about the same way, points on them, and how many samples they get."""
+
+    part: EmittingPart
+    triangles: NDArray[np.int64]  # of the part's
+    points: NDArray[np.void]
+    power: float  # of all sides
+    samples: int = 0
+
+
+def build_direct_lights(
+    scene: Scene, hierarchy: Hierarchy, dtype: np.dtype, samples: int, use_range: bool
+) -> NDArray[np.void]:
+    """Return records of a scene's lights, whose hierarchy is up to date: DirectLight of wgsl/shadow/views.wgsl.
+
+    The emitters share `samples` sample lights by their power, but each emissive material has at least one, also where
+    that makes more. Radiance times area of a material's samples adds up to that of its surface. Lights that shine
+    nowhere are left out. With `use_range` a punctual light ends at its range.
+    """
+    records = [_punctual(light, hierarchy.origin, dtype, use_range) for light in scene.lights]
+    patches = _patches(scene, hierarchy, samples)
+    powers = np.array([sum(patch.power for patch in group) for group in patches])
+    for group, count in zip(patches, _share(powers, samples), strict=True):
+        _share_within(group, count)
+        cells = [_sample_patch(patch, dtype) for patch in group if patch.samples]
+        records.append(_restore_power(join_records(cells, dtype), group))
+    return join_records(records, dtype)
+
+
+def _punctual(light: Light, origin: NDArray[np.float64], dtype: np.dtype, use_range: bool) -> NDArray[np.void]:
+    """Return a light's record, or none if it is black."""
+    record = np.zeros(1, dtype)
+    record["color"] = np.asarray(light.color, np.float64) * light.intensity
+    dark = isinstance(light, SpotLight) and light.outer_cone_angle == 0
+    if dark or not record["color"].any():
+        return record[:0]
+    if isinstance(light, DirectionalLight):
+        record["kind"], record["direction"] = DIRECT_SUN, light_direction(light)
+        return record
+    record["position"] = np.asarray(light.position, np.float64) - origin
+    record["inverse_range"] = 1 / light.range if use_range and light.range is not None and light.range > 0 else 0.0
+    if isinstance(light, PointLight):
+        record["kind"] = DIRECT_POINT
+        return record
+    record["kind"], record["direction"] = DIRECT_SPOT, light_direction(light)
+    record["cone_scale"], record["cone_offset"] = spot_falloff(light)
+    return record
+
+
+def _patches(scene: Scene, hierarchy: Hierarchy, samples: int) -> list[list[_Patch]]:
+    """Return the patches of each emissive material that shines."""
+    parts: dict[Material, list[EmittingPart]] = {}
+    for part in emitting_parts(scene.instances, hierarchy):
+        parts.setdefault(part.material, []).append(part)
+    # No emitter's points depend on other emitters' place or light, so that its samples stay while those change.
+    budget = max(POINTS, POINTS_PER_SAMPLE * samples) // max(len(parts), 1)
+    patches = []
+    for of_material in parts.values():
+        areas = [np.linalg.norm(_normals(part.corners), axis=1) / 2 for part in of_material]
+        total = sum(float(area.sum()) for area in areas)
+        density = budget / total if total > 0 else 0.0
+        density *= TEXTURED if of_material[0].material.emission_texture is not None else 1
+        group = [p for part, area in zip(of_material, areas, strict=True) for p in _patches_of(part, area, density)]
+        if group:
+            patches.append(group)
+    return patches
+
+
+def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -> list[_Patch]:
+    """Spread points over a part, `density` of them per m2, and sort its triangles by where they face."""
+    counts = np.where(area > 0, np.ceil(area * density), 0).astype(np.int64)
+    triangle = np.repeat(np.arange(len(area)), counts)
+    number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
+    weights = _triangle_weights((0.5 + number[:, None] * R2) % 1.0)
+    normals = _normals(part.corners) * (-1 if part.sides == 2 else 1)
+    points = np.zeros(len(triangle), POINT)
+    points["position"] = np.einsum("nk,nkc->nc", weights, part.corners[triangle])
+    points["normal"] = normals[triangle] / (2 * area[triangle, None])
+    points["radiance"] = _radiance(part, part.vertices[triangle], weights)
+    points["area"] = (area / np.maximum(counts, 1))[triangle]
+    points["power"] = points["radiance"] @ LUMINANCE * points["area"]
+
+    # In the mesh's own space, so that an instance's samples stay where they are on it while it turns.
+    facing = _normals(_local_corners(part))
+    axis = np.argmax(np.abs(facing) * PREFER_FIRST, axis=1)
+    side = 2 * axis + (facing[np.arange(len(axis)), axis] < 0)
+    patches = []
+    for which in np.unique(side):
+        mine = points[(side[triangle] == which) & (points["power"] > 0)]
+        if len(mine):
+            power = float(mine["power"].sum()) * (2 if part.sides == 3 else 1)
+            patches.append(_Patch(part, np.flatnonzero(side == which), mine, power))
+    return patches
+
+
+def _local_corners(part: EmittingPart) -> NDArray[np.float64]:
+    return np.asarray(part.mesh.positions, np.float64)[part.vertices]
+
+
+def _triangle_weights(u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return barycentric weights (n, 3), uniform over the area (Heitz 2019, "A Low-Distortion Map ...")."""
+    x, y = u.T
+    b = np.where(y > x, x / 2, x - y / 2)
+    c = np.where(y > x, y - x / 2, y / 2)
+    return np.stack([1 - b - c, b, c], 1)
+
+
+def _radiance(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what points shine, (n, 3); nothing where the surface is cut out."""
+    material = part.material
+    radiance = np.broadcast_to(np.asarray(material.emission, np.float64), (len(vertices), 3))
+    if material.emission_texture is not None:
+        radiance = radiance * look_up(material.emission_texture, part.mesh, vertices, weights)[:, :3]
+    if material.alpha_mode == "mask":
+        alpha = np.full(len(vertices), float(material.base_color[3]))
+        if part.mesh.colors is not None:
+            alpha *= np.einsum("nk,nk->n", weights, np.asarray(part.mesh.colors, np.float64)[vertices, 3])
+        if material.base_color_texture is not None:
+            alpha *= look_up(material.base_color_texture, part.mesh, vertices, weights)[:, 3]
+        radiance = radiance * (alpha >= material.alpha_cutoff)[:, None]
+    return radiance
+
+
+def _share(powers: NDArray[np.float64], samples: int) -> list[int]:
+    """Give each material one sample and the others by power (Hamilton's method)."""
+    if not len(powers):
+        return []
+    quota = powers / powers.sum() * max(samples - len(powers), 0)
+    counts = np.floor(quota + 1e-9).astype(int)
+    missing = round(float(quota.sum())) - int(counts.sum())
+    counts[np.argsort(-np.round(quota - counts, 9), kind="stable")[:missing]] += 1
+    return (1 + counts).tolist()
+
+
+def _share_within(patches: list[_Patch], samples: int) -> None:
+    """Give a material's patches samples in proportion to their power: systematic sampling, in the scene's order."""
+    cumulative = np.cumsum([patch.power for patch in patches])
+    # Just off the middle: the quarters of equal lamps must not depend on rounding.
+    ends = np.floor(cumulative / cumulative[-1] * samples + 0.4999)
+    ends[-1] = samples
+    for patch, count in zip(patches, np.diff(ends, prepend=0.0).tolist(), strict=True):
+        patch.samples = int(count)
+
+
+def _sample_patch(patch: _Patch, dtype: np.dtype) -> NDArray[np.void]:
+    """Return a patch's samples: a lattice warped so that the columns, and then places within a column, go by power."""
+    count, points = patch.samples, patch.points
+    at = lattice(count)
+    places = points["position"] @ _plane(patch)
+    # Samples are spread best along the first coordinate.
+    along, across = places.T if np.ptp(places[:, 0]) > PREFER_FIRST[1] * np.ptp(places[:, 1]) else places.T[::-1]
+    order = np.argsort(along, kind="stable")
+    cumulative = np.cumsum(points["power"][order])
+    total = cumulative[-1]
+    middle = np.searchsorted(cumulative, at[:, 0] * total)
+    # A column is as wide as it is fine.
+    width = int(np.ceil(len(points) ** 0.5))
+    first = np.clip(middle - width // 2, 0, len(points) - width)
+    column = order[first[:, None] + np.arange(width)]
+    column = np.take_along_axis(column, np.argsort(across[column], axis=1, kind="stable"), 1)
+    cumulative = np.cumsum(points["power"][column], axis=1)
+    row = (cumulative < at[:, 1:] * cumulative[:, -1:]).sum(1)
+    chosen = points[column[np.arange(count), row]]
+    records = np.zeros(count, dtype)
+    records["kind"], records["both_sides"] = DIRECT_AREA, patch.part.sides == 3
+    records["position"], records["direction"], records["color"] = (
+        chosen[name] for name in ("position", "normal", "radiance")
+    )
+    records["area"] = total / count * chosen["area"] / chosen["power"]
+    return records
+
+
+def _plane(patch: _Patch) -> NDArray[np.float64]:
+    """Return two axes (3, 2) of the plane of a patch's largest triangle, the first one along a side of it.
+
+    Of its corners that nearest to a right angle counts: so the axes of a rectangle are its sides.
+    """
+    local = _local_corners(patch.part)[patch.triangles]
+    largest = np.argmax(np.linalg.norm(_normals(local), axis=1))
+    edges = np.roll(local[largest], -1, axis=0) - local[largest]
+    edges /= np.linalg.norm(edges, axis=1, keepdims=True)
+    corner = np.argmin(np.abs((edges * np.roll(edges, 1, axis=0)).sum(1)))
+    corners = patch.part.corners[patch.triangles[largest]]
+    along = corners[(corner + 1) % 3] - corners[corner]
+    across = np.cross(_normals(corners[None])[0], along)
+    return np.stack([along / np.linalg.norm(along), across / np.linalg.norm(across)], 1)
+
+
+def lattice(count: int) -> NDArray[np.float64]:
+    """Return `count` points of the unit square, (n, 2): each coordinate takes the centre of each n-th part once.
+
+    The second one by the order of the multiples of the golden ratio, as a Fibonacci lattice has it for other counts,
+    too.
+    """
+    index = np.arange(count)
+    rank = np.argsort(np.argsort((index + 1) * GOLDEN % 1.0))
+    return (np.stack([index, rank], 1) + 0.5) / max(count, 1)
+
+
+def _restore_power(records: NDArray[np.void], patches: list[_Patch]) -> NDArray[np.void]:
+    """Let a material's samples stand for its patches without one, too, and have its hue on average."""
+    wanted = sum(patch.points["area"] @ patch.points["radiance"] for patch in patches)
+    there = records["area"].astype(np.float64) @ records["color"]
+    scale = float(wanted @ LUMINANCE / (there @ LUMINANCE))
+    records["area"] *= scale
+    records["color"] *= np.where(there > 0, wanted / np.where(there > 0, there * scale, 1.0), 1.0)
+    return records

@@ -1,0 +1,35 @@
+"""Points spread over a scene's surfaces by area: a cheap stand-in for geometry where only rough distances count."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .hierarchy import Hierarchy
+from .scene import Instance
+
+GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])  # of the plane (Roberts 2018)
+
+
+def sample_surfaces(instances: list[Instance], hierarchy: Hierarchy, count: int = 4096) -> NDArray[np.float64]:
+    """Return at most `count` points (n, 3) relative to the scene's origin, the same ones for the same scene."""
+    areas, parts = [], []
+    for instance in instances:
+        place = hierarchy.placement(instance.mesh)
+        corners = place.data.corners
+        if len(corners) > 4 * count:
+            # Leaves are ordered in space, so every n-th triangle is a fair choice of large meshes.
+            corners = corners[:: len(corners) // (2 * count)]
+        matrix = np.asarray(instance.world_from_local, np.float64)
+        corners = corners.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - hierarchy.origin)
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        parts.append(corners)
+        areas.append(area * (len(place.data.corners) / len(corners)))
+    total = np.cumsum(np.concatenate([np.zeros(1), *areas]))
+    if total[-1] <= 0:
+        return np.zeros((0, 3))
+    chosen = np.searchsorted(total[1:], (np.arange(count) + 0.5) / count * total[-1])
+    u = np.outer(np.arange(count), GOLDEN) % 1.0
+    folded = np.where(u.sum(1, keepdims=True) > 1, 1 - u, u)
+    corner = np.concatenate(parts)[np.minimum(chosen, len(total) - 2)]
+    return corner[:, 0] + folded[:, :1] * (corner[:, 1] - corner[:, 0]) + folded[:, 1:] * (corner[:, 2] - corner[:, 0])

@@ -1,0 +1,70 @@
+"""What changes from frame to frame for the deferred techniques: lights, shadow views, the camera and motion before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..gpu.graph import Graph
+from ..gpu.wgsl import load
+from ..scene.scene import Scene
+from ..scene.upload import SceneUpload
+from .direct import DirectSettings
+from .scene_inputs import DirectInputs, SceneInputs
+from .shadow import ShadowDraws
+from .shadow_views import ShadowSettings, build_shadow_views
+
+
+
+class DeferredInputs:
+    """Keeps them up to date with a scene; one for each renderer."""
+
+    def __init__(self) -> None:
+        self.shadows = ShadowDraws()
+        self._dtype = load("shadow/views.wgsl").struct_dtype("DirectLight")
+        self._view_before: NDArray[np.void] | None = None
+        self._count = self._atlas_size = 0
+
+    def update(
+        self,
+        upload: SceneUpload,
+        scene: Scene,
+        view: NDArray[np.void],
+        direct: DirectSettings,
+        shadow: ShadowSettings,
+    ) -> None:
+        """Send what changed; `upload` is up to date with `scene`."""
+        draws = upload.update_draws(scene)
+        lights = upload.direct_lights(scene, self._dtype, direct.samples, direct.range)
+        found = build_shadow_views(
+            lights,
+            shadow,
+            centre=upload.box.mean(0),
+            radius=float(np.linalg.norm(np.ptp(upload.box, axis=0))) / 2,
+            view=view,
+            surface_samples=upload.surface_samples(scene),
+            box=upload.box,
+        )
+        self._count, self._atlas_size = len(lights), found.atlas_size if len(found.records) else 0
+        upload.resources.records("direct_lights", _at_least_one(found.lights))
+        upload.resources.records("shadow_views", _at_least_one(found.records))
+        self.shadows.update(found.records, draws)
+
+    def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:
+        """Send where everything was at the last call."""
+        upload.update_motion(scene)
+        graph.uniform("view_before", view if self._view_before is None else self._view_before)
+        self._view_before = view.copy()
+
+    def share(self, graph: Graph, upload: SceneUpload, scene: SceneInputs) -> SceneInputs:
+        """Return the inputs with those of the deferred techniques."""
+        names = ("direct_lights", "shadow_views", "before_from_now")
+        lights, views, motion = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
+        return replace(scene, direct=DirectInputs(lights, self._count, views, self._atlas_size, motion))
+
+
+def _at_least_one(records: NDArray[np.void]) -> NDArray[np.void]:
+    """WebGPU binds nothing smaller."""
+    return records if len(records) else np.zeros(1, records.dtype)

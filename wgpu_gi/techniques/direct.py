@@ -1,0 +1,108 @@
+"""Direct light: every light through its shadow map, the environment unoccluded, and exact visibility where a shadow's
+edge crosses a pixel.
+
+Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows". Departure: rays go only where the
+filter finds texels that see the light beside texels that do not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..gpu.graph import Graph
+from ..gpu.handles import Buffer, Texture
+from ..settings import setting
+from .environment import Ambient
+from .gbuffer import FOUR_FLOATS, Gbuffer
+from .scene_inputs import DirectInputs, SceneInputs
+
+TILE = 16  # pixels a side, as wgsl/direct/light.wgsl and tiles.wgsl
+TILED_FROM = 8  # lights, below which lists cost more than they save; chosen
+
+
+@dataclass
+class DirectSettings:
+    """How light that is scattered once is found."""
+
+    samples: int = setting(32, "Sample lights over all emitters together.", "lights", range=(1, 4096))
+    edges: bool = setting(True, "Find visibility by rays where shadow maps are undecided, instead of filtering.")
+    tiles: bool = setting(True, "Leave out lights that cannot reach a tile of 16x16 pixels, where there are many.")
+    range: bool = setting(False, "Let lights end at the range that the file gives; physically they do not.")
+
+
+def declare_direct(
+    graph: Graph,
+    settings: DirectSettings,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    atlas: Texture | None,
+    ambient: Ambient,
+) -> Buffer:
+    """Declare the light scattered once towards the eye: (r, g, b, 1) per pixel, W/(m2 sr)."""
+    assert scene.direct is not None
+    count = scene.direct.count
+    width, height = graph.size
+    direct = graph.buffer("direct/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    traced = settings.edges and atlas is not None
+    edges = graph.buffer("direct/edges", dtype=np.uint32, count=width * height if traced else 1)
+    edge_groups = graph.buffer("direct/edge_groups", dtype=np.uint32, count=4)
+    tiled = settings.tiles and count >= TILED_FROM
+    tiles = _declare_tiles(graph, scene.direct, gbuffer) if tiled else graph.neutral("buffer")
+    if not tiled:
+        graph.skip("direct/tiles", f"fewer than {TILED_FROM} lights" if settings.tiles else "direct.tiles is off")
+    lights = {
+        "direct_lights": scene.direct.lights,
+        "shadow_views": scene.direct.views,
+        "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
+        "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
+        **ambient.reads,
+    }
+    shader = "direct/light.wgsl"
+    graph.compute(
+        "direct/light",
+        shader,
+        over=(width, height),
+        reads={**lights, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance, "tile_lights": tiles},
+        writes={"direct": direct, "edges": edges, "edge_groups": edge_groups},
+        params={"light_count": count},
+        constants={**scene.constants(shader), **ambient.constants(shader), "TILED": tiled, "EDGES": traced},
+        clear=[edge_groups],
+    )
+    if not traced:
+        graph.skip("direct/edges", "no light casts shadows" if atlas is None else "direct.edges is off")
+        return direct
+    shader = "direct/edges.wgsl"
+    graph.compute(
+        "direct/edges",
+        shader,
+        indirect=edge_groups,
+        reads={
+            **scene.surfaces,
+            **lights,
+            "visibility": gbuffer.visibility,
+            "edges": edges,
+            "edge_groups": edge_groups,
+        },
+        writes={"direct": direct},
+        params={"light_count": count},
+        constants={**scene.constants(shader), **ambient.constants(shader)},
+    )
+    return direct
+
+
+def _declare_tiles(graph: Graph, lights: DirectInputs, gbuffer: Gbuffer) -> Buffer:
+    width, height = graph.size
+    columns, rows = -(-width // TILE), -(-height // TILE)
+    words = -(-lights.count // 32)
+    tiles = graph.buffer("direct/tiles", dtype=np.uint32, count=columns * rows * words)
+    graph.compute(
+        "direct/tiles",
+        "direct/tiles.wgsl",
+        over=(columns * TILE, rows * TILE),
+        reads={"direct_lights": lights.lights, "distance": gbuffer.distance},
+        writes={"tile_lights": tiles},
+        params={"light_count": lights.count},
+    )
+    return tiles

@@ -1,0 +1,119 @@
+"""The G-buffer: what each pixel shows, by rasterising triangle numbers and resolving them in a compute pass.
+
+Burns and Hunt 2013, "The Visibility Buffer". Depth peeling: Everitt 2001, "Interactive Order-Independent Transparency".
+Departure: the resolve intersects the pixel's ray with the triangle instead of interpolating, so that a surface is
+exactly what the path tracer sees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..gpu.graph import Graph
+from ..gpu.handles import Buffer, Texture
+from .scene_inputs import SceneInputs
+
+SURFACE = np.dtype((np.uint32, 4))
+FOUR_FLOATS = np.dtype((np.float32, 4))
+
+
+@dataclass
+class Gbuffer:
+    """One layer of surfaces. Buffers have an element for each pixel, rows from the top.
+
+    visibility: triangle and instance, each plus 1; 0 is nothing. depth: reversed, near / view depth. distance: metres
+    along the pixel's ray, 0 where nothing is seen. surfaces: 16 bytes as `wgsl/gbuffer/surface.wgsl` packs them.
+    emission: W/(m2 sr) of the surface, or of the environment where nothing is seen.
+    """
+
+    visibility: Texture
+    depth: Texture
+    distance: Texture
+    surfaces: Buffer
+    emission: Buffer
+
+
+def declare_gbuffer(
+    graph: Graph, scene: SceneInputs, *, name: str = "gbuffer", view: str = "view", layers: int = 1
+) -> list[Gbuffer]:
+    """Declare the G-buffer of the camera in the uniform `view`, of the viewport's size: the nearest surfaces first.
+
+    Further `layers` hold what lies behind the ones before.
+    """
+    found: list[Gbuffer] = []
+    for layer in range(layers):
+        suffix = f"_{layer}" if layer else ""
+        nearer = found[-1].depth if found else None
+        found.append(_declare_layer(graph, scene, name, suffix, view, nearer))
+    return found
+
+
+def _declare_layer(
+    graph: Graph, scene: SceneInputs, name: str, suffix: str, view: str, nearer: Texture | None
+) -> Gbuffer:
+    width, height = graph.size
+    # Without instances the second number is always 0, and so is what a one-channel texture gives for it.
+    ids = "rg32uint" if scene.features["HAS_INSTANCES"] else "r32uint"
+    visibility = graph.texture(f"{name}/visibility{suffix}", ids)
+    depth = graph.texture(f"{name}/depth{suffix}", "depth32float")
+    shader = "gbuffer/visibility.wgsl"
+    behind = graph.neutral("texture_2d") if nearer is None else nearer
+    for part, masked in (("opaque", False), ("masked", True)):
+        runs = scene.draws.masked if masked else scene.draws.opaque
+        if masked and not runs:
+            graph.skip(f"{name}/masked{suffix}", "no alpha-masked material")
+            continue
+        graph.raster(
+            f"{name}/{part}{suffix}",
+            shader,
+            draw=scene.draw_all(masked),
+            index=scene.raster_indices,
+            color={"color": visibility},
+            depth=depth,
+            reads={**scene.surfaces, **scene.raster, "nearer": behind},
+            constants={**scene.constants(shader), "PEEL": nearer is not None},
+            uniforms={"view": view},
+            entry=("vertex_masked", "fragment_masked") if masked else ("vertex", "fragment"),
+            load=masked,
+        )
+    surfaces = graph.buffer(f"{name}/surfaces{suffix}", dtype=SURFACE, count=width * height, width=width)
+    emission = graph.buffer(
+        f"{name}/emission{suffix}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
+    )
+    distance = graph.texture(f"{name}/distance{suffix}", "r32float", nonnegative=True)
+    resolve = "gbuffer/resolve.wgsl"
+    graph.compute(
+        f"{name}/resolve{suffix}",
+        resolve,
+        over=distance,
+        reads={**scene.surfaces, "environment": scene.lights["environment"], "visibility": visibility},
+        writes={"surfaces": surfaces, "emission": emission, "distance": distance},
+        constants=scene.constants(resolve),
+        uniforms={"view": view},
+    )
+    return Gbuffer(visibility, depth, distance, surfaces, emission)
+
+
+def declare_motion(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer) -> Buffer:
+    """Declare where each pixel's surface was before: (x, y, distance, valid) as `wgsl/gbuffer/motion.wgsl` has it.
+
+    Needs the uniform `view_before`: the view of the frame before.
+    """
+    assert scene.direct is not None
+    width, height = graph.size
+    motion = graph.buffer("gbuffer/motion", dtype=FOUR_FLOATS, count=width * height, width=width)
+    graph.compute(
+        "gbuffer/motion",
+        "gbuffer/motion.wgsl",
+        over=(width, height),
+        reads={
+            "triangles": scene.surfaces["triangles"],
+            "before_from_now": scene.direct.before_from_now,
+            "visibility": gbuffer.visibility,
+            "distance": gbuffer.distance,
+        },
+        writes={"motion": motion},
+    )
+    return motion

@@ -1,0 +1,26 @@
+// One invocation adds up the layers of a pixel: radiance = emission + direct + indirect, W/(m2 sr).
+
+struct Params {
+    count: u32,
+}
+
+@group(1) @binding(11) var<storage, read> emission: array<vec4f>;
+@group(1) @binding(12) var<storage, read> direct: array<vec4f>;
+@group(1) @binding(13) var<storage, read> indirect: array<vec4f>;
+@group(1) @binding(14) var<storage, read_write> radiance: array<vec4f>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+override HAS_INDIRECT: bool = true;
+
+@compute @workgroup_size(256)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let index = id.x;
+    if (index >= params.count) {
+        return;
+    }
+    var sum = emission[index].rgb + direct[index].rgb;
+    if (HAS_INDIRECT) {
+        sum += indirect[index].rgb;
+    }
+    radiance[index] = vec4f(sum, 1.0);
+}

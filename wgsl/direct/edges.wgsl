@@ -1,0 +1,54 @@
+// One invocation lights a pixel again where a shadow filter was undecided, with a ray for each light that it is
+// undecided of (Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows").
+//
+// In: the list of pixels, the scene. Out: direct, W/(m2 sr), overwritten. Errs like the filter where that was decided:
+// blockers thinner than a texel are missed.
+#import "gbuffer/seen.wgsl"
+#import "direct/lighting.wgsl"
+#import "environment/ambient.wgsl"
+
+struct Params {
+    light_count: u32,
+}
+
+@group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
+@group(1) @binding(12) var<storage, read> edges: array<u32>;
+@group(1) @binding(13) var<storage, read> edge_groups: array<u32>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+const GROUP: u32 = 64u;
+// Rays stop short of a sample of an emitter by this share, so that they do not meet it.
+const STOP_SHORT: f32 = 0.9999;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    for (var slot = id.x; slot < edge_groups[3]; slot += groups.x * GROUP) {
+        let index = edges[slot];
+        let pixel = vec2u(index % view.size.x, index / view.size.x);
+        let seen = load_visibility(pixel);
+        let ray = pixel_ray(pixel);
+        let s = surface_at(hit_on_triangle(ray, seen.x, seen.y), ray.direction);
+        let r = receiver(s.position, s.normal, s.geometric_normal, surface_brdf(s), -ray.direction);
+        var sum = ambient_radiance(r.brdf, r.normal, -ray.direction);
+        for (var light = 0u; light < params.light_count; light += 1u) {
+            let incident = light_at(light, r.position);
+            let radiance = reflected(r, incident);
+            if (max3(radiance) <= 0.0) {
+                continue;
+            }
+            var lit = shadow_filter(light, r.position, r.geometric_normal, incident.direction);
+            if (is_undecided(lit)) {
+                let start = leave_surface(s, incident.direction);
+                let is_sun = direct_lights[light].kind == DIRECT_SUN;
+                // The end stays where it is: shift the start only.
+                let way = incident.to_light - select(start - s.position, vec3f(0.0), is_sun);
+                let rays_end = select(STOP_SHORT, FLOAT_MAX, is_sun);
+                let shadow = Ray(start, way);
+                let found = trace_all(Rays(shadow, rays_end, shadow, 0.0, shadow, 0.0));
+                lit = select(1.0, 0.0, found.occluded_a);
+            }
+            sum += lit * radiance;
+        }
+        direct[index] = vec4f(sum, 1.0);
+    }
+}

@@ -1,0 +1,82 @@
+// One invocation adds up the light that a pixel's surface scatters once: L = sum_i f_r(w_o, w_i) E_i cos_i V_i, plus the
+// environment as if nothing stood before it.
+//
+// In: G-buffer, lights, shadow maps, prefiltered environment. Out: direct, W/(m2 sr); the pixels where a shadow filter
+// is undecided, for `edges.wgsl`. Errs bright where the environment is occluded.
+#import "gbuffer/load.wgsl"
+#import "direct/lighting.wgsl"
+#import "environment/ambient.wgsl"
+
+override TILED: bool = false;  // lists of the lights that reach a tile
+override EDGES: bool = true;   // list the undecided pixels
+
+struct Params {
+    light_count: u32,
+}
+
+@group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
+@group(1) @binding(12) var<storage, read_write> edges: array<u32>;                // pixels, by their index
+@group(1) @binding(13) var<storage, read_write> edge_groups: array<atomic<u32>>;  // x, y, z workgroups; pixels
+@group(1) @binding(14) var<storage, read> tile_lights: array<u32>;                // a bit for each light, by tile
+@group(1) @binding(19) var<uniform> params: Params;
+
+// Workgroups of `edges.wgsl`; their threads go on with further pixels.
+const MAX_EDGE_GROUPS: u32 = 4096u;
+const EDGE_GROUP: u32 = 64u;
+const TILE: u32 = 16u;
+
+fn light_mask(tile: u32, word: u32) -> u32 {
+    if (TILED) {
+        return tile_lights[tile * ((params.light_count + 31u) / 32u) + word];
+    }
+    let left = params.light_count - 32u * word;
+    return select((1u << left) - 1u, 0xffffffffu, left >= 32u);
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let pixel = id.xy;
+    if (any(pixel >= view.size)) {
+        return;
+    }
+    let index = pixel.y * view.size.x + pixel.x;
+    let distance_seen = load_distance(pixel);
+    if (distance_seen <= 0.0) {
+        direct[index] = vec4f(0.0);
+        return;
+    }
+    let surface = load_surface(pixel);
+    if ((surface.flags & GBUFFER_UNLIT) != 0u) {
+        direct[index] = vec4f(0.0);
+        return;
+    }
+    let ray = pixel_ray(pixel);
+    let r = receiver(
+        ray.origin + ray.direction * distance_seen, surface.normal, surface.geometric_normal, gbuffer_brdf(surface),
+        -ray.direction);
+    var sum = ambient_radiance(r.brdf, r.normal, -ray.direction);
+    var undecided = false;
+    let tile = (pixel.y / TILE) * ((view.size.x + TILE - 1u) / TILE) + pixel.x / TILE;
+    for (var word = 0u; 32u * word < params.light_count; word += 1u) {
+        var bits = light_mask(tile, word);
+        while (bits != 0u) {
+            let light = 32u * word + firstTrailingBit(bits);
+            bits &= bits - 1u;
+            let incident = light_at(light, r.position);
+            let radiance = reflected(r, incident);
+            if (max3(radiance) > 0.0) {
+                let lit = shadow_filter(light, r.position, r.geometric_normal, incident.direction);
+                sum += lit * radiance;
+                undecided = undecided || is_undecided(lit);
+            }
+        }
+    }
+    direct[index] = vec4f(sum, 1.0);
+    if (EDGES && undecided) {
+        let slot = atomicAdd(&edge_groups[3], 1u);
+        edges[slot] = index;
+        atomicMax(&edge_groups[0], min(slot / EDGE_GROUP + 1u, MAX_EDGE_GROUPS));
+        atomicStore(&edge_groups[1], 1u);
+        atomicStore(&edge_groups[2], 1u);
+    }
+}

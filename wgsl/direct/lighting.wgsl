@@ -1,0 +1,69 @@
+// What a light gives to a point, and how a surface reflects it: shared by the pass that filters shadow maps and by the
+// one that traces what the filter leaves open.
+#import "scene/info.wgsl"
+#import "shadow/lookup.wgsl"
+#import "common/brdf.wgsl"
+
+struct Incident {
+    to_light: vec3f,    // metres; unit for suns
+    direction: vec3f,   // unit
+    irradiance: vec3f,  // on a surface that faces the light, without its shadow, W/m2
+}
+
+// Returns the light that arrives at a position. A sample of an emitter counts as a disc of its area: form factor
+// A cos / (d^2 + A / pi), bounded where the plain A cos / d^2 is not (Wallace et al. 1989, "A Ray Tracing Algorithm for
+// Progressive Radiosity", eq. 5).
+fn light_at(light: u32, position: vec3f) -> Incident {
+    let kind = direct_lights[light].kind;
+    let axis = direct_lights[light].direction;
+    let color = direct_lights[light].color;
+    if (kind == DIRECT_SUN) {
+        return Incident(-axis, -axis, color);
+    }
+    let to_light = direct_lights[light].position - position;
+    // Squares of tiny distances must neither vanish nor divide by zero.
+    let squared = max(dot(to_light, to_light), 1e-30);
+    let direction = to_light * inverseSqrt(squared);
+    let cosine = -dot(axis, direction);
+    var strength = 1.0 / squared;
+    if (kind == DIRECT_SPOT) {
+        let falloff = clamp(cosine * direct_lights[light].cone_scale + direct_lights[light].cone_offset, 0.0, 1.0);
+        strength *= falloff * falloff;
+    } else if (kind == DIRECT_AREA) {
+        let area = direct_lights[light].area;
+        let facing = select(max(cosine, 0.0), abs(cosine), direct_lights[light].both_sides != 0u);
+        strength = area * facing / (squared + area * INV_PI);
+    }
+    // KHR_lights_punctual: light with a range ends there.
+    let share = squared * direct_lights[light].inverse_range * direct_lights[light].inverse_range;
+    strength *= clamp(1.0 - share * share, 0.0, 1.0);
+    return Incident(to_light, direction, color * strength);
+}
+
+struct Receiver {
+    position: vec3f,
+    normal: vec3f,            // shading, towards the viewer
+    geometric_normal: vec3f,
+    brdf: Brdf,
+    frame: mat3x3f,
+    w_o: vec3f,               // in the frame
+}
+
+fn receiver(position: vec3f, normal: vec3f, geometric_normal: vec3f, brdf: Brdf, to_eye: vec3f) -> Receiver {
+    let frame = frame_from_normal(normal);
+    return Receiver(position, normal, geometric_normal, brdf, frame, to_eye * frame);
+}
+
+// Returns the radiance that the light scatters to the eye, W/(m2 sr), without its shadow.
+fn reflected(r: Receiver, incident: Incident) -> vec3f {
+    let cosine = dot(r.normal, incident.direction);
+    if (cosine <= 0.0 || max3(incident.irradiance) <= 0.0) {
+        return vec3f(0.0);
+    }
+    return evaluate_brdf(r.brdf, r.w_o, incident.direction * r.frame).rgb * incident.irradiance * cosine;
+}
+
+// Shadow filters between these are undecided: some texels see the light and some do not.
+fn is_undecided(lit: f32) -> bool {
+    return lit > 0.001 && lit < 0.999;
+}

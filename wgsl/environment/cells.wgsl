@@ -1,0 +1,40 @@
+// The environment's picture as a quadtree of cells in latitude and longitude, for sums over all of it.
+//
+// Cells keep where their light comes from on the average, so that a sun much smaller than its cell stays in its place.
+#import "common/math.wgsl"
+
+struct Cell {
+    light: vec4f,   // rgb: integral of the picture over the cell, a: solid angle, sr
+    centre: vec4f,  // xyz: unit, mean direction by luminance, in the picture's own frame (rotation 0)
+}
+
+// The finest level has LEAVES_X x LEAVES_Y cells, each further one a quarter of those. They lie one after the other,
+// each in Z-order, so that the parent of cell m is m / 4.
+const LEAVES_X: u32 = 512u;
+const LEAVES_Y: u32 = 256u;
+const LEAVES: u32 = LEAVES_X * LEAVES_Y;
+const TOP_LEVEL: u32 = 5u;  // 16 x 8 cells
+const TOP_CELLS: u32 = LEAVES >> 10u;
+const CELLS: u32 = (4u * LEAVES - TOP_CELLS) / 3u;
+
+fn first_cell(level: u32) -> u32 {
+    return (4u * LEAVES - ((4u * LEAVES) >> (2u * level))) / 3u;
+}
+
+// Returns how much latitude a cell of a level spans, radians; of longitude it spans the same or, for its circle, less.
+fn cell_width(level: u32) -> f32 {
+    return f32(1u << level) * (PI / f32(LEAVES_Y));
+}
+
+// Returns the bits of x spread out to the even places (x < 2^16).
+fn spread_bits(x: u32) -> u32 {
+    var b = (x | (x << 8u)) & 0x00ff00ffu;
+    b = (b | (b << 4u)) & 0x0f0f0f0fu;
+    b = (b | (b << 2u)) & 0x33333333u;
+    return (b | (b << 1u)) & 0x55555555u;
+}
+
+// Returns the mean direction of a cell: by the sum of directions times luminance, by solid angle where that is black.
+fn cell_centre(by_light: vec3f, by_angle: vec3f) -> vec3f {
+    return normalize_or(by_light, normalize_or(by_angle, vec3f(0.0, 1.0, 0.0)));
+}

@@ -1,0 +1,40 @@
+// A pixel of the G-buffer: the surface that it shows in 16 bytes, and how far away that is.
+#import "common/brdf.wgsl"
+
+// flags, above the base colour
+const GBUFFER_COATED: u32 = 0x40000000u;  // Lambert under a GGX coat, else pure Lambert
+const GBUFFER_UNLIT: u32 = 0x80000000u;   // shown as it is, neither lit nor reflecting
+
+struct GbufferSurface {
+    normal: vec3f,            // unit, shading, towards the viewer
+    geometric_normal: vec3f,  // unit, on the counter-clockwise side
+    base_color: vec3f,
+    metallic: f32,
+    roughness: f32,
+    flags: u32,
+}
+
+// Colours are stored as square roots in 10 bits each: of a base colour of 0.02, at most 0.7 % are lost.
+fn pack_gbuffer(s: GbufferSurface) -> vec4u {
+    let color = vec3u(round(sqrt(clamp(s.base_color, vec3f(0.0), vec3f(1.0))) * 1023.0));
+    return vec4u(
+        pack2x16snorm(octahedral_encode(s.normal)),
+        pack2x16snorm(octahedral_encode(s.geometric_normal)),
+        color.r | (color.g << 10u) | (color.b << 20u) | s.flags,
+        pack2x16unorm(vec2f(s.roughness, s.metallic)));
+}
+
+fn unpack_gbuffer(texel: vec4u) -> GbufferSurface {
+    let color = vec3f(vec3u(texel.z, texel.z >> 10u, texel.z >> 20u) & vec3u(1023u)) / 1023.0;
+    let material = unpack2x16unorm(texel.w);
+    return GbufferSurface(
+        octahedral_decode(unpack2x16snorm(texel.x)), octahedral_decode(unpack2x16snorm(texel.y)),
+        color * color, material.y, material.x, texel.z & (GBUFFER_COATED | GBUFFER_UNLIT));
+}
+
+fn gbuffer_brdf(s: GbufferSurface) -> Brdf {
+    if ((s.flags & GBUFFER_COATED) != 0u) {
+        return brdf_metallic_roughness(s.base_color, s.metallic, s.roughness);
+    }
+    return brdf_lambert(s.base_color);
+}
