@@ -2,11 +2,12 @@
 
     python tools/make_references.py cornell_spot.glb --camera view.json --size 128x72 --spp 8192 -o cornell_spot.npz
 
-The layers are linear radiance by number of scatterings: emit (none: light sources seen directly), direct (one), one (two:
-one indirect bounce), multi (three and more); indirect = one + multi, full = the sum. They are differences of pictures
-with more and fewer bounces whose noise is independent, so that dark pixels may be a little below 0. se_direct se_one
-se_indirect se_full: standard errors of the mean, from the spread of independent runs, kept to 4 bits. depth (metres along
-the ray; 0: nothing there), normal (towards the viewer), albedo. All of it float16. meta: JSON.
+The layers are linear radiance by number of scatterings: emit (none: light sources seen directly), direct (one), one
+(two: one indirect bounce), multi (three and more); indirect = one + multi, full = the sum of all. They are differences
+of pictures with more and fewer bounces whose noise is independent, so that dark pixels may be a little below 0.
+se_direct, se_one, se_multi, se_indirect, se_full: standard errors, from the spread of independent runs, to 4 bits.
+depth (metres along the ray through the centre; 0: nothing there), normal (towards the viewer), albedo. All of it is
+float16, row 0 on top. meta: JSON.
 """
 
 from __future__ import annotations
@@ -43,14 +44,15 @@ EPILOG = """\
 Materials are Lambert with their base colour, as in `wgpu-gi render --diffuse`: metallic, roughness and normal maps are
 ignored. Glossy references are not offered, since Mitsuba's `principled` is another BRDF than that of glTF.
 Files hold float16: pictures that do not fit (above 65504, or so dim that its steps show) are refused.
+Mitsuba starts rays 0.1 mm or more off a surface: scale up scenes whose details are smaller than centimetres.
 Rendering takes every core; start it with `nice` where others work. Needs Mitsuba 3: pip install 'wgpu_gi[truth]'.
 """
 
 # Most scatterings of each picture that is rendered, as Mitsuba counts: 1 is emission alone, -1 no limit.
 DEPTHS = {"emit": 1, "direct": 2, "one": 3, "all": -1}
-# Half the variance of independent samples on the Cornell box, unlimited bounces (1.1e-3 to 2.4e-3 at 256 spp). Not
-# `ldsampler`: its pictures there were 0.2 % too dark, eight standard errors.
-SAMPLER = {"type": "multijitter"}
+# Others have half of its variance, but are biased where a run has few samples: in a closed box, 64 samples a run, the
+# layer multi was 0.8 % too dark with `stratified` (nine standard errors), 0.4 % too bright with `multijitter` (four).
+SAMPLER = {"type": "independent"}
 # A relative error that float16 (11 bits) must not exceed, as relMSE: far below any noise worth storing.
 MOST_ROUNDING = 1e-6
 ERROR_BITS = 4
@@ -73,15 +75,16 @@ def layers_of(pictures: dict[str, Array]) -> dict[str, Array]:
     }
     error = {name: runs.std(0, ddof=1) / len(runs) ** 0.5 for name, runs in samples.items()}
     layers = {name: samples[name].mean(0) for name in ("emit", "direct", "one", "multi")}
-    layers |= {f"se_{name}": error[name] for name in ("direct", "one", "indirect", "full")}
+    layers |= {f"se_{name}": error[name] for name in ("direct", "one", "multi", "indirect", "full")}
     return {name: layer.astype(np.float32) for name, layer in layers.items()}
 
 
 def noise_of(layers: dict[str, Array]) -> dict[str, float]:
-    """Return the noise floors, relMSE of a perfect picture, over the pixels that hit a surface; black layers have none."""
+    """Return the relMSE that a perfect picture has, over the pixels that hit a surface; none for black layers."""
     sums = {
         "direct": layers["direct"],
         "one": layers["one"],
+        "multi": layers["multi"],
         "indirect": layers["one"] + layers["multi"],
         "full": layers["emit"] + layers["direct"] + layers["one"] + layers["multi"],
     }
@@ -291,7 +294,9 @@ def make_reference(arguments: argparse.Namespace) -> str:
     how = {"spp": spp, "runs": arguments.runs, "seed": arguments.seed, "jitter": arguments.jitter}
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("rendering", total=1.0)
-        layers = render(mi, scene, camera, arguments.size, progress=lambda done: bar.update(task, completed=done), **how)
+        layers = render(
+            mi, scene, camera, arguments.size, progress=lambda done: bar.update(task, completed=done), **how
+        )
     noise = noise_of(layers)
     meta = {
         "engine": "Mitsuba 3",

@@ -1,4 +1,4 @@
-"""A scene of ours as one of Mitsuba 3: every surface Lambert with its base colour, lights and camera rays as we define them.
+"""A scene of ours as one of Mitsuba 3: every surface Lambert with its base colour, lights and rays as we define them.
 
 What is one to one: triangles, vertex normals, instances (placed in float64), base colour factor x texture (bilinear or
 nearest, without mip levels) or vertex colour, punctual lights, emission from the counter-clockwise side, environments.
@@ -189,7 +189,7 @@ def linear_pixels(texture: Texture, factor: tuple[float, ...]) -> NDArray[np.flo
 
 
 def mask_pixels(texture: Texture, factor: float, cutoff: float) -> NDArray[np.float32]:
-    """Return 1 where a picture's alpha times `factor` reaches the cutoff and 0 elsewhere, on a grid inside its texels."""
+    """Return 1 where a picture's alpha times `factor` reaches the cutoff, else 0, on a grid inside its texels."""
     alpha = texture.image.pixels[..., 3] / 255.0
     steps = 1 if texture.filter == "nearest" else max(1, min(MASK_STEPS, MASK_SIDE // max(alpha.shape)))
     fine = np.pad(alpha, 1, mode=PAD_MODES[texture.wrap_u])

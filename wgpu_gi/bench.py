@@ -146,16 +146,17 @@ def layer_errors(pictures: dict[str, NDArray[np.float32]], truth: Truth) -> dict
 
 
 def measure_case(renderer: Renderer, case: str, frames: int, report: Callable[[float], None]) -> Case:
-    """Time frames of one of `CASES` after a warm-up: wall time first, then the passes, which may slow a frame down.
+    """Time frames of one of `CASES` after a warm-up.
 
-    Where all is moving, the camera moves and every pass is forced.
+    Where all is moving, the camera moves and every pass is forced. Passes are measured in every second frame, since
+    that may slow a frame down; the others give the wall time, so that whatever else the machine does hits both alike.
     """
     at_rest = renderer.camera
     radius = ORBIT_RADIUS * float(np.linalg.norm(np.ptp(renderer.scene.bounds(), axis=0))) or ORBIT_RADIUS
     timing, device = renderer.graph.timing, renderer.graph.device
     wall, passes, passes_run = [], [], 0
     renderer.run(show=("radiance",))
-    for number, (timed, frame) in enumerate(product((False, True), range(-WARM_UP_FRAMES, frames))):
+    for number, (frame, timed) in enumerate(product(range(-WARM_UP_FRAMES, frames), (False, True))):
         if case != "still":
             renderer.camera = orbit(at_rest, radius, number / ORBIT_FRAMES)
         timing.clear()
@@ -170,8 +171,8 @@ def measure_case(renderer: Renderer, case: str, frames: int, report: Callable[[f
             wall.append(elapsed)
         report((number + 1) / (2 * (WARM_UP_FRAMES + frames)))
     renderer.camera = at_rest
-    names = list(dict.fromkeys(name for frame in passes for name in frame))
-    by_pass = {name: stats([frame[name] for frame in passes if name in frame]) for name in names}
+    measured = {p.name: [frame[p.name] for frame in passes if p.name in frame] for p in renderer.graph.order}
+    by_pass = {name: stats(samples) for name, samples in measured.items() if samples}
     return Case(passes_run, stats(wall), stats([sum(frame.values()) for frame in passes]), by_pass)
 
 

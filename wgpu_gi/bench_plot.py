@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .atomic_file import atomic_file
-from .bench_results import Measurement, Reference, Report, SceneReport
+from .bench_results import Measurement, Reference, Report, SceneReport, bounces_text
 from .errors import GiError
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
@@ -56,7 +56,9 @@ def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, st
     panel.set_title(f"{scene.scene}, {scene.size[0]}x{scene.size[1]}: {LAYERS[layer]}", fontsize="medium")
     panel.set_xscale("log")
     panel.set_yscale("log")
+    panel.xaxis.set_major_locator(importlib.import_module("matplotlib.ticker").LogLocator(subs=(1, 2, 5)))
     panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_formatter("")
     panel.set_xlabel("GPU ms per frame, all moving (path tracer: per picture)")
     panel.set_ylabel("relMSE, less the noise of the truth")
     panel.grid(True, which="major", color="0.88", linewidth=0.8)
@@ -73,18 +75,17 @@ def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, st
 
 def _draw_reference(panel: Any, reference: Reference, layer: str, style: str) -> None:
     """Draw the path tracer's way, with its samples per pixel at both ends, and the noise of the truth."""
-    suffix = "" if reference.bounces is None else f", {reference.bounces} bounces"
+    bounces = bounces_text(reference.bounces)
     errors = ((p, p.errors[layer]) for p in reference.curve)
     points = [(p.spp, p.gpu_ms, e.relmse) for p, e in errors if e is not None and e.relmse > 0 and p.gpu_ms > 0]
     if points:
-        panel.plot(
-            [x for _, x, _ in points], [y for _, _, y in points], f"k{style}", marker=".", label=f"path tracer{suffix}"
-        )
-        for spp, x, y in (points[0], points[-1]):
-            _annotate(panel, f"{spp} spp", x, y, "black")
+        _, x, y = zip(*points, strict=True)
+        panel.plot(x, y, f"k{style}", marker=".", label=f"path tracer, {bounces}")
+        for spp, ms, error in (points[0], points[-1]):
+            _annotate(panel, f"{spp} spp", ms, error, "black")
     noise = reference.noise[layer]
     if noise:
-        panel.axhline(noise, color="0.55", linestyle=style, linewidth=1, label=f"noise of the truth{suffix}")
+        panel.axhline(noise, color="0.55", linestyle=style, linewidth=1, label=f"noise of the truth, {bounces}")
 
 
 def _draw_technique(panel: Any, name: str, color: str, points: list[tuple[Measurement, float, float]]) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 from rich.table import Table
 
 from .atomic_file import atomic_file
-from .bench_results import CASES, Case, Measurement, PathPoint, Reference, Report, SceneReport, Stats
+from .bench_results import CASES, Case, Measurement, PathPoint, Reference, Report, SceneReport, Stats, bounces_text
 from .errors import GiError
 from .metrics import Errors
 
@@ -76,8 +76,8 @@ def _case(d: Mapping[str, Any]) -> Case:
 # The terminal.
 
 
-def tables(report: Report) -> list[Table]:
-    """Return the tables of a report: for each scene the errors, the times of each technique, and the path tracer."""
+def tables(report: Report) -> list[tuple[str, Table]]:
+    """Return title and table: for each scene the errors, the times of each technique, and the path tracer."""
     found = []
     for scene in report.scenes:
         found.append(_error_table(scene))
@@ -86,19 +86,19 @@ def tables(report: Report) -> list[Table]:
     return found
 
 
-def _error_table(scene: SceneReport) -> Table:
-    truths = "; ".join(f"{_bounces(r.bounces)} by {r.truth}" for r in scene.references)
-    table = _table(f"{_title(scene)}: error, truth {truths}", "technique", "layer")
+def _error_table(scene: SceneReport) -> tuple[str, Table]:
+    truths = "; ".join(f"{bounces_text(r.bounces)} by {r.truth}" for r in scene.references)
+    table = _table("technique", "layer")
     for heading in ("relMSE", "noise floor", "bias", "99.9 %"):
         table.add_column(heading, justify="right")
     for m in scene.techniques:
         for layer, title in LAYER_TITLES.items():
             first = f"{m.gi}, {m.quality}" if layer == "full" else ""
-            table.add_row(first, title, *error_cells(m.errors[layer]))
-    return table
+            table.add_row(first, title, *_error_cells(m.errors[layer]))
+    return f"{_title(scene)}: error, truth {truths}", table
 
 
-def error_cells(errors: Errors | None) -> list[str]:
+def _error_cells(errors: Errors | None) -> list[str]:
     """Return relMSE, noise floor, bias and percentile as text."""
     if errors is None:
         return [MISSING] * 4
@@ -106,8 +106,8 @@ def error_cells(errors: Errors | None) -> list[str]:
     return [f"{errors.relmse:.3g}", floor, f"{errors.bias:+.2%}", f"{errors.percentile:.3g}"]
 
 
-def _time_table(scene: SceneReport, m: Measurement) -> Table:
-    table = _table(f"{_title(scene)}: ms of {m.gi}, {m.quality}, {m.bytes / 2**20:.1f} MiB", "median (p95)")
+def _time_table(scene: SceneReport, m: Measurement) -> tuple[str, Table]:
+    table = _table("median (p95)")
     for title in CASES.values():
         table.add_column(title, justify="right")
     cases = [m.cases[case] for case in CASES]
@@ -116,21 +116,21 @@ def _time_table(scene: SceneReport, m: Measurement) -> Table:
     table.add_row("passes run", *(str(case.passes_run) for case in cases))
     for name in dict.fromkeys(name for case in reversed(cases) for name in case.passes):
         table.add_row(f"  {name}", *(_ms(case.passes.get(name)) for case in cases))
-    return table
+    return f"{_title(scene)}: ms of {m.gi}, {m.quality}, {m.bytes / 2**20:.1f} MiB", table
 
 
-def _path_table(scene: SceneReport, reference: Reference) -> Table:
-    table = _table(f"{_title(scene)}: the path tracer, {_bounces(reference.bounces)}")
+def _path_table(scene: SceneReport, reference: Reference) -> tuple[str, Table]:
+    table = _table()
     for heading in ("spp", "GPU ms", "wall ms", "relMSE full", "relMSE indirect"):
         table.add_column(heading, justify="right")
     for p in reference.curve:
-        errors = [error_cells(p.errors[layer])[0] for layer in ("full", "indirect")]
+        errors = [_error_cells(p.errors[layer])[0] for layer in ("full", "indirect")]
         table.add_row(str(p.spp), _number(p.gpu_ms), _number(p.wall_ms), *errors)
-    return table
+    return f"{_title(scene)}: the path tracer, {bounces_text(reference.bounces)}", table
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, box=None, title_justify="left", title_style="bold", pad_edge=False, padding=(0, 3, 0, 0))
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0))
     for column in columns:
         table.add_column(column, no_wrap=True)
     return table
@@ -138,10 +138,6 @@ def _table(title: str, *columns: str) -> Table:
 
 def _title(scene: SceneReport) -> str:
     return f"{scene.scene}, {scene.size[0]}x{scene.size[1]}"
-
-
-def _bounces(bounces: int | None) -> str:
-    return "all bounces" if bounces is None else f"{bounces} indirect bounce{'s' * (bounces != 1)}"
 
 
 def _ms(s: Stats | None) -> str:
@@ -184,9 +180,9 @@ def ratios(old: Report, new: Report) -> dict[str, dict[str, float | None]]:
     return found
 
 
-def ratio_table(rows: Mapping[str, Mapping[str, float | None]], old_name: str) -> Table:
+def ratio_table(rows: Mapping[str, Mapping[str, float | None]]) -> Table:
     """Return at least one row of ratios as a table."""
-    table = _table(f"now / {old_name}: below 1 is better", "")
+    table = _table("")
     for heading in next(iter(rows.values())):
         table.add_column(heading, justify="right")
     for name, row in rows.items():

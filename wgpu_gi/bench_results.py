@@ -90,3 +90,8 @@ class Report:
     frames: int
     warm_up: int
     scenes: list[SceneReport]
+
+
+def bounces_text(bounces: int | None) -> str:
+    """Return the indirect bounces of a truth in words."""
+    return "all bounces" if bounces is None else f"{bounces} indirect bounce{'s' * (bounces != 1)}"

@@ -9,6 +9,10 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from rich.console import Console
+from rich.progress import Progress as Bar
+from rich.table import Table
+
 from .atomic_file import check_writable
 from .bench import WARM_UP_FRAMES, Candidate, machine, measure_scene
 from .bench_plot import PLOT_FORMATS, require_matplotlib, save_plot
@@ -179,26 +183,27 @@ def truth_source(
 
 def print_report(report: Report) -> None:
     """Print all tables."""
-    from rich.console import Console
-
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else TABLE_WIDTH)
-    for table in tables(report):
-        console.print(table)
-        console.print()
+    for title, table in tables(report):
+        _print_table(title, table)
     here = report.machine
-    console.print(f"{report.frames} frames each, on {here['adapter']}, {here['driver']}, {here['cores']} cores")
+    print(f"{report.frames} frames each, on {here['adapter']}, {here['driver']}, {here['cores']} cores")
 
 
 def print_ratios(old: Report, new: Report, old_name: str) -> None:
     """Print the ratios to an earlier report, or that there is nothing to compare."""
-    from rich.console import Console
-
     rows = ratios(old, new)
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else TABLE_WIDTH)
     if rows:
-        console.print("", ratio_table(rows, old_name), sep="\n")
+        print()
+        _print_table(f"now / {old_name}: below 1 is better", ratio_table(rows))
     else:
-        console.print(f"{old_name} holds nothing with the same scene, size, settings and technique")
+        print(f"{old_name} holds nothing with the same scene, size, settings and technique")
+
+
+def _print_table(title: str, table: Table) -> None:
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else TABLE_WIDTH)
+    console.print(title, style="bold", markup=False, soft_wrap=True)
+    console.print(table)
+    console.print()
 
 
 @contextmanager
@@ -207,9 +212,6 @@ def progress_bar() -> Iterator[Progress | None]:
     if not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
-    from rich.progress import Progress as Bar
-
     with Bar(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("measuring", total=1.0)
         yield lambda what, fraction: bar.update(task, description=what, completed=fraction)

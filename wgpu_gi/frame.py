@@ -133,5 +133,3 @@ def _declare_deferred(
     if picture_count(settings) > 1:
         layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}
     return {name: Source(layer) for name, layer in layers.items()} | {"motion": Source(motion)}
-
-

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
 from .scene.camera_files import framing_camera
+from .scene.fingerprint import Fingerprint
 from .scene.scene import Scene
 from .scene.upload import SceneUpload
 from .settings import validate
@@ -59,8 +61,9 @@ class Renderer:
         self._deferred = DeferredInputs()
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
-        self._state: tuple[object, ...] | None = None  # all that makes another picture
+        self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
         self._frame = 0  # of the jittered ones that a still picture averages
+        self._rested = False  # nothing has moved in the last step
         self._plan = ""
         self._complete = False  # every pixel is known to have all its samples
         self._extra_runs = 0  # of the path tracer, for pixels that are behind
@@ -76,6 +79,12 @@ class Renderer:
         return self._device.is_cpu
 
     @property
+    def buffers(self) -> tuple[str, ...]:
+        """The names of what the technique in the settings can show."""
+        missing = "motion" if self.settings.gi == "path" else "standard_error"
+        return tuple(name for name in BUFFERS if name != missing)
+
+    @property
     def graph(self) -> Graph:
         """The render graph, for what it measures; its passes and resources are declared anew by `step`."""
         return self._graph
@@ -85,7 +94,7 @@ class Renderer:
         self._graph.release()
         if self._upload is not None:
             self._upload.release()
-        self._graph, self._upload, self._declared, self._state = Graph(self._device), None, None, None
+        self._graph, self._upload, self._declared, self._inputs = Graph(self._device), None, None, None
         self._deferred = DeferredInputs()
 
     def __del__(self) -> None:
@@ -99,14 +108,14 @@ class Renderer:
         self,
         progress: Callable[[float], None] | None = None,
         *,
-        show: tuple[str, ...] = ("radiance",),
+        show: tuple[str, ...] | None = None,
         check: bool = False,
         timings: bool = False,
     ) -> None:
         """Render until the picture has all its samples or frames; `progress` is called with the fraction done, 0 to 1.
 
-        `show` names the buffers that will be read back: passes that none of them needs are not run. `check` raises
-        GiError at the first NaN, infinite or negative value that a pass writes; `timings` measures each pass.
+        `show` names the buffers that will be read back, None all that the technique has: passes that none of them
+        needs are not run. `check` raises GiError at the first NaN, infinite or negative value that a pass writes; `timings` measures each pass.
         """
         while self.step(progress, show=show, check=check, timings=timings):
             pass
@@ -117,7 +126,7 @@ class Renderer:
         self,
         progress: Callable[[float], None] | None = None,
         *,
-        show: tuple[str, ...] = ("radiance",),
+        show: tuple[str, ...] | None = None,
         check: bool = False,
         timings: bool = False,
         force: bool = False,
@@ -126,8 +135,9 @@ class Renderer:
 
         `force` runs every pass that `show` needs, changed or not.
         """
-        self._check_buffers(show)
-        self._prepare(show, force)
+        shown = self.buffers if show is None else show
+        self._check_buffers(shown)
+        self._prepare(shown, force)
         before = self._graph.settle_progress()
         frames = picture_count(self.settings)
         total_runs = path_runs(self.settings.path, self.settings.spp) + self._extra_runs
@@ -142,7 +152,7 @@ class Renderer:
         if ran:
             self._complete = False
             self._plan = table(self._graph.plan())
-        elif self.settings.gi == "path" and not self._complete and _TRACED.intersection(show):
+        elif self.settings.gi == "path" and not self._complete and _TRACED.intersection(shown):
             self._complete = self._catch_up()
             return not self._complete
         return ran
@@ -188,45 +198,57 @@ class Renderer:
 
     def _prepare(self, show: tuple[str, ...], force: bool) -> None:
         """Send what changed and declare the frame anew if its shape changed."""
+        settings = self.settings
+        scene = Fingerprint(self.scene)
+        camera = self.camera
+        pose = (np.asarray(camera.world_from_view).tobytes(), camera.yfov, camera.orthographic_height)
+        inputs = (scene, pose, self.size, settings, show, self._extra_runs)
+        still = inputs == self._inputs and not force
+        if still and self._rested and self._frame + 1 >= picture_count(settings):
+            return
+        # One step without a change still has to say that nothing moves any more.
+        self._rested = still
+        self._frame = self._frame + 1 if still and self._frame + 1 < picture_count(settings) else self._frame * still
         check_size(*self.size)
-        settings, graph = self.settings, self._graph
         validate(settings)
-        if self._upload is None or self._upload.diffuse != settings.diffuse:
-            if self._upload is not None:
-                self._upload.release()
-            self._upload = SceneUpload(self._device, settings.diffuse)
-        upload = self._upload
-        upload.update(self.scene)
-        deferred = settings.gi != "path"
-        view = upload.view(self.camera, self.size, settings.camera.jitter and not deferred)
-        if deferred:
+        self._send(scene)
+        self._inputs = (*inputs[:3], deepcopy(settings), *inputs[4:])
+        self._declare(show)
+
+    def _send(self, scene: Fingerprint) -> None:
+        """Bring the scene, the lights and the camera on the GPU up to date."""
+        settings, graph, upload = self.settings, self._graph, self._upload
+        if upload is None or upload.diffuse != settings.diffuse:
+            if upload is not None:
+                upload.release()
+            self._upload = upload = SceneUpload(self._device, settings.diffuse)
+            self._inputs = None
+        changed = self._inputs is None or scene != self._inputs[0]
+        if changed:
+            upload.update(self.scene)
+        view = upload.view(self.camera, self.size, settings.camera.jitter and settings.gi == "path")
+        if settings.gi != "path":
             self._deferred.update(upload, self.scene, view, settings.direct, settings.shadow)
-        chosen = deepcopy(settings)
-        state = (chosen, self.size, view.tobytes(), upload.info.tobytes(), upload.resources.versions())
-        self._count_frames(state, force)
-        if deferred:
             view = upload.view(self.camera, self.size, False, pixel_offset(self._frame))
             view["sample_index"] = self._frame
             self._deferred.note_motion(upload, self.scene, graph, view)
         graph.uniform("scene", upload.info)
         graph.uniform("view", view)
+
+    def _declare(self, show: tuple[str, ...]) -> None:
+        """Declare the frame if that would differ from what is declared."""
         inputs = self._share()
-        declared = (chosen, self.size, inputs.shape(), frozenset(show), self._extra_runs)
+        assert self._inputs is not None
+        declared = (*self._inputs[2:], inputs.shape())
         if declared == self._declared:
             return
-        graph.begin(self.size)
-        self._sources = declare_frame(graph, settings, self._share(), self._deferred.shadows, self._extra_runs)
+        self._graph.begin(self.size)
+        self._sources = declare_frame(
+            self._graph, self.settings, self._share(), self._deferred.shadows, self._extra_runs
+        )
         wanted = [self._sources[name].handle for name in show]
-        graph.compile([handle for handle in wanted if handle is not None])
+        self._graph.compile([handle for handle in wanted if handle is not None])
         self._declared = declared
-
-    def _count_frames(self, state: tuple[object, ...], force: bool) -> None:
-        """Go on to the next jittered frame of a picture where nothing has changed, else begin another picture."""
-        if force or state != self._state:
-            self._frame = 0
-        elif self._frame + 1 < picture_count(self.settings):
-            self._frame += 1
-        self._state = state
 
     def _share(self) -> SceneInputs:
         assert self._upload is not None
@@ -237,10 +259,8 @@ class Renderer:
         for name in names:
             if name not in BUFFERS:
                 raise GiError(f"there is no buffer {name!r}; there is {', '.join(BUFFERS)}")
-            if name == "standard_error" and self.settings.gi != "path":
-                raise GiError(f"--gi {self.settings.gi} has no standard_error; only the path tracer (--gi path) has one")
-            if name == "motion" and self.settings.gi == "path":
-                raise GiError("the path tracer has no buffer 'motion'; another technique, such as --gi none, has one")
+            if name not in self.buffers:
+                raise GiError(f"--gi {self.settings.gi} has no buffer {name!r}; it has {', '.join(self.buffers)}")
 
 
 def render(

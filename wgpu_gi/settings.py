@@ -14,7 +14,8 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from functools import cache
 from numbers import Integral, Real
 from types import NoneType
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
@@ -147,7 +148,13 @@ def _fields(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any, datacla
 
 
 def _type_of(owner: Any, field: dataclasses.Field) -> Any:
-    return get_type_hints(type(owner))[field.name]
+    kind: Hashable = type(owner)
+    return _types(kind)[field.name]
+
+
+@cache
+def _types(owner: Hashable) -> dict[str, Any]:
+    return get_type_hints(owner)
 
 
 def _split_optional(kind: Any) -> tuple[Any, bool]:

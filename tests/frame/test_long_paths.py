@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import wgpu_gi as gi
-from wgpu_gi.renderer import PathSettings, Renderer, Settings
+from wgpu_gi.frame import PathSettings, Settings
+from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.shapes import sphere
 
 

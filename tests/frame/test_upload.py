@@ -7,8 +7,9 @@ import pytest
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
+from wgpu_gi.frame import CameraSettings, PathSettings, Settings
 from wgpu_gi.gpu.device import open_device
-from wgpu_gi.renderer import CameraSettings, PathSettings, Renderer, Settings
+from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.scene import (
     DirectionalLight,
     Environment,

@@ -1,48 +1,72 @@
 """The path tracer against references by Mitsuba 3, an engine that shares no code with ours.
 
-References hold linear radiance of the pixel centres, 64x36, by number of scatterings: emit, direct (one), one (two: one
-indirect bounce), multi (three and more); every material Lambert; with standard errors.
+References are made by `tools/make_references.py --size 128x72 --spp 8192`, where their layers are explained: linear
+radiance of the pixel centres by number of scatterings, every material Lambert, with standard errors. `courtyard_sun` is
+the built-in courtyard with `--env 0`, `leak_corridor_a` the corridor with `--camera a`.
 """
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from make_references import scene_hash
 
 import wgpu_gi as gi
 from wgpu_gi.metrics import bias, relmse
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.resources import resource_dir
+from wgpu_gi.scene.scene import Environment
 
 REFERENCES = Path(__file__).parent / "references"
-CORNELL_CAMERA = gi.Camera.look_at((2.78, 2.73, -2.6), (2.78, 2.73, 0.0), yfov_deg=62.0)
-CORRIDOR_CAMERA = gi.Camera.look_at((9.5, 1.6, 1.0), (2.0, 1.15, 1.15), yfov_deg=60.0)
-# Scene file, camera, and the most relMSE of the full picture at 512 spp: our noise plus the reference's own.
-CASES = {
-    "cornell_area": ("cornell/cornell_area.glb", CORNELL_CAMERA, 0.003),
-    "cornell_point": ("cornell/cornell_point.glb", CORNELL_CAMERA, 0.003),
-    "cornell_spot": ("cornell/cornell_spot.glb", CORNELL_CAMERA, 0.006),
-    "leak_corridor_a": ("leak_corridor/leak_corridor.glb", CORRIDOR_CAMERA, 0.12),
+SPP = 128
+# Scene, its environment if it is another, and the most relMSE of the full picture at SPP: our noise plus the
+# reference's own.
+CASES: dict[str, tuple[str, Environment | None, float]] = {
+    "cornell_area": ("cornell/cornell_area.glb", None, 0.003),
+    "cornell_point": ("cornell/cornell_point.glb", None, 0.003),
+    "cornell_spot": ("cornell/cornell_spot.glb", None, 0.006),
+    "leak_corridor_a": ("leak_corridor/leak_corridor.glb", None, 0.12),
+    "courtyard_sun": ("courtyard", Environment((0.0, 0.0, 0.0)), 0.003),
+    "courtyard_sky": ("courtyard", None, 0.003),
 }
 
 
+def source_of(name: str) -> str:
+    scene = CASES[name][0]
+    return str(resource_dir("scenes") / scene) if "." in scene else scene
+
+
+def meta_of(name: str) -> dict:
+    with np.load(REFERENCES / f"{name}_128x72.npz") as file:
+        return json.loads(str(file["meta"]))
+
+
 def layers_of(name: str) -> dict[str, np.ndarray]:
-    with np.load(REFERENCES / f"{name}_64x36.npz") as file:
+    with np.load(REFERENCES / f"{name}_128x72.npz") as file:
         return {key: file[key].astype(np.float32) for key in file.files if key != "meta"}
 
 
 def renderer_of(name: str, spp: int, bounces: int | None) -> Renderer:
-    file, camera, _ = CASES[name]
+    camera = meta_of(name)["camera"]
+    scene = gi.load(source_of(name), environment=CASES[name][1])
     settings = Settings(spp=spp, bounces=bounces, diffuse=True, camera=CameraSettings(jitter=False))
-    renderer = Renderer(gi.load(resource_dir("scenes") / file), size=(64, 36), camera=camera, settings=settings)
+    view = gi.Camera(np.array(camera["world_from_view"]), camera["yfov"])
+    renderer = Renderer(scene, size=(128, 72), camera=view, settings=settings)
     renderer.run()
     return renderer
 
 
 @pytest.mark.parametrize("name", CASES)
+def test_references_are_of_these_scenes(name):
+    source = source_of(name)
+    assert meta_of(name)["scene_sha256"] == scene_hash(source, gi.load(source, environment=CASES[name][1]))
+
+
+@pytest.mark.parametrize("name", CASES)
 def test_all_bounces(name):
     truth = layers_of(name)
-    renderer = renderer_of(name, 512, None)
+    renderer = renderer_of(name, SPP, None)
     full = truth["emit"] + truth["direct"] + truth["one"] + truth["multi"]
     radiance, error = renderer.read_back("radiance"), renderer.read_back("standard_error")
     # Three standard errors of a mean over independent pixels, ours and theirs, beside half a per cent.
@@ -56,7 +80,7 @@ def test_all_bounces(name):
 @pytest.mark.parametrize("name", CASES)
 def test_one_bounce(name):
     truth = layers_of(name)
-    renderer = renderer_of(name, 512, 1)
+    renderer = renderer_of(name, SPP, 1)
     error = renderer.read_back("standard_error")
     noise = 3 * np.sqrt((error**2 + truth["se_indirect"] ** 2).sum()) / truth["one"].sum()
     assert abs(bias(renderer.read_back("indirect"), truth["one"])) < 0.005 + noise

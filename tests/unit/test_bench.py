@@ -39,7 +39,8 @@ class FakeRenderer:
         self.scene, self.size, self.camera, self.settings = scene, size, camera, settings
         resources = {"a": SimpleNamespace(bytes=np.int64(100), gpu=[1]), "culled": SimpleNamespace(bytes=7, gpu=[])}
         device = SimpleNamespace(wait=lambda: None)
-        self.graph = SimpleNamespace(timing=FakeTiming(), device=device, resources=resources, last_run={})
+        order = [SimpleNamespace(name="maps"), SimpleNamespace(name="shade")]
+        self.graph = SimpleNamespace(timing=FakeTiming(), device=device, resources=resources, order=order, last_run={})
         self.seen = None
         self.frames = []  # (moved, forced, timed)
 
@@ -115,11 +116,11 @@ def test_all_moving_forces_and_the_warm_up_does_not_count(renderer):
     case = measure_case(renderer, "all", FRAMES, fractions.append)
     assert case.passes_run == 2
     assert all(moved and forced for moved, forced, _ in renderer.frames)
-    # Wall times first, then those of the passes, each with its own warm-up.
-    each = bench.WARM_UP_FRAMES + FRAMES
-    assert [timed for _, _, timed in renderer.frames] == [False] * each + [True] * each
-    counted = [2.0 * number for number in range(each + bench.WARM_UP_FRAMES + 1, 2 * each + 1)]
-    assert case.passes == {"shade": stats(counted), "maps": Stats(10.0, 10.0)}
+    # Every second frame measures the passes.
+    total = 2 * (bench.WARM_UP_FRAMES + FRAMES)
+    assert [timed for _, _, timed in renderer.frames] == [False, True] * (total // 2)
+    counted = [2.0 * number for number in range(2 * bench.WARM_UP_FRAMES + 2, total + 1, 2)]
+    assert list(case.passes.items()) == [("maps", Stats(10.0, 10.0)), ("shade", stats(counted))]
     assert case.gpu_ms.median == pytest.approx(stats(counted).median + 10.0)
     assert fractions[-1] == 1.0
     assert fractions == sorted(fractions)

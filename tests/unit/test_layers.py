@@ -30,7 +30,7 @@ RULES = [
     (r"scene\.upload", ("scene.", "gpu.", "camera", "settings")),
     (r"scene\.\w+", ("scene.", "camera", "settings", "image")),
     (r"techniques\.\w+", ("techniques.", "gpu.", "scene.", "settings", "camera")),
-    (r"renderer|frame\w*", ("techniques.", "gpu.", "scene.", "settings", "camera", "image")),
+    (r"renderer|frame\w*", ("frame", "techniques.", "gpu.", "scene.", "settings", "camera", "image")),
     (r"truth_cache", ("renderer", "frame", "scene.", "gpu.wgsl", "camera", "image", "atomic_file")),
     (
         r"bench",

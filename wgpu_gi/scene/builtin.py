@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -247,6 +248,64 @@ def corridor(lamp: float = 300.0, sealed_lamp: float = 1200.0) -> Scene:
     return scene
 
 
+# ------------------------------------------------------------------------------------------------ outdoors
+
+# Blocks stand 10 cm deep in the ground. The wall with the gate lies along x at z = -6, open between x = -1.5 and 1.5.
+COURTYARD_BLOCKS: dict[str, tuple[str, Point3, Point3]] = {
+    "gate_west": ("plaster", (-8.0, -0.1, -6.6), (-1.5, 4.6, -6.0)),
+    "gate_east": ("plaster", (1.5, -0.1, -6.6), (7.0, 4.6, -6.0)),
+    "behind_gate": ("plaster", (-8.0, -0.1, -12.4), (7.0, 6.0, -12.0)),
+    "west": ("brick", (-8.6, -0.1, -6.6), (-8.0, 3.6, 6.0)),
+    "step_low": ("stone", (-8.1, -0.1, -2.0), (-5.2, 0.16, 2.5)),
+    "step_high": ("stone", (-8.1, -0.1, -1.7), (-5.5, 0.32, 2.2)),
+    "pillar_a": ("stone", (-6.1, -0.1, -1.5), (-5.7, 2.8, -1.1)),
+    "pillar_b": ("stone", (-6.1, -0.1, 0.05), (-5.7, 2.8, 0.45)),
+    "pillar_c": ("stone", (-6.1, -0.1, 1.6), (-5.7, 2.8, 2.0)),
+    "portico": ("stone", (-8.1, 2.8, -1.7), (-5.5, 3.05, 2.2)),
+    "crate_large": ("timber", (2.6, -0.1, -4.2), (3.9, 1.3, -2.9)),
+    "crate_small": ("teal", (2.9, 1.3, -3.9), (3.6, 1.9, -3.2)),
+    "bench": ("timber", (-1.9, 0.35, -3.4), (0.3, 0.45, -2.9)),
+    "bench_west": ("stone", (-1.7, -0.1, -3.35), (-1.5, 0.35, -2.95)),
+    "bench_east": ("stone", (-0.1, -0.1, -3.35), (0.1, 0.35, -2.95)),
+    "pole": ("dark", (1.2, -0.1, -1.2), (1.26, 4.5, -1.14)),
+}
+
+
+def _arch(low: Point3, high: Point3, material: Material, name: str, segments: int = 16) -> Mesh:
+    """Make a block between two corners, along x, out of which a half circle of its width is cut from below."""
+    (left, spring, back), (right, top, front) = low, high
+    radius, angles = (right - left) / 2, [math.pi * i / segments for i in range(segments + 1)]
+    curve = [(left + radius * (1 - math.cos(a)), spring + radius * math.sin(a)) for a in angles]
+    quads: list[list[Point3]] = []
+    for (xa, ya), (xb, yb) in pairwise(curve):
+        quads.append([(xa, ya, front), (xb, yb, front), (xb, top, front), (xa, top, front)])
+        quads.append([(xb, yb, back), (xa, ya, back), (xa, top, back), (xb, top, back)])
+        quads.append([(xa, ya, back), (xb, yb, back), (xb, yb, front), (xa, ya, front)])
+        quads.append([(xa, top, front), (xb, top, front), (xb, top, back), (xa, top, back)])
+    for end, near, far in ((left, back, front), (right, front, back)):
+        quads.append([(end, spring, near), (end, spring, far), (end, top, far), (end, top, near)])
+    return _polygons(quads, material, name)
+
+
+def courtyard(lux: float = 3.0) -> Scene:
+    """A yard with a gate, a portico and a pole 6 cm thick under sun and sky, seen by a pedestrian; no closed form."""
+    materials = {
+        "plaster": matte((0.72, 0.66, 0.55), "plaster"),
+        "brick": matte((0.55, 0.2, 0.13), "brick"),
+        "stone": matte((0.6, 0.58, 0.54), "stone"),
+        "timber": matte((0.42, 0.27, 0.14), "timber"),
+        "teal": matte((0.1, 0.42, 0.42), "teal"),
+        "dark": matte(0.12, "dark"),
+    }
+    blocks = [box(low, high, materials[colour], name=name) for name, (colour, low, high) in COURTYARD_BLOCKS.items()]
+    blocks.append(_arch((-1.5, 2.1, -6.6), (1.5, 4.6, -6.0), materials["plaster"], "gate"))
+    blocks.append(grid(40.0, material=matte((0.4, 0.38, 0.33), "ground"), name="ground"))
+    camera = Camera.look_at((2.6, 1.65, 3.4), (-1.4, 1.5, -3.5), name="pedestrian")
+    scene = _scene(blocks, camera, [DirectionalLight((-0.7, -0.6, -0.25), lux, (1.0, 0.93, 0.8), name="sun")])
+    scene.environment = Environment((0.15, 0.2, 0.28), name="sky")
+    return scene
+
+
 BUILTIN_SCENES: dict[str, Callable[[], Scene]] = {
     "cornell": cornell,
     "cornell-point": cornell_point,
@@ -258,4 +317,5 @@ BUILTIN_SCENES: dict[str, Callable[[], Scene]] = {
     "plane-point": plane_point,
     "plane-sun": plane_sun,
     "corridor": corridor,
+    "courtyard": courtyard,
 }

@@ -1,7 +1,7 @@
 """The lights that the deferred techniques loop over: all punctual ones, and sample lights that stand for emitters.
 
-An emitter's samples have equal power: a lattice is warped over it by cumulative sums, as pictured environments are
-sampled (Pharr et al. 2023, "Physically Based Rendering", 4th ed., section A.4), here over points on the surface.
+An emitter's samples have about equal power: a lattice is warped over it by cumulative sums, as pictured environments
+are sampled (Pharr et al. 2023, "Physically Based Rendering", 4th ed., section A.4), here over points on the surface.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN, DIRECT_AREA = range(4)  # as wgsl/shadow/
 POINTS = 1 << 12  # on all emitters together, at least; chosen
 POINTS_PER_SAMPLE = 256  # at least: places on a grid of 16 x 16 about each sample; chosen
 TEXTURED = 8  # times as many points on pictured emitters, so that small bright spots are found; chosen
-# The plane's numbers, 1 / g and 1 / g^2 with g^3 = g + 1 (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
-# Sequences").
 GOLDEN = (5**0.5 - 1) / 2
+# The same for the plane, 1 / g and 1 / g^2 with g^3 = g + 1 (Roberts 2018, "The Unreasonable Effectiveness of
+# Quasirandom Sequences").
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
 # The first of nearly equal lengths is chosen whatever rounding does to them.
 PREFER_FIRST = np.array([1.0, 0.991, 0.983])
 POINT = np.dtype(
     [
         ("position", "f8", 3),
+        ("local", "f8", 3),  # the same in the mesh's space
         ("normal", "f8", 3),  # of the side that shines
         ("radiance", "f8", 3),
         ("area", "f8"),  # that it stands for
@@ -42,10 +43,11 @@ class _Patch:
     """Triangles of one emitting part that face about the same way, points on them, and how many samples they get."""
 
     part: EmittingPart
-    triangles: NDArray[np.int64]  # of the part's
+    local: NDArray[np.float64]  # corners in the mesh's space, (n, 3, 3)
     points: NDArray[np.void]
     power: float  # of all sides
     samples: int = 0
+    power_per_sample: float = 0.0
 
 
 def build_direct_lights(
@@ -60,10 +62,11 @@ def build_direct_lights(
     records = [_punctual(light, hierarchy.origin, dtype, use_range) for light in scene.lights]
     patches = _patches(scene, hierarchy, samples)
     powers = np.array([sum(patch.power for patch in group) for group in patches])
-    for group, count in zip(patches, _share(powers, samples), strict=True):
+    counts = 1 + _apportion(powers, max(samples - len(patches), 0))
+    for group, count in zip(patches, counts.tolist(), strict=True):
         _share_within(group, count)
-        cells = [_sample_patch(patch, dtype) for patch in group if patch.samples]
-        records.append(_restore_power(join_records(cells, dtype), group))
+        sampled = [_sample_patch(patch, dtype) for patch in group if patch.samples]
+        records.append(_restore_power(join_records(sampled, dtype), group))
     return join_records(records, dtype)
 
 
@@ -119,13 +122,15 @@ def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -
     normals = _normals(part.corners) * (-1 if part.sides == 2 else 1)
     points = np.zeros(len(triangle), POINT)
     points["position"] = np.einsum("nk,nkc->nc", weights, part.corners[triangle])
+    # Where they lie on the mesh decides which become samples, so that those go with an instance wherever it moves.
+    local = np.asarray(part.mesh.positions, np.float64)[part.vertices]
+    points["local"] = np.einsum("nk,nkc->nc", weights, local[triangle])
     points["normal"] = normals[triangle] / (2 * area[triangle, None])
     points["radiance"] = _radiance(part, part.vertices[triangle], weights)
     points["area"] = (area / np.maximum(counts, 1))[triangle]
     points["power"] = points["radiance"] @ LUMINANCE * points["area"]
 
-    # In the mesh's own space, so that an instance's samples stay where they are on it while it turns.
-    facing = _normals(_local_corners(part))
+    facing = _normals(local)
     axis = np.argmax(np.abs(facing) * PREFER_FIRST, axis=1)
     side = 2 * axis + (facing[np.arange(len(axis)), axis] < 0)
     patches = []
@@ -133,12 +138,8 @@ def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -
         mine = points[(side[triangle] == which) & (points["power"] > 0)]
         if len(mine):
             power = float(mine["power"].sum()) * (2 if part.sides == 3 else 1)
-            patches.append(_Patch(part, np.flatnonzero(side == which), mine, power))
+            patches.append(_Patch(part, local[side == which], mine, power))
     return patches
-
-
-def _local_corners(part: EmittingPart) -> NDArray[np.float64]:
-    return np.asarray(part.mesh.positions, np.float64)[part.vertices]
 
 
 def _triangle_weights(u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -165,38 +166,50 @@ def _radiance(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float64
     return radiance
 
 
-def _share(powers: NDArray[np.float64], samples: int) -> list[int]:
-    """Give each material one sample and the others by power (Hamilton's method)."""
-    if not len(powers):
-        return []
-    quota = powers / powers.sum() * max(samples - len(powers), 0)
-    counts = np.floor(quota + 1e-9).astype(int)
+def _apportion(powers: NDArray[np.float64], samples: int) -> NDArray[np.int64]:
+    """Share samples out by power (Hamilton's method); of equal remainders the first one counts, whatever rounding does.
+
+    No power, no samples.
+    """
+    quota = powers / max(float(powers.sum()), 1e-300) * samples
+    counts = np.floor(quota + 1e-9).astype(np.int64)
     missing = round(float(quota.sum())) - int(counts.sum())
     counts[np.argsort(-np.round(quota - counts, 9), kind="stable")[:missing]] += 1
-    return (1 + counts).tolist()
+    return counts
 
 
 def _share_within(patches: list[_Patch], samples: int) -> None:
-    """Give a material's patches samples in proportion to their power: systematic sampling, in the scene's order."""
-    cumulative = np.cumsum([patch.power for patch in patches])
-    # Just off the middle: the quarters of equal lamps must not depend on rounding.
-    ends = np.floor(cumulative / cumulative[-1] * samples + 0.4999)
-    ends[-1] = samples
-    for patch, count in zip(patches, np.diff(ends, prepend=0.0).tolist(), strict=True):
-        patch.samples = int(count)
+    """Give a material's patches samples by power: large ones each for itself, small ones together.
+
+    Of the small ones some stand for all, evenly along the scene's order (systematic sampling).
+    """
+    powers = np.array([patch.power for patch in patches])
+    small = powers / powers.sum() * samples < 1 - 1e-9
+    rest = float(powers[small].sum())
+    *shares, of_small = _apportion(np.append(powers[~small], rest), samples).tolist()
+    counts = np.zeros(len(patches), np.int64)
+    counts[~small] = shares
+    if of_small:
+        # Just off the middle: the quarters of equal lamps must not depend on rounding.
+        ends = np.floor(np.cumsum(powers[small]) / rest * of_small + 0.4999)
+        ends[-1] = of_small
+        counts[small] = np.diff(ends, prepend=0.0)
+    each = np.where(small, rest / max(of_small, 1), powers / np.maximum(counts, 1))
+    for patch, count, power in zip(patches, counts.tolist(), each.tolist(), strict=True):
+        patch.samples, patch.power_per_sample = count, power
 
 
 def _sample_patch(patch: _Patch, dtype: np.dtype) -> NDArray[np.void]:
     """Return a patch's samples: a lattice warped so that the columns, and then places within a column, go by power."""
     count, points = patch.samples, patch.points
-    at = lattice(count)
-    places = points["position"] @ _plane(patch)
+    # Points of equal power end exactly where the lattice asks: rounding must not choose between two of them.
+    at = lattice(count) - 1e-9
+    places = points["local"] @ _plane(patch)
     # Samples are spread best along the first coordinate.
     along, across = places.T if np.ptp(places[:, 0]) > PREFER_FIRST[1] * np.ptp(places[:, 1]) else places.T[::-1]
     order = np.argsort(along, kind="stable")
     cumulative = np.cumsum(points["power"][order])
-    total = cumulative[-1]
-    middle = np.searchsorted(cumulative, at[:, 0] * total)
+    middle = np.searchsorted(cumulative, at[:, 0] * cumulative[-1])
     # A column is as wide as it is fine.
     width = int(np.ceil(len(points) ** 0.5))
     first = np.clip(middle - width // 2, 0, len(points) - width)
@@ -210,24 +223,23 @@ def _sample_patch(patch: _Patch, dtype: np.dtype) -> NDArray[np.void]:
     records["position"], records["direction"], records["color"] = (
         chosen[name] for name in ("position", "normal", "radiance")
     )
-    records["area"] = total / count * chosen["area"] / chosen["power"]
+    # The power of double-sided emitters counts both sides; area counts once.
+    sides = 2 if patch.part.sides == 3 else 1
+    records["area"] = patch.power_per_sample / sides * chosen["area"] / chosen["power"]
     return records
 
 
 def _plane(patch: _Patch) -> NDArray[np.float64]:
-    """Return two axes (3, 2) of the plane of a patch's largest triangle, the first one along a side of it.
+    """Return two axes (3, 2) of the plane of a patch's largest triangle in the mesh's space, one along a side of it.
 
     Of its corners that nearest to a right angle counts: so the axes of a rectangle are its sides.
     """
-    local = _local_corners(patch.part)[patch.triangles]
-    largest = np.argmax(np.linalg.norm(_normals(local), axis=1))
-    edges = np.roll(local[largest], -1, axis=0) - local[largest]
+    local = patch.local[np.argmax(np.linalg.norm(_normals(patch.local), axis=1))]
+    edges = np.roll(local, -1, axis=0) - local
     edges /= np.linalg.norm(edges, axis=1, keepdims=True)
-    corner = np.argmin(np.abs((edges * np.roll(edges, 1, axis=0)).sum(1)))
-    corners = patch.part.corners[patch.triangles[largest]]
-    along = corners[(corner + 1) % 3] - corners[corner]
-    across = np.cross(_normals(corners[None])[0], along)
-    return np.stack([along / np.linalg.norm(along), across / np.linalg.norm(across)], 1)
+    along = edges[np.argmin(np.abs((edges * np.roll(edges, 1, axis=0)).sum(1)))]
+    across = np.cross(np.cross(edges[0], edges[1]), along)
+    return np.stack([along, across / np.linalg.norm(across)], 1)
 
 
 def lattice(count: int) -> NDArray[np.float64]:

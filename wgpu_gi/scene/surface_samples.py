@@ -16,7 +16,7 @@ def sample_surfaces(instances: list[Instance], hierarchy: Hierarchy, count: int 
     areas, parts = [], []
     for instance in instances:
         place = hierarchy.placement(instance.mesh)
-        corners = place.data.corners
+        corners: NDArray = place.data.corners
         if len(corners) > 4 * count:
             # Leaves are ordered in space, so every n-th triangle is a fair choice of large meshes.
             corners = corners[:: len(corners) // (2 * count)]

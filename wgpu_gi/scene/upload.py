@@ -18,8 +18,8 @@ from ..gpu.device import Device
 from ..gpu.wgsl import load
 from .atlas import MAX_PAGE, Atlas, pack_atlas
 from .check import check_camera, check_scene
-from .draws import Draws, RasterMesh, build_draws
 from .direct_lights import build_direct_lights
+from .draws import Draws, RasterMesh, build_draws
 from .emitters import LightTable, build_light_table, environment_cdf
 from .gpu_resources import GpuResources
 from .hierarchy import Hierarchy
@@ -64,7 +64,7 @@ class SceneUpload:
         self._raster_meshes: dict[int, RasterMesh] = {}
         self._raster_stale = True
         self._geometry = 0  # grows when meshes or transforms change
-        self._direct: tuple[object, NDArray[np.void]] = (None, np.zeros(0))
+        self._direct: tuple[object, NDArray] = (None, np.zeros(0))
         self._before: NDArray[np.float64] | None = None
         self._samples: tuple[int, NDArray[np.float64]] | None = None
         self.draws: Draws | None = None
@@ -306,4 +306,11 @@ def _light_values(lights: Sequence[Light]) -> list[tuple[Any, ...]]:
 
 def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
     """Return all that the light table takes from materials, comparable."""
-    return [(id(m), tuple(m.emission), m.double_sided, m.unlit, m.emission_texture) for m in materials]
+    shared = [(id(m), tuple(m.emission), m.double_sided, m.unlit, m.emission_texture) for m in materials]
+    # Emitters may be cut out.
+    cut = [
+        (tuple(m.base_color), m.alpha_mode, m.alpha_cutoff, m.base_color_texture)
+        for m in materials
+        if max(m.emission) > 0
+    ]
+    return [*shared, *cut]

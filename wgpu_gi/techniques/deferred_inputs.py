@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from ..gpu.graph import Graph
 from ..gpu.wgsl import load
+from ..scene.direct_lights import DIRECT_SUN
 from ..scene.scene import Scene
 from ..scene.upload import SceneUpload
 from .direct import DirectSettings
 from .scene_inputs import DirectInputs, SceneInputs
 from .shadow import ShadowDraws
 from .shadow_views import ShadowSettings, build_shadow_views
-
 
 
 class DeferredInputs:
@@ -26,6 +26,9 @@ class DeferredInputs:
         self._dtype = load("shadow/views.wgsl").struct_dtype("DirectLight")
         self._view_before: NDArray[np.void] | None = None
         self._count = self._atlas_size = 0
+        self._records: NDArray = np.zeros(0)
+        self._key: tuple[object, ...] = ()
+        self._alive: tuple[object, ...] = ()  # what the key names by identity
 
     def update(
         self,
@@ -38,19 +41,26 @@ class DeferredInputs:
         """Send what changed; `upload` is up to date with `scene`."""
         draws = upload.update_draws(scene)
         lights = upload.direct_lights(scene, self._dtype, direct.samples, direct.range)
-        found = build_shadow_views(
-            lights,
-            shadow,
-            centre=upload.box.mean(0),
-            radius=float(np.linalg.norm(np.ptp(upload.box, axis=0))) / 2,
-            view=view,
-            surface_samples=upload.surface_samples(scene),
-            box=upload.box,
-        )
-        self._count, self._atlas_size = len(lights), found.atlas_size if len(found.records) else 0
-        upload.resources.records("direct_lights", _at_least_one(found.lights))
-        upload.resources.records("shadow_views", _at_least_one(found.records))
-        self.shadows.update(found.records, draws)
+        samples = upload.surface_samples(scene)
+        # Only a sun's maps follow the camera.
+        follows = bool((lights["kind"] == DIRECT_SUN).any())
+        key = (id(lights), id(samples), upload.box.tobytes(), replace(shadow), view.tobytes() if follows else b"")
+        if key != self._key:
+            self._key, self._alive = key, (lights, samples)
+            found = build_shadow_views(
+                lights,
+                shadow,
+                centre=upload.box.mean(0),
+                radius=float(np.linalg.norm(np.ptp(upload.box, axis=0))) / 2,
+                view=view,
+                surface_samples=samples,
+                box=upload.box,
+            )
+            self._count, self._atlas_size = len(lights), found.atlas_size if len(found.records) else 0
+            upload.resources.records("direct_lights", _at_least_one(found.lights))
+            upload.resources.records("shadow_views", _at_least_one(found.records))
+            self._records = found.records
+        self.shadows.update(self._records, draws)
 
     def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:
         """Send where everything was at the last call."""

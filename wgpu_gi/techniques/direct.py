@@ -57,6 +57,7 @@ def declare_direct(
         "shadow_views": scene.direct.views,
         "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
         "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
+        "gather_sampler": graph.sampler("nearest"),
         **ambient.reads,
     }
     shader = "direct/light.wgsl"
@@ -66,7 +67,6 @@ def declare_direct(
         over=(width, height),
         reads={**lights, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance, "tile_lights": tiles},
         writes={"direct": direct, "edges": edges, "edge_groups": edge_groups},
-        params={"light_count": count},
         constants={**scene.constants(shader), **ambient.constants(shader), "TILED": tiled, "EDGES": traced},
         clear=[edge_groups],
     )
@@ -86,7 +86,6 @@ def declare_direct(
             "edge_groups": edge_groups,
         },
         writes={"direct": direct},
-        params={"light_count": count},
         constants={**scene.constants(shader), **ambient.constants(shader)},
     )
     return direct
@@ -103,6 +102,5 @@ def _declare_tiles(graph: Graph, lights: DirectInputs, gbuffer: Gbuffer) -> Buff
         over=(columns * TILE, rows * TILE),
         reads={"direct_lights": lights.lights, "distance": gbuffer.distance},
         writes={"tile_lights": tiles},
-        params={"light_count": lights.count},
     )
     return tiles

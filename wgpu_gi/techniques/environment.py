@@ -85,13 +85,13 @@ def _declare_maps(graph: Graph, picture: Handle, coated: bool) -> Handle:
     graph.compute(
         "environment/sum",
         "environment/sum.wgsl",
-        over=known["CELLS"] - known["LEAVES"],
+        over=known["LEAVES"] // 3,  # all upper levels together
         writes={"cells": cells},
     )
     graph.compute(
         "environment/prefilter",
         "environment/prefilter.wgsl",
-        over=maps,
+        over=(size[0] // 2, size[1] // 2),
         reads={"cells": cells},
         writes={"maps": maps},
     )

@@ -59,6 +59,7 @@ def _declare_layer(
     visibility = graph.texture(f"{name}/visibility{suffix}", ids)
     depth = graph.texture(f"{name}/depth{suffix}", "depth32float")
     shader = "gbuffer/visibility.wgsl"
+    assert scene.draws is not None
     behind = graph.neutral("texture_2d") if nearer is None else nearer
     for part, masked in (("opaque", False), ("masked", True)):
         runs = scene.draws.masked if masked else scene.draws.opaque

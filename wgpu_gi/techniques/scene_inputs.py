@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
 from typing import Any
 
 from ..gpu.graph import Graph
@@ -44,7 +43,8 @@ class DirectInputs:
 class SceneInputs:
     """`surfaces` is what rays need to hit and shade, `lights` what light sampling needs; both go into `reads=`.
 
-    `raster` goes there for passes that draw `draws` by `raster_indices`; these and `direct` are empty for the path tracer.
+    `raster` goes there for passes that draw `draws` by `raster_indices`; these and
+    `direct` are empty for the path tracer.
     """
 
     surfaces: dict[str, Shared]
@@ -58,7 +58,6 @@ class SceneInputs:
     def constants(self, shader: str) -> dict[str, bool]:
         """Return the HAS_ constants that `shader` declares: code for what the scene lacks is compiled out."""
         return {name: value for name, value in self.features.items() if name in load(shader).overrides}
-
 
     def shape(self) -> tuple[object, ...]:
         """Return all that makes another declaration of the passes; what they bind may have other contents."""
@@ -74,7 +73,6 @@ class SceneInputs:
 
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:
     """Make an uploaded scene known to the graph; call it again after each `upload.update`."""
-
 
     def share(names: tuple[str, ...]) -> dict[str, Shared]:
         return {name: graph.share(f"scene/{name}", *upload.resources[name]) for name in names}

@@ -25,7 +25,7 @@ class ShadowDraws:
     """Draws into each view the clusters that it may see; `update` tells which views and what."""
 
     def __init__(self) -> None:
-        self.views: NDArray[np.void] = np.zeros(0)
+        self.views: NDArray = np.zeros(0)
         self.draws: Draws | None = None
         self._shown: NDArray[np.bool_] | None = None
 
@@ -65,7 +65,7 @@ class ShadowPart:
 
 
 def declare_shadow_maps(graph: Graph, scene: SceneInputs, draws: ShadowDraws) -> Texture | None:
-    """Declare the atlas of all shadow views, depth reversed; a view's rectangle is in its record. None without views."""
+    """Declare the atlas of all shadow views, depth reversed; None where there are none."""
     assert scene.draws is not None and scene.direct is not None
     if not scene.direct.atlas_size:
         graph.skip("shadow/opaque", "no light casts shadows")

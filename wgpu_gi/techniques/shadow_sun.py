@@ -46,9 +46,10 @@ def sun_axes(direction: NDArray[np.float64], box: NDArray[np.float64] | None) ->
 
 def fit_scene(axes: NDArray[np.float64], box: NDArray[np.float64]) -> SunMap:
     """Return the map that shows all of `box` (2, 3)."""
-    middle, reach = axes[:2] @ box.mean(0), np.abs(axes[:2]) @ (box[1] - box[0]) / 2
-    half = 2.0 ** (np.ceil(np.log2(np.maximum(reach, 1e-6 * reach.max())) * STEPS) / STEPS)
-    return SunMap(middle, half, bool(half[1] <= FLAT * half[0]))
+    edges = box[1] - box[0]
+    reach = np.maximum(np.abs(axes[:2]) @ edges / 2, 1e-6 * np.linalg.norm(edges))  # flat scenes have some extent, too
+    half = 2.0 ** (np.ceil(np.log2(reach) * STEPS) / STEPS)
+    return SunMap(axes[:2] @ box.mean(0), half, bool(half[1] <= FLAT * half[0]))
 
 
 def fit_view(
@@ -109,10 +110,11 @@ def _view_spheres(
         step = 2.0 ** np.ceil(np.log2(max(float(np.ptp(depths)), corner)))
         near, far = np.floor(depths.min() / step) * step, np.ceil(depths.max() / step) * step
         return [(eye + forward * (near + far) / 2, float(np.hypot(corner, (far - near) / 2)))]
-    nearest = 2.0 ** np.floor(np.log2(depths.min()))
     # From this depth on, the map of the whole scene will do.
-    enough = max(texel / (RATIO * pixel), nearest)
-    count = cascades or min(1 + int(np.ceil(np.log(enough / nearest) / np.log(RATIO) - 1e-9)), MOST_CASCADES)
+    enough = max(texel / (RATIO * pixel), float(depths.min()))
+    count = cascades or min(1 + int(np.ceil(np.log(enough / depths.min()) / np.log(RATIO) - 1e-9)), MOST_CASCADES)
+    # In steps, so that the maps keep their extents while the camera moves a little.
+    nearest = 2.0 ** np.floor(np.log2(depths.min()))
     ratio = max(RATIO, (enough / nearest) ** (1 / max(count - 1, 1)))
     spheres = []
     for far in nearest * ratio ** np.arange(1, count):

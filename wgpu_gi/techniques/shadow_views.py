@@ -56,6 +56,14 @@ class _Sun:
     axes: NDArray[np.float64]
     maps: list[SunMap]
 
+    def fill(self, records: NDArray[np.void], centre: NDArray[np.float64], radius: float) -> None:
+        """Write the matrices of records that have their sizes; `centre` and `radius` are of the scene."""
+        # The depths of all of it: what stands between the sun and what is seen casts shadows, too.
+        along, reach = float(self.axes[2] @ centre), 1.001 * radius
+        for record, sun_map in zip(records, self.maps, strict=True):
+            matrix, texel = sun_matrix(self.axes, sun_map, int(record["size"][0]), along - reach, along + reach)
+            record["clip_from_world"], record["texel"] = matrix.T, texel
+
 
 @dataclass
 class ShadowViews:
@@ -90,8 +98,7 @@ def build_shadow_views(
     for k in np.flatnonzero(lights["kind"] == DIRECT_SUN).tolist():
         axes = sun_axes(lights["direction"][k].astype(np.float64), box)
         whole = SunMap(axes[:2] @ centre, np.full(2, radius)) if box is None else fit_scene(axes, box)
-        maps = fit_view(axes, whole, _power_of_two(settings.sun), view, samples, settings.cascades)
-        suns[k] = _Sun(axes, maps)
+        suns[k] = _Sun(axes, fit_view(axes, whole, _power_of_two(settings.sun), view, samples, settings.cascades))
     counts = _view_counts(lights, suns)
     first = np.cumsum(counts) - counts
     light = np.repeat(np.arange(len(lights)), counts)
@@ -113,11 +120,7 @@ def build_shadow_views(
     records = np.zeros(len(light), load("shadow/views.wgsl").struct_dtype("ShadowView"))
     records["corner"], records["size"] = corners, size
     for k, sun in suns.items():
-        # The depths of the whole scene: what stands between the sun and what is seen casts shadows, too.
-        along, reach = float(sun.axes[2] @ centre), 1.001 * radius
-        for number, sun_map in enumerate(sun.maps, int(first[k])):
-            matrix, texel = sun_matrix(sun.axes, sun_map, int(side[number]), along - reach, along + reach)
-            records["clip_from_world"][number], records["texel"][number] = matrix.T, texel
+        sun.fill(records[first[k] : first[k] + counts[k]], centre, radius)
     cubes = np.flatnonzero(lights["kind"][light] != DIRECT_SUN)
     matrices, texels = _perspective(lights[light[cubes]], face[cubes], size[cubes], NEAR * radius)
     records["clip_from_world"][cubes], records["texel"][cubes] = matrices.transpose(0, 2, 1), texels

@@ -7,14 +7,9 @@
 #import "direct/lighting.wgsl"
 #import "environment/ambient.wgsl"
 
-struct Params {
-    light_count: u32,
-}
-
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read> edges: array<u32>;
 @group(1) @binding(13) var<storage, read> edge_groups: array<u32>;
-@group(1) @binding(19) var<uniform> params: Params;
 
 const GROUP: u32 = 64u;
 // Rays stop short of a sample of an emitter by this share, so that they do not meet it.
@@ -30,14 +25,14 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let s = surface_at(hit_on_triangle(ray, seen.x, seen.y), ray.direction);
         let r = receiver(s.position, s.normal, s.geometric_normal, surface_brdf(s), -ray.direction);
         var sum = ambient_radiance(r.brdf, r.normal, -ray.direction);
-        for (var light = 0u; light < params.light_count; light += 1u) {
+        for (var light = 0u; light < arrayLength(&direct_lights); light += 1u) {
             let incident = light_at(light, r.position);
             let radiance = reflected(r, incident);
             if (max3(radiance) <= 0.0) {
                 continue;
             }
-            var lit = shadow_filter(light, r.position, r.geometric_normal, incident.direction);
-            if (is_undecided(lit)) {
+            var lit = shadow_verdict(light, r.position, r.geometric_normal, incident.direction);
+            if (lit == UNDECIDED) {
                 let start = leave_surface(s, incident.direction);
                 let is_sun = direct_lights[light].kind == DIRECT_SUN;
                 // The end stays where it is: shift the start only.

@@ -10,15 +10,10 @@
 override TILED: bool = false;  // lists of the lights that reach a tile
 override EDGES: bool = true;   // list the undecided pixels
 
-struct Params {
-    light_count: u32,
-}
-
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> edges: array<u32>;                // pixels, by their index
 @group(1) @binding(13) var<storage, read_write> edge_groups: array<atomic<u32>>;  // x, y, z workgroups; pixels
 @group(1) @binding(14) var<storage, read> tile_lights: array<u32>;                // a bit for each light, by tile
-@group(1) @binding(19) var<uniform> params: Params;
 
 // Workgroups of `edges.wgsl`; their threads go on with further pixels.
 const MAX_EDGE_GROUPS: u32 = 4096u;
@@ -26,10 +21,11 @@ const EDGE_GROUP: u32 = 64u;
 const TILE: u32 = 16u;
 
 fn light_mask(tile: u32, word: u32) -> u32 {
+    let count = arrayLength(&direct_lights);
     if (TILED) {
-        return tile_lights[tile * ((params.light_count + 31u) / 32u) + word];
+        return tile_lights[tile * ((count + 31u) / 32u) + word];
     }
-    let left = params.light_count - 32u * word;
+    let left = count - 32u * word;
     return select((1u << left) - 1u, 0xffffffffu, left >= 32u);
 }
 
@@ -57,7 +53,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var sum = ambient_radiance(r.brdf, r.normal, -ray.direction);
     var undecided = false;
     let tile = (pixel.y / TILE) * ((view.size.x + TILE - 1u) / TILE) + pixel.x / TILE;
-    for (var word = 0u; 32u * word < params.light_count; word += 1u) {
+    for (var word = 0u; 32u * word < arrayLength(&direct_lights); word += 1u) {
         var bits = light_mask(tile, word);
         while (bits != 0u) {
             let light = 32u * word + firstTrailingBit(bits);
@@ -65,9 +61,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let incident = light_at(light, r.position);
             let radiance = reflected(r, incident);
             if (max3(radiance) > 0.0) {
-                let lit = shadow_filter(light, r.position, r.geometric_normal, incident.direction);
-                sum += lit * radiance;
-                undecided = undecided || is_undecided(lit);
+                if (EDGES) {
+                    let lit = shadow_verdict(light, r.position, r.geometric_normal, incident.direction);
+                    sum += max(lit, 0.0) * radiance;
+                    undecided = undecided || lit == UNDECIDED;
+                } else {
+                    sum += shadow_filter(light, r.position, r.geometric_normal, incident.direction) * radiance;
+                }
             }
         }
     }

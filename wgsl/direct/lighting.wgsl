@@ -62,8 +62,3 @@ fn reflected(r: Receiver, incident: Incident) -> vec3f {
     }
     return evaluate_brdf(r.brdf, r.w_o, incident.direction * r.frame).rgb * incident.irradiance * cosine;
 }
-
-// Shadow filters between these are undecided: some texels see the light and some do not.
-fn is_undecided(lit: f32) -> bool {
-    return lit > 0.001 && lit < 0.999;
-}

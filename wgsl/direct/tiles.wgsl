@@ -6,14 +6,9 @@
 #import "scene/info.wgsl"
 #import "shadow/views.wgsl"
 
-struct Params {
-    light_count: u32,
-}
-
 @group(1) @binding(11) var<storage, read_write> tile_lights: array<u32>;
 @group(1) @binding(25) var<storage, read> direct_lights: array<DirectLight>;
 @group(1) @binding(31) var distance: texture_2d<f32>;
-@group(1) @binding(19) var<uniform> params: Params;
 
 const TILE: u32 = 16u;
 const THREADS: u32 = TILE * TILE;
@@ -81,15 +76,16 @@ fn main(
     let half = (high[0] - low[0]) * 0.5 + (abs(low[0]) + abs(high[0])) * ROUNDING;
 
     // Each thread tests every 256th light.
-    let word_count = (params.light_count + 31u) / 32u;
+    let count = arrayLength(&direct_lights);
+    let word_count = (count + 31u) / 32u;
     let tile = group.y * groups.x + group.x;
-    for (var first = 0u; first < params.light_count; first += THREADS) {
+    for (var first = 0u; first < count; first += THREADS) {
         if (thread < 8u) {
             atomicStore(&words[thread], 0u);
         }
         workgroupBarrier();
         let light = first + thread;
-        if (light < params.light_count && !is_empty) {
+        if (light < count && !is_empty) {
             if (reaches(light, centre, half)) {
                 atomicOr(&words[thread / 32u], 1u << (thread % 32u));
             }

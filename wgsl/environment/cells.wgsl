@@ -8,23 +8,14 @@ struct Cell {
     centre: vec4f,  // xyz: unit, mean direction by luminance, in the picture's own frame (rotation 0)
 }
 
-// The finest level has LEAVES_X x LEAVES_Y cells, each further one a quarter of those. They lie one after the other,
-// each in Z-order, so that the parent of cell m is m / 4.
+// The finest level has LEAVES_X x LEAVES_Y cells, each further one a quarter of those, up to 16 x 8. In a level they
+// lie in Z-order: the cells of level l begin at LEAVES >> 2 l, and the children of cell i are 4 i to 4 i + 3.
 const LEAVES_X: u32 = 512u;
 const LEAVES_Y: u32 = 256u;
 const LEAVES: u32 = LEAVES_X * LEAVES_Y;
-const TOP_LEVEL: u32 = 5u;  // 16 x 8 cells
+const TOP_LEVEL: u32 = 5u;
 const TOP_CELLS: u32 = LEAVES >> 10u;
-const CELLS: u32 = (4u * LEAVES - TOP_CELLS) / 3u;
-
-fn first_cell(level: u32) -> u32 {
-    return (4u * LEAVES - ((4u * LEAVES) >> (2u * level))) / 3u;
-}
-
-// Returns how much latitude a cell of a level spans, radians; of longitude it spans the same or, for its circle, less.
-fn cell_width(level: u32) -> f32 {
-    return f32(1u << level) * (PI / f32(LEAVES_Y));
-}
+const CELLS: u32 = 2u * LEAVES;  // with gaps between the levels
 
 // Returns the bits of x spread out to the even places (x < 2^16).
 fn spread_bits(x: u32) -> u32 {

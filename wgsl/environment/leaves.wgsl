@@ -2,8 +2,7 @@
 //
 // integral L dw and integral L w dw by the midpoint rule over a grid that divides each pixel, or the pixels themselves
 // where the picture is finer than the cells; the weights are the exact solid angles of the grid. In: the picture,
-// bilinear as rays see it. Out: the cells of level 0. Errs by the curvature of directions within a step of the grid,
-// 1e-4 at most.
+// bilinear as rays see it. Out: the cells of level 0. Errs by how much radiance and direction bend within a step.
 #import "environment/picture.wgsl"
 #import "environment/cells.wgsl"
 
@@ -40,6 +39,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             by_angle += solid_angle * direction;
         }
     }
-    let index = spread_bits(leaf.x) | (spread_bits(leaf.y) << 1u);
+    let index = LEAVES + (spread_bits(leaf.x) | (spread_bits(leaf.y) << 1u));
     cells[index] = Cell(light, vec4f(cell_centre(by_light, by_angle), 0.0));
 }

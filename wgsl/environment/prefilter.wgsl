@@ -1,4 +1,4 @@
-// One invocation finds one texel of the prefiltered maps: the mean radiance under a lobe around a direction d.
+// One invocation finds 2 x 2 texels of the prefiltered maps: the mean radiance under a lobe around each direction d.
 //
 // sum L K dw / sum K dw with K(w) = D(h) max(w.d, 0), h half-way between w and d: the split sum with n = v = d (Karis
 // 2013, "Real Shading in Unreal Engine 4"). Departure: all of the picture is summed, as cells of the quadtree that are
@@ -13,56 +13,76 @@
 @group(1) @binding(12) var maps: texture_storage_2d<rgba32float, write>;
 
 // Largest width of a cell over the scale on which the lobe changes, sqrt((2 alpha)^2 + angle^2).
-const RELATIVE_WIDTH: f32 = 0.5;
-// Largest width, radians: 32 x 16 cells, and 64 x 32 where the horizon of d passes, at which K has a kink.
+const RELATIVE_WIDTH: f32 = 0.35;
+// Largest width for alpha = 1, radians, and that where the horizon of d passes, at which K has a kink. Narrower lobes
+// have less of their light so far out.
 const LARGEST_WIDTH: f32 = 0.2;
 const HORIZON_WIDTH: f32 = 0.1;
 
+fn texel_direction(texel: vec2u, side: u32) -> vec3f {
+    return octahedral_decode((vec2f(texel) + 0.5) / f32(side) * 2.0 - 1.0);
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let k = map_of_row(id.y);
+    let place = 2u * id.xy;
+    let k = map_of_row(place.y);
     let side = map_side(k);
-    if (id.x >= side || any(id.xy >= textureDimensions(maps))) {
+    if (place.x >= side || any(place >= textureDimensions(maps))) {
         return;
     }
-    let texel = vec2u(id.x, id.y - map_row(k));
-    let d = octahedral_decode((vec2f(texel) + 0.5) / f32(side) * 2.0 - 1.0);
+    let texel = vec2u(place.x, place.y - map_row(k));
+    let d = mat4x3f(
+        texel_direction(texel, side), texel_direction(texel + vec2u(1u, 0u), side),
+        texel_direction(texel + vec2u(0u, 1u), side), texel_direction(texel + vec2u(1u, 1u), side));
+    let middle = normalize(d[0] + d[1] + d[2] + d[3]);
     let alpha = exp2(-f32(k));
     let a2 = alpha * alpha;
 
     // Walk the tree depth first.
-    var sum = vec3f(0.0);
-    var weights = 0.0;
+    var red = vec4f(0.0);
+    var green = vec4f(0.0);
+    var blue = vec4f(0.0);
+    var weights = vec4f(0.0);
+    var cell = TOP_CELLS;
     var level = TOP_LEVEL;
-    var cell = 0u;   // in its level
-    while (level < TOP_LEVEL || cell < TOP_CELLS) {
-        let index = first_cell(level) + cell;
-        let width = cell_width(level);
-        let centre = cells[index].centre.xyz;
-        let apart = centre - d;
-        let squared = dot(apart, apart);
-        let cosine = 1.0 - 0.5 * squared;
-        let is_below = cosine < -1.5 * width;
+    var width = f32(1u << TOP_LEVEL) * (PI / f32(LEAVES_Y));  // of latitude, and of longitude or less, radians
+    while (cell < 2u * TOP_CELLS || level < TOP_LEVEL) {
+        let centre = cells[cell].centre.xyz;
+        let cosine = dot(centre, middle);
         let meets_horizon = abs(cosine) < width;
-        let limit = min(LARGEST_WIDTH / alpha, RELATIVE_WIDTH * sqrt(4.0 * a2 + squared));
-        if (level > 0u && !is_below && width > select(limit, min(limit, HORIZON_WIDTH / alpha), meets_horizon)) {
+        let limit = select(LARGEST_WIDTH, HORIZON_WIDTH, meets_horizon) * inverseSqrt(alpha);
+        let scale = RELATIVE_WIDTH * sqrt(4.0 * a2 + 2.0 - 2.0 * cosine);
+        let is_below = cosine < -1.5 * width;
+        if (level > 0u && !is_below && width > min(limit, scale)) {
             level -= 1u;
             cell *= 4u;
-            continue;
+            width *= 0.5;
+        } else {
+            if (!is_below) {
+                let light = cells[cell].light;
+                // As ggx_distribution, whose cos_h^2 is (1 + cosine) / 2.
+                let cosines = max(centre * d, vec4f(0.0));
+                let t = 0.5 - 0.5 * cosines + a2 * (0.5 + 0.5 * cosines);
+                let weight = a2 * cosines / (t * t);
+                red += weight * light.r;
+                green += weight * light.g;
+                blue += weight * light.b;
+                weights += weight * light.a;
+            }
+            // Go on with the next cell; from the last of four with the one after their parent.
+            cell += 1u;
+            let up = min(countTrailingZeros(cell) / 2u, TOP_LEVEL - level);
+            cell >>= 2u * up;
+            level += up;
+            width *= f32(1u << up);
         }
-        if (cosine > 0.0) {
-            // As ggx_distribution, whose cos_h^2 is (1 + cosine) / 2.
-            let t = 0.25 * squared + a2 * (1.0 - 0.25 * squared);
-            let weight = cosine * a2 / (t * t);
-            let light = cells[index].light;
-            sum += weight * light.rgb;
-            weights += weight * light.a;
-        }
-        // Go on with the next cell; from the last of four with the one after their parent.
-        cell += 1u;
-        let up = min(countTrailingZeros(cell) / 2u, TOP_LEVEL - level);
-        cell >>= 2u * up;
-        level += up;
     }
-    textureStore(maps, id.xy, vec4f(sum / max(weights, 1e-30), 1.0));
+    let inverse = 1.0 / max(weights, vec4f(1e-30));
+    red *= inverse;
+    green *= inverse;
+    blue *= inverse;
+    for (var i = 0u; i < 4u; i += 1u) {
+        textureStore(maps, place + vec2u(i % 2u, i / 2u), vec4f(red[i], green[i], blue[i], 1.0));
+    }
 }

@@ -7,18 +7,20 @@
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let cell = LEAVES + id.x;
-    if (cell >= CELLS) {
-        return;
-    }
+    // Count through the cells of level 1, then those of level 2, and so on.
     var level = 1u;
-    while (level < TOP_LEVEL && cell >= first_cell(level + 1u)) {
+    var cell = LEAVES / 4u + id.x;
+    while (level <= TOP_LEVEL && cell >= 2u * (LEAVES >> (2u * level))) {
+        cell = cell - 2u * (LEAVES >> (2u * level)) + (LEAVES >> (2u * level + 2u));
         level += 1u;
     }
-    let first_leaf = (cell - first_cell(level)) << (2u * level);
+    if (level > TOP_LEVEL) {
+        return;
+    }
     var light = vec4f(0.0);
     var by_light = vec3f(0.0);
     var by_angle = vec3f(0.0);
+    let first_leaf = cell << (2u * level);
     for (var leaf = first_leaf; leaf < first_leaf + (1u << (2u * level)); leaf += 1u) {
         let part = cells[leaf];
         light += part.light;
