@@ -13,10 +13,7 @@ float16, row 0 on top. meta: JSON.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import importlib
-import json
-import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -25,117 +22,32 @@ from typing import Any
 import numpy as np
 from mitsuba_scene import camera_rays, mitsuba_scene, needs_null_surfaces
 from numpy.typing import NDArray
+from reference_file import DEPTHS, Array, layers_of, noise_of, scene_hash, write
 from rich.console import Console
 from rich.progress import Progress
 
 from wgpu_gi.__main__ import Parser, _size
+from wgpu_gi.atomic_file import check_writable
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.image import check_output
-from wgpu_gi.metrics import noise_floor
 from wgpu_gi.scene.camera_files import choose_camera
 from wgpu_gi.scene.environment_files import load_environment
 from wgpu_gi.scene.load import NO_CAMERA_NOTE, load, parse_light
 from wgpu_gi.scene.scene import Scene
 
-Array = NDArray[np.float32]
-
 EPILOG = """\
 Materials are Lambert with their base colour, as in `wgpu-gi render --diffuse`: metallic, roughness and normal maps are
 ignored. Glossy references are not offered, since Mitsuba's `principled` is another BRDF than that of glTF.
+Refused: unlit materials, masked emitters, a texture under vertex colours, textures that wrap differently along u and v,
+or of one material with different coordinates, spots wider than 80 degrees from their axis.
 Files hold float16: pictures that do not fit (above 65504, or so dim that its steps show) are refused.
 Mitsuba starts rays 0.1 mm or more off a surface: scale up scenes whose details are smaller than centimetres.
 Rendering takes every core; start it with `nice` where others work. Needs Mitsuba 3: pip install 'wgpu_gi[truth]'.
 """
 
-# Most scatterings of each picture that is rendered, as Mitsuba counts: 1 is emission alone, -1 no limit.
-DEPTHS = {"emit": 1, "direct": 2, "one": 3, "all": -1}
 # Others have half of its variance, but are biased where a run has few samples: in a closed box, 64 samples a run, the
 # layer multi was 0.8 % too dark with `stratified` (nine standard errors), 0.4 % too bright with `multijitter` (four).
 SAMPLER = {"type": "independent"}
-# A relative error that float16 (11 bits) must not exceed, as relMSE: far below any noise worth storing.
-MOST_ROUNDING = 1e-6
-ERROR_BITS = 4
-FLOAT16_BITS = 11
-
-
-# ------------------------------------------------------------------------------------------- layers, without Mitsuba
-
-
-def layers_of(pictures: dict[str, Array]) -> dict[str, Array]:
-    """Return layers and their standard errors from pictures (runs, height, width, 3) by the names of DEPTHS."""
-    emit, direct, one, everything = (pictures[name].astype(np.float64) for name in DEPTHS)
-    samples = {
-        "emit": emit,
-        "direct": direct - emit,
-        "one": one - direct,
-        "multi": everything - one,
-        "indirect": everything - direct,
-        "full": everything,
-    }
-    error = {name: runs.std(0, ddof=1) / len(runs) ** 0.5 for name, runs in samples.items()}
-    layers = {name: samples[name].mean(0) for name in ("emit", "direct", "one", "multi")}
-    layers |= {f"se_{name}": error[name] for name in ("direct", "one", "multi", "indirect", "full")}
-    return {name: layer.astype(np.float32) for name, layer in layers.items()}
-
-
-def noise_of(layers: dict[str, Array]) -> dict[str, float]:
-    """Return the relMSE that a perfect picture has, over the pixels that hit a surface; none for black layers."""
-    sums = {
-        "direct": layers["direct"],
-        "one": layers["one"],
-        "multi": layers["multi"],
-        "indirect": layers["one"] + layers["multi"],
-        "full": layers["emit"] + layers["direct"] + layers["one"] + layers["multi"],
-    }
-    hit = layers["depth"] > 0
-    return {
-        name: float(f"{noise_floor(layers[f'se_{name}'], layer, hit):.3g}")
-        for name, layer in sums.items()
-        if hit.any() and layer[hit].mean() > 0
-    }
-
-
-def packed(layers: dict[str, Array]) -> dict[str, NDArray[np.float16]]:
-    """Return the layers as float16, standard errors to 4 bits. Raises GiError for what float16 cannot hold."""
-    result = {}
-    for name, layer in layers.items():
-        with np.errstate(over="ignore"):
-            half = layer.astype(np.float16)
-        if not np.isfinite(half).all():
-            raise GiError(f"layer {name!r} has values above 65504, which float16 cannot hold; make the lights dimmer")
-        if name.startswith("se_"):
-            dropped = FLOAT16_BITS - ERROR_BITS
-            # Rounding bits to the nearest may carry into the exponent, which is right.
-            bits = half.view(np.uint16) + np.uint16(1 << (dropped - 1))
-            half = (bits & np.uint16(0xFFFF << dropped & 0xFFFF)).view(np.float16)
-        elif layer.any() and _rounding(half, layer) > MOST_ROUNDING:
-            raise GiError(f"layer {name!r} is too dim for float16; make the lights brighter")
-        result[name] = half
-    return result
-
-
-def _rounding(half: NDArray[np.float16], layer: Array) -> float:
-    x, t = half.astype(np.float64), layer.astype(np.float64)
-    return float(np.mean((x - t) ** 2 / (t**2 + 0.01 * np.abs(t).mean() ** 2)))
-
-
-def scene_hash(source: str, scene: Scene) -> str:
-    """Return the SHA-256 of the scene file's bytes, or for a built-in scene that of what it is made of."""
-    path = Path(source)
-    if path.suffix:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    digest = hashlib.sha256()
-    for instance in scene.instances:
-        mesh = instance.mesh
-        parts = [instance.world_from_local, mesh.positions, mesh.triangles, mesh.normals, mesh.colors]
-        parts += [mesh.material_of_triangle]
-        parts += [value for m in mesh.materials for value in (m.base_color, m.emission, m.double_sided)]
-        for part in parts:
-            # Rounded, since sines and cosines differ in their last bits from one machine to the next.
-            values = np.round(np.asarray(0.0 if part is None else part, np.float64), 4) + 0.0
-            digest.update(values.astype("<f8").tobytes())
-    return digest.hexdigest()
 
 
 # ------------------------------------------------------------------------------------------------ with Mitsuba
@@ -180,7 +92,7 @@ def render(
             rows = []
             for sensor in sensors:
                 number = seed * runs * len(DEPTHS) * len(sensors) + count
-                rows.append(np.array(integrator.render(world, sensor, seed=number, spp=samples)))
+                rows.append(np.array(integrator.render(world, sensor, seed=number % 2**32, spp=samples)))
                 count += 1
                 if progress is not None:
                     progress(count / (runs * len(DEPTHS) * len(sensors)))
@@ -257,7 +169,9 @@ def build_parser() -> Parser:
     """Return the parser of the command line."""
     summary = (__doc__ or "").partition("\n")[0]
     verbatim = argparse.RawDescriptionHelpFormatter
-    parser = Parser("make_references.py", description=summary, epilog=EPILOG, formatter_class=verbatim)
+    parser = Parser(
+        "make_references.py", description=summary, epilog=EPILOG, formatter_class=verbatim, allow_abbrev=False
+    )
     add = parser.add_argument
     add("scene", metavar="SCENE", help="a file or a built-in scene")
     add("-o", "--output", required=True, metavar="OUT", help="the .npz to write")
@@ -278,10 +192,12 @@ def make_reference(arguments: argparse.Namespace) -> str:
         raise GiError(f"--runs must be 2 or more and --spp at least that, not {arguments.runs} and {arguments.spp}")
     if arguments.seed < 0:
         raise GiError(f"--seed takes a whole number from 0 on, not {arguments.seed}")
+    if min(arguments.size) < 1:
+        raise GiError("--size needs a width and a height of at least 1")
     output = Path(arguments.output)
     if output.suffix != ".npz":
         raise GiError(f"a reference is an .npz file, not {arguments.output}")
-    check_output(output, ["full", "noise"])
+    check_writable(output)
     mi = import_mitsuba()
     environment = None if arguments.env is None else load_environment(arguments.env)
     lights = [parse_light(text) for text in arguments.light]
@@ -316,22 +232,9 @@ def make_reference(arguments: argparse.Namespace) -> str:
         "materials": "diffuse",
         "noise": noise,
     }
-    _write(output, {**packed(layers), "meta": np.array(json.dumps(meta))})
+    write(output, layers, meta)
     floors = ", ".join(f"{name} {value:.2g}" for name, value in noise.items()) or "none: it is black"
     return f"{arguments.output}: {arguments.size[0]}x{arguments.size[1]}, {spp} spp; noise as relMSE: {floors}"
-
-
-def _write(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
-    """Write the file beside its place and move it there, so that none is ever half-written."""
-    temporary = path.with_name(f".{path.name}-{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-        temporary.replace(path)
-    except OSError as error:
-        raise GiError(f"{path}: cannot be written ({error.strerror or error})") from None
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -115,7 +115,8 @@ class Renderer:
         """Render until the picture has all its samples or frames; `progress` is called with the fraction done, 0 to 1.
 
         `show` names the buffers that will be read back, None all that the technique has: passes that none of them
-        needs are not run. `check` raises GiError at the first NaN, infinite or negative value that a pass writes; `timings` measures each pass.
+        needs are not run. `check` raises GiError at the first NaN, infinite or negative value that a pass writes;
+        `timings` measures each pass.
         """
         while self.step(progress, show=show, check=check, timings=timings):
             pass

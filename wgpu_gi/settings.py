@@ -14,8 +14,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Hashable, Iterator, Mapping, Sequence
-from functools import cache
+from collections.abc import Iterator, Mapping, Sequence
 from numbers import Integral, Real
 from types import NoneType
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
@@ -26,6 +25,7 @@ QUALITIES = ("low", "medium", "high")  # the second is what the defaults of all 
 
 _TRUTHS = {"true": True, "1": True, "yes": True, "on": True, "false": False, "0": False, "no": False, "off": False}
 _NO_VALUE = ("none", "unlimited")
+_TYPES: dict[type, dict[str, Any]] = {}  # of the fields of each dataclass
 
 
 class Row(NamedTuple):
@@ -148,13 +148,11 @@ def _fields(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any, datacla
 
 
 def _type_of(owner: Any, field: dataclasses.Field) -> Any:
-    kind: Hashable = type(owner)
-    return _types(kind)[field.name]
-
-
-@cache
-def _types(owner: Hashable) -> dict[str, Any]:
-    return get_type_hints(owner)
+    kind = type(owner)
+    # Resolving annotations takes longer than all else here.
+    if kind not in _TYPES:
+        _TYPES[kind] = get_type_hints(kind)
+    return _TYPES[kind][field.name]
 
 
 def _split_optional(kind: Any) -> tuple[Any, bool]:

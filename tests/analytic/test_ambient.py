@@ -11,7 +11,6 @@ from helpers.skies import gradient_sky, radiance, sphere_grid
 
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
-from wgpu_gi.scene import builtin
 from wgpu_gi.scene.builtin import matte
 from wgpu_gi.scene.scene import Environment, Instance, Material, Scene
 from wgpu_gi.scene.shapes import quad, sphere
@@ -391,15 +390,16 @@ def split_sum_error(probe, roughness, metallic, sun):
 
 @pytest.mark.parametrize(
     ("roughness", "metallic", "sun", "bias_bound", "error_bound"),
-    [(0.3, 1.0, 0.0, 0.02, 0.1), (0.5, 1.0, 0.0, 0.02, 0.1), (1.0, 1.0, 0.0, 0.02, 0.1), (0.5, 0.0, 1000.0, 0.02, 0.1)],
+    [
+        (0.3, 1.0, 0.0, 0.01, 0.05),
+        (0.5, 1.0, 0.0, 0.01, 0.05),
+        (1.0, 1.0, 0.0, 0.01, 0.05),
+        (0.5, 0.0, 0.0, 0.01, 0.02),
+        (0.5, 1.0, 1000.0, 0.05, 0.08),
+        (0.5, 0.0, 1000.0, 0.01, 0.02),
+    ],
 )
 def test_error_of_the_split_sum_is_bounded(probe, roughness, metallic, sun, bias_bound, error_bound):
     """Lobes are taken as round and the Fresnel factor apart from the light: what that costs."""
     bias, error = split_sum_error(probe, roughness, metallic, sun)
     assert abs(bias) < bias_bound and error < error_bound
-
-
-def test_furnace_scene_vanishes(probe):
-    """The builtin furnace's own numbers: a convex body of albedo rho in a sky of radiance 1 shows rho."""
-    environment = builtin.furnace(0.5).environment
-    assert np.allclose(0.5 / np.pi * probe(environment, diffuse=True).irradiance(AXES), 0.5, rtol=1e-6)

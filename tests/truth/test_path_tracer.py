@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from make_references import scene_hash
+from reference_file import scene_hash
 
 import wgpu_gi as gi
 from wgpu_gi.metrics import bias, relmse

