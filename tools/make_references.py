@@ -4,7 +4,7 @@
 
 The layers are linear radiance by number of scatterings: emit (none: light sources seen directly), direct (one), one
 (two: one indirect bounce), multi (three and more); indirect = one + multi, full = the sum of all. They are differences
-of pictures with more and fewer bounces whose noise is independent, so that dark pixels may be a little below 0.
+of pictures with more and fewer bounces, of the same paths.
 se_direct, se_one, se_multi, se_indirect, se_full: standard errors, from the spread of independent runs, to 4 bits.
 depth (metres along the ray through the centre; 0: nothing there), normal (towards the viewer), albedo. All of it is
 float16, row 0 on top. meta: JSON.
@@ -13,18 +13,21 @@ float16, row 0 on top. meta: JSON.
 from __future__ import annotations
 
 import argparse
+import glob
 import importlib
+import os
+import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mitsuba_scene import camera_rays, mitsuba_scene, needs_null_surfaces
-from numpy.typing import NDArray
+from mitsuba_scene import camera_rays, mitsuba_scene, needs_null_surfaces, pixel_centres
 from reference_file import DEPTHS, Array, layers_of, noise_of, scene_hash, write
 from rich.console import Console
 from rich.progress import Progress
+from world_surfaces import Floats
 
 from wgpu_gi.__main__ import Parser, _size
 from wgpu_gi.atomic_file import check_writable
@@ -42,11 +45,20 @@ Refused: unlit materials, masked emitters, a texture under vertex colours, textu
 or of one material with different coordinates, spots wider than 80 degrees from their axis.
 Files hold float16: pictures that do not fit (above 65504, or so dim that its steps show) are refused.
 Mitsuba starts rays 0.1 mm or more off a surface: scale up scenes whose details are smaller than centimetres.
-Rendering takes every core; start it with `nice` where others work. Needs Mitsuba 3: pip install 'wgpu_gi[truth]'.
+Rendering takes every core; start it with `nice` where others work. Needs Mitsuba 3, pip install 'wgpu_gi[truth]', and
+LLVM 19 or newer, on Debian apt-get install libllvm19, elsewhere its library named in DRJIT_LIBLLVM_PATH.
 """
 
-# Others have half of its variance, but are biased where a run has few samples: in a closed box, 64 samples a run, the
-# layer multi was 0.8 % too dark with `stratified` (nine standard errors), 0.4 % too bright with `multijitter` (four).
+# Older ones are refused by Dr.Jit (14) or end the process with "Cannot select" (15, 16).
+OLDEST_LLVM = 19
+LLVM_PLACES = ("/usr/lib/*/libLLVM*", "/usr/lib64/libLLVM*", "/usr/lib/libLLVM*", "/usr/lib/llvm-*/lib/libLLVM*")
+
+# Paths that are traced together, which bounds the memory. Chosen.
+MOST_PATHS = 1 << 21
+
+# Not the others, which have half of its variance, but are biased where a run has few samples: in a closed box, at 64
+# samples a run, the layer multi was 0.8 % too dark with `stratified` (nine standard errors), 0.4 % too bright with
+# `multijitter` (four).
 SAMPLER = {"type": "independent"}
 
 
@@ -54,14 +66,31 @@ SAMPLER = {"type": "independent"}
 
 
 def import_mitsuba() -> Any:
-    """Return Mitsuba 3, set to the variant that needs no LLVM. Raises GiError if it is not installed."""
+    """Return Mitsuba 3, set to compile with LLVM. Raises GiError if either is not installed."""
     try:
         mi = importlib.import_module("mitsuba")
     except ImportError:
         raise GiError("references are rendered by Mitsuba 3: pip install 'wgpu_gi[truth]'") from None
-    mi.set_variant("scalar_rgb")
+    if "DRJIT_LIBLLVM_PATH" not in os.environ:
+        os.environ["DRJIT_LIBLLVM_PATH"] = find_llvm()
+    mi.set_variant("llvm_ad_rgb")
     mi.set_log_level(mi.LogLevel.Error)
     return mi
+
+
+def find_llvm(places: Sequence[str] = LLVM_PLACES) -> str:
+    """Return the path of the oldest LLVM library that Mitsuba can use. Raises GiError if there is none."""
+    found = []
+    for path in (path for place in places for path in glob.glob(place)):
+        version = re.search(r"libLLVM(?:-|\.so\.)(\d+)", path)
+        if version and int(version[1]) >= OLDEST_LLVM:
+            found.append((int(version[1]), path))
+    if not found:
+        raise GiError(
+            f"Mitsuba needs LLVM {OLDEST_LLVM} or newer, which was not found; on Debian: apt-get install "
+            f"libllvm{OLDEST_LLVM}; elsewhere name the library in DRJIT_LIBLLVM_PATH"
+        )
+    return min(found)[1]
 
 
 def render(
@@ -82,84 +111,51 @@ def render(
     # `path` takes masked surfaces for solid in shadow rays and counts passing them as a bounce; `volpath` does not.
     kind = "volpath" if needs_null_surfaces(scene) else "path"
     integrators = {name: mi.load_dict({"type": kind, "max_depth": depth}) for name, depth in DEPTHS.items()}
-    sensors = list(_jittered(mi, camera, size, origin) if jitter else _centred(mi, camera, size, origin))
-    pictures = {name: np.zeros((runs, size[1], size[0], 3), np.float32) for name in DEPTHS}
-    count = 0
-    for run in range(runs):
+    sampler, centres = mi.load_dict(SAMPLER), pixel_centres(size)
+    pictures = {name: np.zeros((runs, len(centres), 3)) for name in DEPTHS}
+    most = max(1, MOST_PATHS // len(centres))
+    batches = [(run, min(most, spp // runs - first)) for run in range(runs) for first in range(0, spp // runs, most)]
+    for index, (run, samples) in enumerate(batches):
+        number = (seed * len(batches) + index) % 2**32
+        points = centres.repeat(samples, 0)
+        if jitter:
+            points += np.random.default_rng(number).random(points.shape) - 0.5
+        rays = _rays(mi, camera, size, points, origin)
         for name, integrator in integrators.items():
-            # Nothing is random in what a ray through a pixel's centre sees of the light sources.
-            samples = 1 if name == "emit" and not jitter else spp // runs
-            rows = []
-            for sensor in sensors:
-                number = seed * runs * len(DEPTHS) * len(sensors) + count
-                rows.append(np.array(integrator.render(world, sensor, seed=number % 2**32, spp=samples)))
-                count += 1
-                if progress is not None:
-                    progress(count / (runs * len(DEPTHS) * len(sensors)))
-            pictures[name][run] = np.concatenate(rows)
-    return layers_of(pictures) | _first_hits(mi, world, camera, size, origin)
+            # The same random numbers for all: a path with few bounces is the beginning of one with many, so that the
+            # difference of two pictures has no noise of what they share.
+            sampler.seed(number, len(points))
+            radiance = np.array(integrator.sample(world, sampler, rays)[0], np.float64)
+            pictures[name][run] += radiance.reshape(3, len(centres), samples).sum(2).T / (spp // runs)
+        if progress is not None:
+            progress((index + 1) / len(batches))
+    shape = (runs, size[1], size[0], 3)
+    layers = layers_of({name: picture.reshape(shape) for name, picture in pictures.items()})
+    return layers | _first_hits(mi, world, _rays(mi, camera, size, centres, origin), size)
 
 
-def _film(width: int, height: int) -> dict[str, Any]:
-    return {
-        "type": "hdrfilm",
-        "width": width,
-        "height": height,
-        "rfilter": {"type": "box"},
-        "pixel_format": "rgb",
-        "component_format": "float32",
-    }
+def _rays(mi: Any, camera: Camera, size: tuple[int, int], points: Floats, origin: Floats) -> Any:
+    """Return Mitsuba's rays through points of the picture, in a world moved so that `origin` is at its origin."""
+    starts, directions = camera_rays(camera, size, points)
+    columns = [np.ascontiguousarray(v.T, np.float32) for v in (starts - origin, directions)]
+    rays = mi.RayDifferential3f(mi.Point3f(columns[0]), mi.Vector3f(columns[1]))
+    rays.has_differentials = False
+    return rays
 
 
-def _centred(mi: Any, camera: Camera, size: tuple[int, int], origin: NDArray[np.float64]) -> Iterator[Any]:
-    """Yield a sensor for each row of the picture: one meter of a single ray, through the centre, for each pixel.
-
-    Not one for all rows: with that many pixels side by side, float32 would lay samples into the next one.
-    """
-    pixel = mi.load_dict(_film(1, 1))
-    for starts, directions in zip(*camera_rays(camera, size), strict=True):
-        words: dict[str, Any] = {"type": "batch", "film": _film(size[0], 1), "sampler": SAMPLER}
-        for column, (start, direction) in enumerate(zip(starts - origin, directions, strict=True)):
-            meter = {"type": "radiancemeter", "origin": start.tolist(), "direction": direction.tolist(), "film": pixel}
-            words[f"{column:05d}"] = meter
-        yield mi.load_dict(words)
-
-
-def _jittered(mi: Any, camera: Camera, size: tuple[int, int], origin: NDArray[np.float64]) -> Iterator[Any]:
-    """Yield one sensor whose rays go through random points of the pixels."""
-    pose = np.array(camera.world_from_view, np.float64)
-    pose[:3, 3] -= origin
-    # Mitsuba's cameras look along +Z with +X to the left.
-    pose = pose @ np.diag([-1.0, 1.0, -1.0, 1.0])
-    words: dict[str, Any] = {"film": _film(*size), "sampler": SAMPLER, "near_clip": 1e-3}
-    if camera.orthographic_height is None:
-        words |= {"type": "perspective", "fov": float(np.degrees(camera.yfov)), "fov_axis": "y"}
-    else:
-        # Its picture is two units wide.
-        half_width = camera.orthographic_height / 2 * size[0] / size[1]
-        pose = pose @ np.diag([half_width, half_width, 1.0, 1.0])
-        words |= {"type": "orthographic"}
-    yield mi.load_dict(words | {"to_world": mi.ScalarTransform4f(pose)})
-
-
-def _first_hits(
-    mi: Any, world: Any, camera: Camera, size: tuple[int, int], origin: NDArray[np.float64]
-) -> dict[str, Array]:
+def _first_hits(mi: Any, world: Any, rays: Any, size: tuple[int, int]) -> dict[str, Array]:
     """Return distance, shading normal towards the viewer and albedo where the rays through the pixel centres hit."""
-    depth = np.zeros((size[1], size[0]), np.float32)
-    normal, albedo = np.zeros((2, size[1], size[0], 3), np.float32)
-    starts, directions = camera_rays(camera, size)
-    for pixel in np.ndindex(*depth.shape):
-        start, direction = (starts[pixel] - origin).tolist(), directions[pixel].tolist()
-        hit = world.ray_intersect(mi.Ray3f(start, direction))
-        while hit.is_valid() and float(np.max(np.array(hit.bsdf().eval_null_transmission(hit)))) > 0.5:
-            hit = world.ray_intersect(hit.spawn_ray(direction))
-        if hit.is_valid():
-            n = np.array(hit.sh_frame.n)
-            depth[pixel] = np.linalg.norm(np.array(hit.p) - start)
-            normal[pixel] = n if n @ direction < 0 else -n
-            albedo[pixel] = np.array(hit.bsdf().eval_diffuse_reflectance(hit)).ravel()
-    return {"depth": depth, "normal": normal, "albedo": albedo}
+    dr = importlib.import_module("drjit")
+    hit = world.ray_intersect(rays)
+    # Go on behind what a mask cuts out.
+    while dr.any(hole := hit.is_valid() & (hit.bsdf().eval_null_transmission(hit)[0] > 0.5)):
+        hit = dr.select(hole, world.ray_intersect(hit.spawn_ray(rays.d), hole), hit)
+    seen = hit.is_valid()
+    normal = dr.select(dr.dot(hit.sh_frame.n, rays.d) < 0, hit.sh_frame.n, -hit.sh_frame.n)
+    depth = np.array(dr.select(seen, dr.norm(hit.p - rays.o), 0))
+    albedo = hit.bsdf().eval_diffuse_reflectance(hit)
+    colors = {name: np.array(dr.select(seen, v, 0)).T for name, v in (("normal", normal), ("albedo", albedo))}
+    return {"depth": depth.reshape(size[::-1]), **{k: v.reshape(*size[::-1], 3) for k, v in colors.items()}}
 
 
 # ------------------------------------------------------------------------------------------------ command line
@@ -177,7 +173,7 @@ def build_parser() -> Parser:
     add("-o", "--output", required=True, metavar="OUT", help="the .npz to write")
     add("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")
     add("--size", type=_size, default=(160, 90), metavar="WxH", help="pixels (default: 160x90)")
-    add("--spp", type=int, default=4096, metavar="N", help="samples per pixel and number of bounces (default: 4096)")
+    add("--spp", type=int, default=4096, metavar="N", help="samples per pixel (default: 4096)")
     add("--runs", type=int, default=16, metavar="N", help="independent runs that share the samples (default: 16)")
     add("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
     add("--env", metavar="ENV", help="environment: an .hdr or .exr file, or a constant radiance R,G,B")

@@ -89,13 +89,18 @@ def environment_pixels(environment: Environment) -> NDArray[np.float32]:
 # ------------------------------------------------------------------------------------------------ camera rays
 
 
-def camera_rays(camera: Camera, size: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Return origins and unit directions of the rays through the pixel centres, each (height, width, 3)."""
+def pixel_centres(size: tuple[int, int]) -> Floats:
+    """Return the centres of all pixels in pixels from the top left corner, (height * width, 2), row by row."""
+    rows, columns = np.mgrid[: size[1], : size[0]] + 0.5
+    return np.stack([columns.ravel(), rows.ravel()], axis=-1)
+
+
+def camera_rays(camera: Camera, size: tuple[int, int], points: Floats) -> tuple[Floats, Floats]:
+    """Return origins and unit directions, each (n, 3), of the rays through points (n, 2) of the picture."""
     width, height = size
-    x = ((np.arange(width) + 0.5) / width * 2 - 1) * (width / height)
-    y = 1 - (np.arange(height) + 0.5) / height * 2
+    x, y = (2 * points[:, :1] - width) / height, 1 - 2 * points[:, 1:] / height
     right, up, back = np.asarray(camera.world_from_view, np.float64)[:3, :3].T
-    across = x[None, :, None] * right + y[:, None, None] * up
+    across = x * right + y * up
     if camera.orthographic_height is not None:
         origins = camera.position + across * (camera.orthographic_height / 2)
         return origins, np.broadcast_to(-back, origins.shape)

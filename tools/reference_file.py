@@ -25,9 +25,9 @@ ERROR_BITS = 4
 FLOAT16_BITS = 11
 
 
-def layers_of(pictures: dict[str, Array]) -> dict[str, Array]:
+def layers_of(pictures: dict[str, NDArray[np.float64]]) -> dict[str, Array]:
     """Return layers and their standard errors from pictures (runs, height, width, 3) by the names of DEPTHS."""
-    emit, direct, one, everything = (pictures[name].astype(np.float64) for name in DEPTHS)
+    emit, direct, one, everything = (np.asarray(pictures[name], np.float64) for name in DEPTHS)
     samples = {
         "emit": emit,
         "direct": direct - emit,

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from make_references import main
-from mitsuba_scene import camera_rays, environment_pixels, mask_pixels, spot_pixels
+from make_references import find_llvm, main
+from mitsuba_scene import camera_rays, environment_pixels, mask_pixels, pixel_centres, spot_pixels
 from reference_file import layers_of, noise_of, packed, scene_hash
 from world_surfaces import sheets, surfaces
 
@@ -96,13 +96,13 @@ def test_what_mitsuba_cannot_say_is_refused(material, words):
 
 
 def test_camera_rays_go_through_pixel_centres():
-    camera = gi.Camera.look_at((1, 2, 3), (1, 2, -5), yfov_deg=90)
-    origins, directions = camera_rays(camera, (4, 2))
+    camera, centres = gi.Camera.look_at((1, 2, 3), (1, 2, -5), yfov_deg=90), pixel_centres((4, 2))
+    origins, directions = camera_rays(camera, (4, 2), centres)
     assert (origins == (1, 2, 3)).all()
-    assert directions[0, 0] / -directions[0, 0, 2] == pytest.approx([-1.5, 0.5, -1])
+    assert directions[0] / -directions[0, 2] == pytest.approx([-1.5, 0.5, -1])
     camera.orthographic_height = 2.0
-    origins, directions = camera_rays(camera, (4, 2))
-    assert origins[1, 3] == pytest.approx([2.5, 1.5, 3]) and (directions == (0, 0, -1)).all()
+    origins, directions = camera_rays(camera, (4, 2), centres)
+    assert origins[7] == pytest.approx([2.5, 1.5, 3]) and (directions == (0, 0, -1)).all()
 
 
 # --------------------------------------------------------------------------------------------------- pictures
@@ -208,3 +208,11 @@ def test_missing_mitsuba_is_named(monkeypatch, capsys, tmp_path):
     monkeypatch.setitem(__import__("sys").modules, "mitsuba", None)
     assert main(["furnace", "-o", str(tmp_path / "out.npz")]) == 2
     assert "pip install 'wgpu_gi[truth]'" in capsys.readouterr().err
+
+
+def test_oldest_usable_llvm_is_taken(tmp_path):
+    for name in ("libLLVM-15.so", "libLLVM.so.20.1", "libLLVM-19.so", "libLLVM.so", "libLLVMSupport.a"):
+        (tmp_path / name).touch()
+    assert find_llvm([f"{tmp_path}/libLLVM*"]) == f"{tmp_path}/libLLVM-19.so"
+    with pytest.raises(GiError, match="DRJIT_LIBLLVM_PATH"):
+        find_llvm([f"{tmp_path}/libLLVM-15*"])

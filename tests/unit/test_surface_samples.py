@@ -43,7 +43,7 @@ def test_points_lie_on_the_surfaces(dtypes):
     on_quad = points[:, 0] < 4
     assert np.allclose(points[on_quad, 1], 1, atol=1e-6)
     assert (points[on_quad] >= (0, 1 - 1e-6, 0)).all() and (points[on_quad] <= (3, 1 + 1e-6, 2)).all()
-    to_face = np.abs((points[~on_quad] - (5.5, 0.5, 0.5))).max(1)
+    to_face = np.abs(points[~on_quad] - (5.5, 0.5, 0.5)).max(1)
     assert np.allclose(to_face, 0.5, atol=1e-6)
     # Both have six square metres.
     assert on_quad.mean() == pytest.approx(0.5, abs=2 / 4096)

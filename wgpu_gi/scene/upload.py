@@ -23,7 +23,7 @@ from .draws import Draws, RasterMesh, build_draws
 from .emitters import LightTable, build_light_table, environment_cdf
 from .gpu_resources import GpuResources
 from .hierarchy import Hierarchy
-from .scene import Image, Light, Material, Scene, Texture
+from .scene import Image, Instance, Light, Material, Scene, Texture
 from .surface_samples import sample_surfaces
 
 DOUBLE_SIDED, UNLIT, TEXTURED, COATED = 1, 2, 4, 8  # material flags, as wgsl/scene/materials.wgsl
@@ -65,7 +65,7 @@ class SceneUpload:
         self._raster_stale = True
         self._geometry = 0  # grows when meshes or transforms change
         self._direct: tuple[object, NDArray] = (None, np.zeros(0))
-        self._before: NDArray[np.float64] | None = None
+        self._before: list[tuple[Instance, NDArray[np.float64]]] = []  # where each was at the last call for motion
         self._samples: tuple[int, NDArray[np.float64]] | None = None
         self.draws: Draws | None = None
         self.resources = GpuResources(device.gpu, int(device.limits["max-storage-buffer-binding-size"]))
@@ -151,8 +151,10 @@ class SceneUpload:
         """Send where each instance was at the last call; call it after `update`."""
         instances = _without_empty(scene).instances
         now = np.array([i.world_from_local for i in instances], np.float64).reshape(-1, 4, 4)
-        before = now if self._before is None or len(self._before) != len(now) else self._before
-        self._before = now
+        # An instance that was not there has not moved.
+        known = {id(i): matrix for i, matrix in self._before}
+        before = np.array([known.get(id(i), m) for i, m in zip(instances, now, strict=True)]).reshape(-1, 4, 4)
+        self._before = list(zip(instances, now, strict=True))
         to_origin, from_origin = np.eye(4), np.eye(4)
         to_origin[:3, 3], from_origin[:3, 3] = -self.origin, self.origin
         change = to_origin @ before @ np.linalg.inv(now) @ from_origin if len(now) else np.eye(4)[None]

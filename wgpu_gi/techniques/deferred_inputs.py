@@ -25,7 +25,9 @@ class DeferredInputs:
         self.shadows = ShadowDraws()
         self._dtype = load("shadow/views.wgsl").struct_dtype("DirectLight")
         self._view_before: NDArray[np.void] | None = None
+        self._origin_before = np.zeros(3)
         self._count = self._atlas_size = 0
+        self._features: dict[str, bool] = {}
         self._records: NDArray = np.zeros(0)
         self._key: tuple[object, ...] = ()
         self._alive: tuple[object, ...] = ()  # what the key names by identity
@@ -56,8 +58,10 @@ class DeferredInputs:
                 surface_samples=samples,
                 box=upload.box,
             )
+            suns = found.lights["kind"] == DIRECT_SUN
+            self._features = {"HAS_SUNS": bool(suns.any()), "HAS_LAMPS": not suns.all()}
             self._count, self._atlas_size = len(lights), found.atlas_size if len(found.records) else 0
-            upload.resources.records("direct_lights", _at_least_one(found.lights))
+            upload.resources.table("light_table", found.table())
             upload.resources.records("shadow_views", _at_least_one(found.records))
             self._records = found.records
         self.shadows.update(self._records, draws)
@@ -65,14 +69,26 @@ class DeferredInputs:
     def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:
         """Send where everything was at the last call."""
         upload.update_motion(scene)
-        graph.uniform("view_before", view if self._view_before is None else self._view_before)
-        self._view_before = view.copy()
+        before = view
+        # In a picture of another size nothing can be found again.
+        if self._view_before is not None and np.array_equal(self._view_before["size"], view["size"]):
+            before = _about(self._view_before, upload.origin - self._origin_before)
+        graph.uniform("view_before", before)
+        self._view_before, self._origin_before = view.copy(), upload.origin.copy()
 
     def share(self, graph: Graph, upload: SceneUpload, scene: SceneInputs) -> SceneInputs:
         """Return the inputs with those of the deferred techniques."""
-        names = ("direct_lights", "shadow_views", "before_from_now")
+        names = ("light_table", "shadow_views", "before_from_now")
         lights, views, motion = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
-        return replace(scene, direct=DirectInputs(lights, self._count, views, self._atlas_size, motion))
+        return replace(scene, direct=DirectInputs(lights, self._count, self._features, views, self._atlas_size, motion))
+
+
+def _about(view: NDArray[np.void], shift: NDArray[np.float64]) -> NDArray[np.void]:
+    """Return a view in coordinates relative to an origin that lies `shift` off its own."""
+    moved = view.copy()
+    moved["position"] -= shift
+    moved["clip_from_world"][3] += shift @ view["clip_from_world"][:3]
+    return moved
 
 
 def _at_least_one(records: NDArray[np.void]) -> NDArray[np.void]:

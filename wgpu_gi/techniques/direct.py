@@ -19,6 +19,7 @@ from .gbuffer import FOUR_FLOATS, Gbuffer
 from .scene_inputs import DirectInputs, SceneInputs
 
 TILE = 16  # pixels a side, as wgsl/direct/light.wgsl and tiles.wgsl
+WRITTEN_OUT = 3  # lights that are not looped over
 TILED_FROM = 8  # lights, below which lists cost more than they save; chosen
 
 
@@ -53,21 +54,21 @@ def declare_direct(
     if not tiled:
         graph.skip("direct/tiles", f"fewer than {TILED_FROM} lights" if settings.tiles else "direct.tiles is off")
     lights = {
-        "direct_lights": scene.direct.lights,
-        "shadow_views": scene.direct.views,
+        "light_table": scene.direct.lights,
         "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
         "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
         "gather_sampler": graph.sampler("nearest"),
         **ambient.reads,
     }
     shader = "direct/light.wgsl"
+    few = scene.direct.count if scene.direct.count <= WRITTEN_OUT else 0
     graph.compute(
         "direct/light",
         shader,
         over=(width, height),
         reads={**lights, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance, "tile_lights": tiles},
         writes={"direct": direct, "edges": edges, "edge_groups": edge_groups},
-        constants={**scene.constants(shader), **ambient.constants(shader), "TILED": tiled, "EDGES": traced},
+        constants={**scene.constants(shader), **ambient.constants(shader), "TILED": tiled, "EDGES": traced, "FEW": few},
         clear=[edge_groups],
     )
     if not traced:
@@ -100,7 +101,7 @@ def _declare_tiles(graph: Graph, lights: DirectInputs, gbuffer: Gbuffer) -> Buff
         "direct/tiles",
         "direct/tiles.wgsl",
         over=(columns * TILE, rows * TILE),
-        reads={"direct_lights": lights.lights, "distance": gbuffer.distance},
+        reads={"light_table": lights.lights, "distance": gbuffer.distance},
         writes={"tile_lights": tiles},
     )
     return tiles

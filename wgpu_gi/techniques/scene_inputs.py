@@ -30,10 +30,11 @@ class DrawRuns:
 
 @dataclass
 class DirectInputs:
-    """The lights that deferred techniques loop over, and how many; their shadow views and the side of the atlas."""
+    """The table of the lights that deferred techniques loop over; their shadow views and the side of the atlas."""
 
     lights: Shared
     count: int
+    features: dict[str, bool]  # which kinds there are, as constants of shaders
     views: Shared
     atlas_size: int  # texels; 0: no light casts shadows
     before_from_now: Shared  # the motion of each instance
@@ -57,12 +58,15 @@ class SceneInputs:
 
     def constants(self, shader: str) -> dict[str, bool]:
         """Return the HAS_ constants that `shader` declares: code for what the scene lacks is compiled out."""
-        return {name: value for name, value in self.features.items() if name in load(shader).overrides}
+        features = self.features | (self.direct.features if self.direct is not None else {})
+        return {name: value for name, value in features.items() if name in load(shader).overrides}
 
     def shape(self) -> tuple[object, ...]:
         """Return all that makes another declaration of the passes; what they bind may have other contents."""
         runs = (self.draws.opaque, self.draws.masked) if self.draws is not None else ()
-        lights = (self.direct.count, self.direct.atlas_size) if self.direct is not None else ()
+        lights: tuple[object, ...] = ()
+        if self.direct is not None:
+            lights = (self.direct.count, self.direct.atlas_size, tuple(self.direct.features.items()))
         return (tuple(self.features.items()), runs, lights)
 
     def draw_all(self, masked: bool) -> DrawRuns:

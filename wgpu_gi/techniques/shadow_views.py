@@ -63,6 +63,10 @@ class _Sun:
         for record, sun_map in zip(records, self.maps, strict=True):
             matrix, texel = sun_matrix(self.axes, sun_map, int(record["size"][0]), along - reach, along + reach)
             record["clip_from_world"], record["texel"] = matrix.T, texel
+            record["right"], record["up"], record["forward"] = self.axes
+            record["depth_scale"], record["depth_offset"] = -1 / (2 * reach), matrix[2, 3]
+            # The matrix is of rows that begin at the centre of what it shows.
+            record["centre"] = record["corner"] + record["size"] * (1 + matrix[:2, 3] * (1, -1)) / 2
 
 
 @dataclass
@@ -72,6 +76,15 @@ class ShadowViews:
     records: NDArray[np.void]
     lights: NDArray[np.void]
     atlas_size: int
+
+    def table(self) -> NDArray[np.uint32]:
+        """Return lights and views as `wgsl/shadow/table.wgsl` reads them: texels (n, 4)."""
+        header = np.array([len(self.lights), 0, 0, 0], np.uint32).tobytes()
+        assert self.records.dtype.fields is not None
+        first = self.records.dtype.fields["right"][1]
+        views = self.records.view(np.uint8).reshape(len(self.records), self.records.dtype.itemsize)[:, first:]
+        data = header + self.lights.tobytes() + views.tobytes()
+        return np.frombuffer(data, np.uint32).reshape(-1, 4)
 
 
 def build_shadow_views(
@@ -122,8 +135,7 @@ def build_shadow_views(
     for k, sun in suns.items():
         sun.fill(records[first[k] : first[k] + counts[k]], centre, radius)
     cubes = np.flatnonzero(lights["kind"][light] != DIRECT_SUN)
-    matrices, texels = _perspective(lights[light[cubes]], face[cubes], size[cubes], NEAR * radius)
-    records["clip_from_world"][cubes], records["texel"][cubes] = matrices.transpose(0, 2, 1), texels
+    records[cubes] = _perspective(records[cubes], lights[light[cubes]], face[cubes], NEAR * radius)
     lights = lights.copy()
     lights["first_view"], lights["view_count"] = first, counts
     return ShadowViews(records, lights, atlas_size)
@@ -220,9 +232,10 @@ def _wanted_sides(
 
 
 def _perspective(
-    lights: NDArray[np.void], face: NDArray[np.int64], size: NDArray[np.int64], near: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return clip_from_world (n, 4, 4) and the width of a texel at 1 m of views: of `lights`, one face of each."""
+    records: NDArray[np.void], lights: NDArray[np.void], face: NDArray[np.int64], near: float
+) -> NDArray[np.void]:
+    """Return `records`, which have their place and size, filled: of `lights`, one face of each."""
+    size = records["size"].astype(np.float64)
     of_world = (lights["kind"] == DIRECT_POINT)[:, None]
     frames = frames_from_normals(lights["direction"].astype(np.float64))
     forward = np.where(of_world, WORLD_FACES[face], np.einsum("nk,nkc->nc", OWN_FACES[face], frames))
@@ -244,4 +257,9 @@ def _perspective(
     rows[:, 3, :3] = forward
     rows[:, :, 3] = -np.einsum("nrc,nc->nr", rows[..., :3], lights["position"].astype(np.float64))
     rows[:, 2, 3] = near
-    return rows, texel
+    filled = records.copy()
+    filled["clip_from_world"], filled["texel"], filled["depth_scale"] = rows.transpose(0, 2, 1), texel, near
+    filled["right"], filled["up"], filled["forward"] = right, up, forward
+    filled["centre"] = records["corner"] + size / 2
+    filled["centre"][:, 1] += middle / texel
+    return filled

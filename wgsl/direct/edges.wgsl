@@ -25,16 +25,18 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let s = surface_at(hit_on_triangle(ray, seen.x, seen.y), ray.direction);
         let r = receiver(s.position, s.normal, s.geometric_normal, surface_brdf(s), -ray.direction);
         var sum = ambient_radiance(r.brdf, r.normal, -ray.direction);
-        for (var light = 0u; light < arrayLength(&direct_lights); light += 1u) {
+        let count = load_light_count();
+        for (var number = 0u; number < count; number += 1u) {
+            let light = load_light(number);
             let incident = light_at(light, r.position);
             let radiance = reflected(r, incident);
             if (max3(radiance) <= 0.0) {
                 continue;
             }
-            var lit = shadow_verdict(light, r.position, r.geometric_normal, incident.direction);
+            var lit = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction);
             if (lit == UNDECIDED) {
                 let start = leave_surface(s, incident.direction);
-                let is_sun = direct_lights[light].kind == DIRECT_SUN;
+                let is_sun = light.kind == DIRECT_SUN;
                 // The end stays where it is: shift the start only.
                 let way = incident.to_light - select(start - s.position, vec3f(0.0), is_sun);
                 let rays_end = select(STOP_SHORT, FLOAT_MAX, is_sun);

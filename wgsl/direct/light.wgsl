@@ -8,6 +8,7 @@
 #import "environment/ambient.wgsl"
 
 override TILED: bool = false;  // lists of the lights that reach a tile
+override FEW: u32 = 0u;          // number of lights where it is at most 3, else 0
 override EDGES: bool = true;   // list the undecided pixels
 
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
@@ -20,13 +21,24 @@ const MAX_EDGE_GROUPS: u32 = 4096u;
 const EDGE_GROUP: u32 = 64u;
 const TILE: u32 = 16u;
 
-fn light_mask(tile: u32, word: u32) -> u32 {
-    let count = arrayLength(&direct_lights);
-    if (TILED) {
-        return tile_lights[tile * ((count + 31u) / 32u) + word];
+struct Sum {
+    radiance: vec3f,
+    undecided: bool,
+}
+
+fn add_light(sum: Sum, number: u32, count: u32, r: Receiver) -> Sum {
+    let light = load_light(number);
+    let incident = light_at(light, r.position);
+    let radiance = reflected(r, incident);
+    if (max3(radiance) <= 0.0) {
+        return sum;
     }
-    let left = count - 32u * word;
-    return select((1u << left) - 1u, 0xffffffffu, left >= 32u);
+    if (!EDGES) {
+        let lit = shadow_filter(light, count, r.position, r.geometric_normal, incident.direction);
+        return Sum(sum.radiance + lit * radiance, false);
+    }
+    let lit = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction);
+    return Sum(sum.radiance + max(lit, 0.0) * radiance, sum.undecided || lit == UNDECIDED);
 }
 
 @compute @workgroup_size(8, 8)
@@ -50,29 +62,33 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let r = receiver(
         ray.origin + ray.direction * distance_seen, surface.normal, surface.geometric_normal, gbuffer_brdf(surface),
         -ray.direction);
-    var sum = ambient_radiance(r.brdf, r.normal, -ray.direction);
-    var undecided = false;
-    let tile = (pixel.y / TILE) * ((view.size.x + TILE - 1u) / TILE) + pixel.x / TILE;
-    for (var word = 0u; 32u * word < arrayLength(&direct_lights); word += 1u) {
-        var bits = light_mask(tile, word);
-        while (bits != 0u) {
-            let light = 32u * word + firstTrailingBit(bits);
-            bits &= bits - 1u;
-            let incident = light_at(light, r.position);
-            let radiance = reflected(r, incident);
-            if (max3(radiance) > 0.0) {
-                if (EDGES) {
-                    let lit = shadow_verdict(light, r.position, r.geometric_normal, incident.direction);
-                    sum += max(lit, 0.0) * radiance;
-                    undecided = undecided || lit == UNDECIDED;
-                } else {
-                    sum += shadow_filter(light, r.position, r.geometric_normal, incident.direction) * radiance;
-                }
+    var sum = Sum(ambient_radiance(r.brdf, r.normal, -ray.direction), false);
+    let count = load_light_count();
+    if (TILED) {
+        let tile = (pixel.y / TILE) * ((view.size.x + TILE - 1u) / TILE) + pixel.x / TILE;
+        for (var word = 0u; 32u * word < count; word += 1u) {
+            var bits = tile_lights[tile * ((count + 31u) / 32u) + word];
+            while (bits != 0u) {
+                sum = add_light(sum, 32u * word + firstTrailingBit(bits), count, r);
+                bits &= bits - 1u;
             }
         }
+    } else if (FEW > 0u) {
+        // Written out, since loads at constant places cost next to nothing on CPU drivers, and loops a lot.
+        sum = add_light(sum, 0u, count, r);
+        if (FEW > 1u) {
+            sum = add_light(sum, 1u, count, r);
+        }
+        if (FEW > 2u) {
+            sum = add_light(sum, 2u, count, r);
+        }
+    } else {
+        for (var number = 0u; number < count; number += 1u) {
+            sum = add_light(sum, number, count, r);
+        }
     }
-    direct[index] = vec4f(sum, 1.0);
-    if (EDGES && undecided) {
+    direct[index] = vec4f(sum.radiance, 1.0);
+    if (EDGES && sum.undecided) {
         let slot = atomicAdd(&edge_groups[3], 1u);
         edges[slot] = index;
         atomicMax(&edge_groups[0], min(slot / EDGE_GROUP + 1u, MAX_EDGE_GROUPS));

@@ -13,31 +13,23 @@ struct Incident {
 // Returns the light that arrives at a position. A sample of an emitter counts as a disc of its area: form factor
 // A cos / (d^2 + A / pi), bounded where the plain A cos / d^2 is not (Wallace et al. 1989, "A Ray Tracing Algorithm for
 // Progressive Radiosity", eq. 5).
-fn light_at(light: u32, position: vec3f) -> Incident {
-    let kind = direct_lights[light].kind;
-    let axis = direct_lights[light].direction;
-    let color = direct_lights[light].color;
-    if (kind == DIRECT_SUN) {
-        return Incident(-axis, -axis, color);
+fn light_at(light: DirectLight, position: vec3f) -> Incident {
+    if (HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN)) {
+        return Incident(-light.direction, -light.direction, light.color);
     }
-    let to_light = direct_lights[light].position - position;
+    let to_light = light.position - position;
     // Squares of tiny distances must neither vanish nor divide by zero.
     let squared = max(dot(to_light, to_light), 1e-30);
     let direction = to_light * inverseSqrt(squared);
-    let cosine = -dot(axis, direction);
-    var strength = 1.0 / squared;
-    if (kind == DIRECT_SPOT) {
-        let falloff = clamp(cosine * direct_lights[light].cone_scale + direct_lights[light].cone_offset, 0.0, 1.0);
-        strength *= falloff * falloff;
-    } else if (kind == DIRECT_AREA) {
-        let area = direct_lights[light].area;
-        let facing = select(max(cosine, 0.0), abs(cosine), direct_lights[light].both_sides != 0u);
-        strength = area * facing / (squared + area * INV_PI);
-    }
+    let cosine = -dot(light.direction, direction);
+    let falloff = clamp(cosine * light.cone_scale + light.cone_offset, 0.0, 1.0);
+    let shape = select(1.0, falloff * falloff, light.kind == DIRECT_SPOT);
+    let facing = select(max(cosine, 0.0), abs(cosine), light.both_sides != 0u);
+    let is_area = light.kind == DIRECT_AREA;
+    let strength = select(shape, light.area * facing, is_area) / (squared + select(0.0, light.area * INV_PI, is_area));
     // KHR_lights_punctual: light with a range ends there.
-    let share = squared * direct_lights[light].inverse_range * direct_lights[light].inverse_range;
-    strength *= clamp(1.0 - share * share, 0.0, 1.0);
-    return Incident(to_light, direction, color * strength);
+    let share = squared * light.inverse_range * light.inverse_range;
+    return Incident(to_light, direction, light.color * (strength * clamp(1.0 - share * share, 0.0, 1.0)));
 }
 
 struct Receiver {

@@ -4,10 +4,9 @@
 // light is left out only where its contribution is exactly zero: beyond its range, outside its cone, behind its
 // emitter. So the picture stays the same, bit for bit.
 #import "scene/info.wgsl"
-#import "shadow/views.wgsl"
+#import "shadow/table.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> tile_lights: array<u32>;
-@group(1) @binding(25) var<storage, read> direct_lights: array<DirectLight>;
 @group(1) @binding(31) var distance: texture_2d<f32>;
 
 const TILE: u32 = 16u;
@@ -17,33 +16,31 @@ const ROUNDING: f32 = 1e-5;
 
 var<workgroup> low: array<vec3f, THREADS>;
 var<workgroup> high: array<vec3f, THREADS>;
+var<workgroup> light_count: u32;
 var<workgroup> words: array<atomic<u32>, 8>;   // of THREADS lights
 
-fn reaches(light: u32, centre: vec3f, half: vec3f) -> bool {
-    let kind = direct_lights[light].kind;
-    if (kind == DIRECT_SUN) {
+fn reaches(light: DirectLight, centre: vec3f, half: vec3f) -> bool {
+    if (light.kind == DIRECT_SUN) {
         return true;
     }
-    let axis = direct_lights[light].direction;
-    let offset = centre - direct_lights[light].position;
+    let offset = centre - light.position;
     // To the nearest point of the box.
     let outside = max(abs(offset) - half, vec3f(0.0));
-    let inverse_range = direct_lights[light].inverse_range;
-    if (length(outside) * inverse_range > 1.0) {
+    if (length(outside) * light.inverse_range > 1.0) {
         return false;
     }
-    if (kind == DIRECT_POINT) {
+    if (light.kind == DIRECT_POINT) {
         return true;
     }
-    let reach = dot(abs(axis), half);
-    if (kind == DIRECT_AREA) {
-        return direct_lights[light].both_sides != 0u || dot(axis, offset) + reach >= 0.0;
+    let reach = dot(abs(light.direction), half);
+    if (light.kind == DIRECT_AREA) {
+        return light.both_sides != 0u || dot(light.direction, offset) + reach >= 0.0;
     }
     // The sphere around the box against the cone where the fall-off ends: cosine = -offset / scale.
-    let edge = -direct_lights[light].cone_offset / direct_lights[light].cone_scale;
+    let edge = -light.cone_offset / light.cone_scale;
     let radius = length(half);
-    let along = dot(axis, offset);
-    let aside = length(offset - axis * along);
+    let along = dot(light.direction, offset);
+    let aside = length(offset - light.direction * along);
     let sine = sqrt(max(1.0 - edge * edge, 0.0));
     // Distance of the sphere's centre from the cone's surface, within the plane through its axis.
     return edge <= 0.0 || dot(offset, offset) <= radius * radius || aside * edge - along * sine <= radius;
@@ -54,6 +51,9 @@ fn main(
     @builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) thread: u32
 ) {
+    if (thread == 0u) {
+        light_count = load_light_count();
+    }
     // Reduce the positions of the tile to their box.
     var seen = 0.0;
     if (all(id.xy < view.size)) {
@@ -76,7 +76,8 @@ fn main(
     let half = (high[0] - low[0]) * 0.5 + (abs(low[0]) + abs(high[0])) * ROUNDING;
 
     // Each thread tests every 256th light.
-    let count = arrayLength(&direct_lights);
+    // The same for all threads, so that all of them meet at the barriers.
+    let count = workgroupUniformLoad(&light_count);
     let word_count = (count + 31u) / 32u;
     let tile = group.y * groups.x + group.x;
     for (var first = 0u; first < count; first += THREADS) {
@@ -86,7 +87,7 @@ fn main(
         workgroupBarrier();
         let light = first + thread;
         if (light < count && !is_empty) {
-            if (reaches(light, centre, half)) {
+            if (reaches(load_light(light), centre, half)) {
                 atomicOr(&words[thread / 32u], 1u << (thread % 32u));
             }
         }

@@ -12,3 +12,12 @@ fn load_distance(pixel: vec2u) -> f32 {
 fn load_surface(pixel: vec2u) -> GbufferSurface {
     return unpack_gbuffer(surfaces[pixel.y * view.size.x + pixel.x]);
 }
+
+override HAS_COATS: bool = true;  // compiled out where every material is pure Lambert
+
+fn gbuffer_brdf(s: GbufferSurface) -> Brdf {
+    if (HAS_COATS && (s.flags & GBUFFER_COATED) != 0u) {
+        return brdf_metallic_roughness(s.base_color, s.metallic, s.roughness);
+    }
+    return brdf_lambert(s.base_color);
+}

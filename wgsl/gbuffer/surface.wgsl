@@ -31,10 +31,3 @@ fn unpack_gbuffer(texel: vec4u) -> GbufferSurface {
         octahedral_decode(unpack2x16snorm(texel.x)), octahedral_decode(unpack2x16snorm(texel.y)),
         color * color, material.y, material.x, texel.z & (GBUFFER_COATED | GBUFFER_UNLIT));
 }
-
-fn gbuffer_brdf(s: GbufferSurface) -> Brdf {
-    if ((s.flags & GBUFFER_COATED) != 0u) {
-        return brdf_metallic_roughness(s.base_color, s.metallic, s.roughness);
-    }
-    return brdf_lambert(s.base_color);
-}

@@ -1,11 +1,11 @@
-// How much of a light arrives at a point, by the shadow maps: percentage-closer filtering (Reeves et al. 1987).
+// How much of a light arrives at a point, by the shadow maps: percentage-closer filtering (Reeves et al. 1987), or a
+// verdict that leaves open what the maps cannot tell.
 //
-// The point is moved off its surface by as much as the filter's texels may lie below it, so the bias is in texels and
-// by slope, not in metres. Errs bright within about two texels of a contact, and soft by a texel at a shadow's edge.
-#import "shadow/views.wgsl"
+// Neither has a bias in metres. The filter moves the point off its surface by as much as its texels may lie below it; it
+// errs bright within about two texels of a contact, and soft by a texel at a shadow's edge. The verdict compares with the
+// plane of the surface at each texel.
+#import "shadow/table.wgsl"
 
-@group(1) @binding(25) var<storage, read> direct_lights: array<DirectLight>;
-@group(1) @binding(26) var<storage, read> shadow_views: array<ShadowView>;
 @group(1) @binding(27) var shadow_atlas: texture_depth_2d;
 @group(1) @binding(28) var shadow_sampler: sampler_comparison;
 @group(1) @binding(29) var gather_sampler: sampler;
@@ -17,7 +17,7 @@ const DEPTH_ROUNDING: f32 = 4e-6;
 // Within this share of a texel's width, and of the change of depth across it, a texel shows the point's own plane; from
 // that many on, something else. Chosen.
 const OWN_PLANE: f32 = 0.1;
-const CLEAR_OF_PLANE: f32 = 2.0;
+const CLEAR_OF_PLANE: f32 = 1.0;
 // Cosine below which a surface is too steep for its texels.
 const GRAZING: f32 = 0.01;
 
@@ -33,66 +33,66 @@ fn cube_face(v: vec3f) -> u32 {
     return select(5u, 4u, v.z >= 0.0);
 }
 
-// Returns the view of a light that holds a point.
-fn shadow_view_at(light: u32, position: vec3f) -> u32 {
-    let first = direct_lights[light].first_view;
-    let count = direct_lights[light].view_count;
-    let kind = direct_lights[light].kind;
-    if (kind == DIRECT_SUN) {
-        var view = first;
-        for (var k = 0u; k + 1u < count; k += 1u) {
-            let clip = shadow_views[first + k].clip_from_world * vec4f(position, 1.0);
-            let margin = 1.0 - 4.0 * FILTER_REACH / shadow_views[first + k].size.x;
-            if (max(abs(clip.x), abs(clip.y)) <= margin) {
+// Compiled out where there is none.
+override HAS_LAMPS: bool = true;   // points, spots, samples of emitters
+override HAS_SUNS: bool = true;
+
+// Returns the view of a light, one of `count`, that holds a point, `offset` from the light.
+fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f) -> u32 {
+    if (HAS_SUNS && light.kind == DIRECT_SUN) {
+        var view = light.first_view;
+        for (var left = light.view_count; left > 1u; left -= 1u) {
+            let v = load_view(view, count);
+            let place = v.centre + vec2f(dot(v.right, position), -dot(v.up, position)) / v.texel;
+            let from_middle = place - v.corner - 0.5 * v.size;
+            if (all(abs(from_middle) <= 0.5 * v.size - 2.0 * FILTER_REACH)) {
                 break;
             }
             view += 1u;
         }
         return view;
     }
-    let offset = position - direct_lights[light].position;
-    if (kind == DIRECT_SPOT && count == 1u) {
-        return first;
+    if (!HAS_LAMPS || (light.kind == DIRECT_SPOT && light.view_count == 1u)) {
+        return light.first_view;
     }
-    if (kind == DIRECT_POINT) {
-        return first + cube_face(offset);
+    if (light.kind == DIRECT_POINT) {
+        return light.first_view + cube_face(offset);
     }
     // Faces of a frame along its normal: +Z +X -X +Y -Y -Z.
-    let face = cube_face(offset * frame_from_normal(direct_lights[light].direction));
-    return first + select(select(face + 1u, 0u, face == 4u), 5u, face == 5u);
+    let face = cube_face(offset * frame_from_normal(light.direction));
+    return light.first_view + select(select(face + 1u, 0u, face == 4u), 5u, face == 5u);
 }
 
-// A point in a shadow view: its place in the atlas in texels, and its depth.
+// A point as a view sees it.
 struct Projected {
-    texel: vec2f,
-    depth: f32,
-    is_behind: bool,
+    texel: vec2f,      // place in the atlas
+    depth: f32,        // reversed
+    along: f32,        // distance from the light along the axis, metres; of a sun 1
+    unit: f32,         // a texel's width there as a difference of depth
 }
 
-fn project(index: u32, position: vec3f) -> Projected {
-    let size = shadow_views[index].size;
-    let clip = shadow_views[index].clip_from_world * vec4f(position, 1.0);
-    let ndc = clip.xyz / clip.w;
-    let inside = clamp((ndc.xy * vec2f(0.5, -0.5) + 0.5) * size, vec2f(1.0), size - 1.0);
-    return Projected(shadow_views[index].corner + inside, ndc.z, clip.w <= 0.0);
+fn project(view: ShadowLookup, is_sun: bool, position: vec3f, offset: vec3f) -> Projected {
+    let q = select(offset, position, is_sun);
+    let distance = dot(view.forward, q);
+    // What lies behind a lamp's view gets no light from it.
+    let along = select(max(distance, 1e-30), 1.0, is_sun);
+    let place = vec2f(dot(view.right, q), -dot(view.up, q)) / (along * view.texel);
+    let depth = select(view.depth_scale / along, view.depth_offset + view.depth_scale * distance, is_sun);
+    let unit = view.texel * select(depth, -view.depth_scale, is_sun);
+    let texel = clamp(view.centre + place, view.corner + 1.0, view.corner + view.size - 1.0);
+    return Projected(texel, depth, along, unit);
 }
 
 // Returns the share of the filter that sees the light, 0 to 1. `normal` is geometric and `to_light` unit.
-fn shadow_filter(light: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
-    if (direct_lights[light].view_count == 0u) {
-        return 1.0;
-    }
-    let index = shadow_view_at(light, position);
-    let is_sun = direct_lights[light].kind == DIRECT_SUN;
-    let along = (shadow_views[index].clip_from_world * vec4f(position, 1.0)).w;
-    let footprint = shadow_views[index].texel * select(along, 1.0, is_sun);
-    let cosine = dot(normal, to_light);
-    let sine = sqrt(max(1.0 - cosine * cosine, 0.0));
-    let side = select(-1.0, 1.0, cosine >= 0.0);
-    let p = project(index, position + normal * (side * FILTER_REACH * footprint * sine));
-    if (p.is_behind) {
-        return 1.0;
-    }
+fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
+    let offset = position - light.position;
+    let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
+    let view = load_view(shadow_view_at(light, count, position, offset), count);
+    let along = select(dot(view.forward, offset), 1.0, is_sun);
+    // From texel to texel, the distance to the light's plane changes by as much as the normal leans to them.
+    let lean = abs(dot(normal, view.right)) + abs(dot(normal, view.up));
+    let lift = normal * (select(-FILTER_REACH, FILTER_REACH, dot(normal, to_light) >= 0.0) * view.texel * along * lean);
+    let p = project(view, is_sun, position + lift, offset + lift);
     let depth = p.depth + select(p.depth, 1.0, is_sun) * DEPTH_ROUNDING;
     let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
     var lit = 0.0;
@@ -108,48 +108,32 @@ const UNDECIDED: f32 = -1.0;
 // Returns 1 if the texels around the point all show its own plane, 0 if all of them show something well before it, else
 // UNDECIDED: a shadow's edge, a contact, or geometry finer than the texels.
 //
-// Over a plane, depth is linear in the texels, for suns and for perspective views.
-fn shadow_verdict(light: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
-    if (direct_lights[light].view_count == 0u) {
-        return 1.0;
-    }
-    let index = shadow_view_at(light, position);
-    let is_sun = direct_lights[light].kind == DIRECT_SUN;
-    let clip_from_world = shadow_views[index].clip_from_world;
-    let size = shadow_views[index].size;
-    let clip = clip_from_world * vec4f(position, 1.0);
-    if (clip.w <= 0.0 || abs(dot(normal, to_light)) < GRAZING) {
-        return UNDECIDED;
-    }
-    let inverse_w = 1.0 / clip.w;
-    let ndc = clip.xyz * inverse_w;
-    let texel = (ndc.xy * vec2f(0.5, -0.5) + 0.5) * size;
-    // How place and depth change along two directions of the plane, and so depth from texel to texel.
-    let tangents = frame_from_normal(normal);
-    let along0 = clip_from_world * vec4f(tangents[0], 0.0);
-    let along1 = clip_from_world * vec4f(tangents[1], 0.0);
-    let d0 = (along0.xyz - ndc * along0.w) * inverse_w;
-    let d1 = (along1.xyz - ndc * along1.w) * inverse_w;
-    let slope = vec2f(d0.z * d1.y - d1.z * d0.y, d1.z * d0.x - d0.z * d1.x) / (d0.x * d1.y - d1.x * d0.y)
-        * vec2f(2.0, -2.0) / size;
-
-    // A texel's width as a difference of depth.
-    let unit = shadow_views[index].texel
-        * select(ndc.z, length(vec3f(clip_from_world[0].z, clip_from_world[1].z, clip_from_world[2].z)), is_sun);
-    let steep = unit + abs(slope.x) + abs(slope.y);
-    let rounding = select(ndc.z, 1.0, is_sun) * DEPTH_ROUNDING;
+// Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
+// lamp near / (q . forward) = near (n_x q_x / q_z + n_y q_y / q_z + n_z) / k.
+fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
+    let offset = position - light.position;
+    let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
+    let view = load_view(shadow_view_at(light, count, position, offset), count);
+    let p = project(view, is_sun, position, offset);
+    let n = vec2f(dot(normal, view.right), -dot(normal, view.up));
+    let across = select(dot(normal, offset), -dot(normal, view.forward), is_sun);
+    // Of a surface seen edge-on this is infinite, and the verdict open.
+    let slope = n * (view.texel * view.depth_scale / across);
+    let steep = p.unit + abs(slope.x) + abs(slope.y);
+    let rounding = select(p.depth, 1.0, is_sun) * DEPTH_ROUNDING;
     let own = OWN_PLANE * steep + rounding;
     let clear = CLEAR_OF_PLANE * steep + rounding;
 
-    let atlas_size = vec2f(textureDimensions(shadow_atlas));
-    let corner = floor(clamp(texel, vec2f(1.0), size - 1.0) - 0.5);
-    let depths = textureGather(shadow_atlas, gather_sampler, (shadow_views[index].corner + corner + 1.0) / atlas_size);
-    // Gathered are (0, 1), (1, 1), (1, 0), (0, 0).
-    let offset = corner + 0.5 - texel;
-    let plane = ndc.z + slope.x * (offset.x + vec4f(0.0, 1.0, 1.0, 0.0)) + slope.y * (offset.y + vec4f(1.0, 1.0, 0.0, 0.0));
+    let corner = floor(p.texel - 0.5);
+    let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
+    // Gathered are the texels (0, 1), (1, 1), (1, 0), (0, 0) from the corner.
+    let depths = textureGather(shadow_atlas, gather_sampler, (corner + 1.0) * scale);
+    let from_point = corner + 0.5 - p.texel;
+    let plane = p.depth + slope.x * (from_point.x + vec4f(0.0, 1.0, 1.0, 0.0))
+        + slope.y * (from_point.y + vec4f(1.0, 1.0, 0.0, 0.0));
     let above = depths - plane;
-    if (all(abs(above) <= vec4f(own))) {
-        return 1.0;
-    }
-    return select(UNDECIDED, 0.0, all(above > vec4f(clear)));
+    let is_own = all(abs(above) <= vec4f(own));
+    let is_clear = all(above > vec4f(clear));
+    let is_steep = abs(dot(normal, to_light)) < GRAZING;
+    return select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_steep);
 }

@@ -26,7 +26,26 @@ struct DirectLight {
 // faces the last four are halves, those above the light's plane. Every view is two texels wider than its face.
 struct ShadowView {
     clip_from_world: mat4x4f,  // reversed depth: 1 nearest to the light; perspective: infinite, sun: 0 at the far end
+    right: vec3f,              // its axes in the world
+    texel: f32,                // perspective: width of a texel at 1 m along the view's axis; sun: its width, metres
+    up: vec3f,
+    depth_scale: f32,          // perspective: depth = scale / distance along the axis; sun: offset + scale * distance
+    forward: vec3f,
+    depth_offset: f32,
+    centre: vec2f,             // in the atlas, texels: of what lies on the axis
     corner: vec2f,             // of its rectangle in the atlas, texels; clip space covers the whole rectangle
     size: vec2f,               // texels
-    texel: f32,                // perspective: width of a texel at 1 m along the view's axis; sun: its width, metres
+}
+
+// Its fields from `right` on: all that looking up takes.
+struct ShadowLookup {
+    right: vec3f,
+    texel: f32,
+    up: vec3f,
+    depth_scale: f32,
+    forward: vec3f,
+    depth_offset: f32,
+    centre: vec2f,
+    corner: vec2f,
+    size: vec2f,
 }

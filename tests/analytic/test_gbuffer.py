@@ -1,0 +1,411 @@
+"""The G-buffer against the exact buffers of rays, by pixel; peeled layers, a second camera, motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.medley import at, medley, named
+from helpers.pictures import moved, scaling, shoot, translation
+from helpers.surfaces import read_surfaces, world_normals
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.gpu.device import open_device
+from wgpu_gi.gpu.graph import Graph
+from wgpu_gi.renderer import CameraSettings, Renderer, Settings
+from wgpu_gi.scene.scene import Image, Instance, Material, Scene, Texture
+from wgpu_gi.scene.shapes import quad, sphere
+from wgpu_gi.scene.upload import SceneUpload
+from wgpu_gi.techniques.gbuffer import declare_gbuffer
+from wgpu_gi.techniques.scene_inputs import share_scene
+
+SIZE = (160, 90)
+SHOW = ("emission", "albedo", "normal", "depth", "position")
+# Rasterisation decides by coordinates on a grid of 1/256 pixel, rays by float32: along edges some pixels show the one
+# surface or the other. Of all pixels of the medley at SIZE, 0.03 % do.
+EDGES = 6e-4
+
+
+def drawn(scene, size=SIZE, camera=None, show=SHOW, jitter=False):
+    settings = Settings(gi="none", camera=CameraSettings(jitter=jitter))
+    renderer = Renderer(scene, size=size, camera=camera, settings=settings)
+    renderer.step(show=show)
+    return renderer
+
+
+def agreement(renderer):
+    """Return for each pixel whether the G-buffer shows what a ray meets."""
+    g, depth = read_surfaces(renderer.graph), renderer.read_back("depth")
+    albedo, normal = renderer.read_back("albedo"), renderer.read_back("normal")
+    # Colours are square roots of 10 bits, normals 16 bits for each coordinate.
+    same_color = (np.abs(np.sqrt(g.base_color) - np.sqrt(albedo)) <= 0.51 / 1023).all(-1)
+    same_normal = np.linalg.norm(g.normal - normal, axis=-1) <= 1e-4
+    same_place = np.abs(g.distance - depth) <= 1e-5 * depth
+    nothing = ~g.seen & (depth == 0)
+    assert not g.distance[~g.seen].any() and (g.distance[g.seen] > 0).all()
+    return nothing | (g.seen & (depth > 0) & same_color & same_normal & same_place)
+
+
+VIEWS = {
+    "front": (medley, SIZE, None),
+    "tall": (medley, (33, 401), None),
+    "below": (medley, (161, 91), Camera.look_at((2, -3, 1), (0, 0, 0))),
+    "a million metres off": (lambda: moved(medley(), translation(1e6, -2e6, 3e6)), SIZE, None),
+    "a thousandth": (lambda: moved(medley(), scaling(1e-3)), SIZE, None),
+    "a thousand times": (lambda: moved(medley(), scaling(1e3)), SIZE, None),
+}
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_pixels_show_what_rays_meet(name):
+    make, size, camera = VIEWS[name]
+    renderer = drawn(make(), size, camera)
+    assert (~agreement(renderer)).mean() <= EDGES
+    g = read_surfaces(renderer.graph)
+    assert 0.3 < g.seen.mean() < 0.9
+    assert (np.linalg.norm(g.geometric_normal - world_normals(renderer, g), axis=-1)[g.seen] < 1e-4).all()
+
+
+def test_orthographic_camera():
+    camera = Camera.look_at((3, 3, 3), (0, 0.8, 0))
+    camera.orthographic_height = 5.0
+    renderer = drawn(medley(), (161, 91), camera)
+    assert (~agreement(renderer)).mean() <= EDGES
+
+
+@pytest.mark.parametrize("far", [1e3, 1e4])
+def test_camera_far_away(far):
+    """A telephoto lens; float32 knows the place of a camera at 10 km to half a millimetre."""
+    camera = Camera.look_at(np.array((0.3, 0.35, 1)) * far, (0, 0.9, 0), yfov_deg=np.degrees(5 / far))
+    assert (~agreement(drawn(medley(), camera=camera))).mean() <= (EDGES if far < 1e4 else 5e-3)
+
+
+def test_tiny_pictures():
+    """Pixels metres wide, where edges move by centimetres: each shows a surface near to what the ray meets."""
+    for size in ((1, 1), (3, 1), (1, 7), (17, 13)):
+        renderer = drawn(medley(), size)
+        g, depth = read_surfaces(renderer.graph), renderer.read_back("depth")
+        assert np.array_equal(g.seen, depth > 0)
+        assert np.allclose(g.distance, depth, rtol=1e-4)
+
+
+def test_depth_is_reversed():
+    for camera in (None, Camera.look_at((3, 3, 3), (0, 0.8, 0))):
+        if camera is not None:
+            camera.orthographic_height = 5.0
+        renderer = drawn(medley(), camera=camera)
+        g, upload = read_surfaces(renderer.graph), renderer._upload
+        clip = upload.view(renderer.camera, SIZE, False)["clip_from_world"].T.astype(np.float64)
+        position = renderer.read_back("position").astype(np.float64) - upload.origin
+        expected = position @ clip[:3, :3].T + clip[:3, 3]
+        expected = expected[..., 2] / (position @ clip[3, :3] + clip[3, 3])
+        same = agreement(renderer) & g.seen
+        assert np.allclose(g.depth[same], expected[same], rtol=1e-4)
+        assert not g.depth[~g.seen].any()
+
+
+def test_materials_and_emission():
+    renderer = drawn(medley())
+    g, same = read_surfaces(renderer.graph), agreement(renderer)
+    hierarchy, materials = renderer._upload._hierarchy, renderer.scene.materials
+    shown = [materials[k] for k in hierarchy.triangles["material"][g.triangle[g.seen]]]
+    for name, values in (("roughness", g.roughness), ("metallic", g.metallic), ("unlit", g.unlit)):
+        assert np.allclose(values[g.seen], [getattr(m, name) for m in shown], atol=1e-5), name
+    assert g.coated[g.seen].all() and {m.name for m in shown} == {m.name for m in materials}
+    # What shines is what the path tracer sees at the pixels' centres.
+    exact = shoot(medley(), SIZE, show=("emission",), diffuse=False, spp=1, bounces=0)["emission"]
+    assert np.allclose(g.emission[same], exact[same], rtol=1e-5)
+    assert np.array_equal(g.emission.astype(np.float32), renderer.read_back("emission"))
+
+
+def test_lambert_only():
+    renderer = Renderer(medley(), size=(32, 18), settings=Settings(gi="none", diffuse=True))
+    renderer.step(show=("emission",))
+    assert not read_surfaces(renderer.graph).coated.any()
+
+
+# ------------------------------------------------------------------------------------------------ Layers and cameras
+
+
+class Bench:
+    """A graph with a scene in it, without a renderer."""
+
+    def __init__(self, scene, size, camera):
+        self.device = open_device(large_buffers=True)
+        self.graph, self.upload, self.size = Graph(self.device), SceneUpload(self.device), size
+        self.upload.update(scene)
+        self.upload.update_draws(scene)
+        self.graph.uniform("scene", self.upload.info)
+        self.look("view", camera)
+        self.graph.begin(size)
+        self.inputs = share_scene(self.graph, self.upload)
+
+    def look(self, name, camera):
+        self.graph.uniform(name, self.upload.view(camera, self.size, False))
+
+    def run(self, *layers):
+        self.graph.compile([h for g in layers for h in (g.surfaces, g.emission, g.distance)])
+        self.graph.run(check=True)
+
+
+def plates():
+    """Squares at 1, 2, 3, 4 and 5 m before the camera; the second and the fourth are cut to their right half."""
+    half = np.full((1, 2, 4), 255, np.uint8)
+    half[0, 0, 3] = 0
+    cut = Texture(Image(half), filter="nearest")
+    scene = Scene()
+    for k in range(1, 6):
+        color = (k / 8, 0.5, 0.5, 1.0)
+        material = Material(f"{k}", color, alpha_mode="opaque" if k % 2 else "mask", base_color_texture=cut)
+        plate = quad((-1, -1, -k), (2, 0, 0), (0, 2, 0), material)
+        plate.texcoords0 = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+        scene.instances.append(Instance(plate))
+    return scene
+
+
+@pytest.mark.parametrize("height", [None, 1.0])
+def test_layers_of_plates(height):
+    """Left of the middle one sees the plates 1, 3, 5, to its right 1, 2, 3, whatever order they are drawn in."""
+    camera = Camera(yfov=np.radians(10), orthographic_height=height)
+    for order in (1, -1):
+        scene = plates()
+        scene.instances = scene.instances[::order]
+        bench = Bench(scene, (20, 10), camera)
+        layers = declare_gbuffer(bench.graph, bench.inputs, layers=4)
+        bench.run(*layers)
+        found = [read_surfaces(bench.graph, suffix=suffix) for suffix in ("", "_1", "_2", "_3")]
+        for k, (left, right) in enumerate([(1, 1), (3, 2), (5, 3), (0, 4)]):
+            for half, plate in ((np.s_[:, :10], left), (np.s_[:, 10:], right)):
+                assert np.array_equal(found[k].seen[half], np.full((10, 10), plate > 0))
+                assert np.allclose(found[k].base_color[half][..., 0], plate / 8, atol=2e-3)
+                if height:
+                    assert np.allclose(found[k].distance[half], plate)
+        assert not found[3].emission.any()
+
+
+def test_layers_are_the_hits_of_rays_in_order():
+    """Against all intersections of all triangles: spheres in spheres, as instances and in the world's tree."""
+    ball = sphere(subdivisions=1)
+    scene = Scene(
+        [
+            Instance(sphere(subdivisions=2)),
+            Instance(ball, at(0.3, 0, 0, (0.6, 0.6, -0.6))),
+            Instance(ball, at(-0.5, 0.4, 0.2, (0.5, 1.5, 0.5), 0.5)),
+        ]
+    )
+    camera = Camera.look_at((1, 1, 3), (0, 0, 0), yfov_deg=45)
+    bench = Bench(scene, (48, 32), camera)
+    layers = declare_gbuffer(bench.graph, bench.inputs, layers=3)
+    bench.run(*layers)
+    hits = np.sort(all_hits(scene, camera, (48, 32)), axis=-1)
+    assert (np.isfinite(hits).sum(-1) >= 4).mean() > 0.1
+    for k, suffix in enumerate(("", "_1", "_2")):
+        g = read_surfaces(bench.graph, suffix=suffix)
+        expected = np.where(np.isfinite(hits[..., k]), hits[..., k], 0.0)
+        assert (np.abs(g.distance - expected) > 1e-4).mean() < 5e-3
+
+
+def rays(camera, size):
+    """Directions of unit length through the pixels' centres, (h, w, 3)."""
+    half = np.tan(camera.yfov / 2)
+    x, y = np.meshgrid((np.arange(size[0]) + 0.5) / size[0] * 2 - 1, 1 - (np.arange(size[1]) + 0.5) / size[1] * 2)
+    local = np.stack([x * half * size[0] / size[1], y * half, -np.ones_like(x)], -1)
+    return local @ camera.world_from_view[:3, :3].T / np.linalg.norm(local, axis=-1, keepdims=True)
+
+
+def all_hits(scene, camera, size):
+    """Distances at which the pixels' rays meet each triangle, (h, w, n), inf where they do not."""
+    corners = np.concatenate(
+        [i.mesh.positions[i.mesh.triangles] @ i.world_from_local[:3, :3].T + i.world_from_local[:3, 3] for i in scene.instances]
+    )
+    origin, direction = camera.position, rays(camera, size)[..., None, :]
+    v0, e1, e2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = np.cross(direction, e2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1 / (e1 * p).sum(-1)
+        s = origin - v0
+        u, q = (s * p).sum(-1) * inverse, np.cross(s, e1)
+        v, t = (direction * q).sum(-1) * inverse, (e2 * q).sum(-1) * inverse
+        return np.where((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0), t, np.inf)
+
+
+def test_second_camera_sees_what_it_would_see_alone():
+    scene = medley()
+    first, second = scene.cameras[0], Camera.look_at((-4, 3, 2), (0, 0.5, 0), yfov_deg=60)
+    both, alone = Bench(scene, (64, 40), first), Bench(scene, (64, 40), second)
+    both.look("view_second", second)
+    (near,) = declare_gbuffer(both.graph, both.inputs)
+    (other,) = declare_gbuffer(both.graph, both.inputs, name="second", view="view_second")
+    both.run(near, other)
+    alone.run(*declare_gbuffer(alone.graph, alone.inputs))
+    got, expected = read_surfaces(both.graph, "second"), read_surfaces(alone.graph)
+    for name in vars(expected):
+        assert np.array_equal(getattr(got, name), getattr(expected, name)), name
+    assert not np.array_equal(read_surfaces(both.graph).distance, got.distance)
+    # Only the second one is drawn again when its camera moves.
+    both.look("view_second", first)
+    both.graph.run()
+    assert set(both.graph.last_run) == {"second/opaque", "second/masked", "second/resolve"}
+
+
+# ------------------------------------------------------------------------------------------------ Motion
+
+STILL = 2e-3  # pixels: rounding of float32 in two projections
+
+
+def place_of(camera, size, points):
+    """Pixels from the top left corner, and distances from the camera, of points of the world."""
+    clip = camera.clip_from_world(size, np.zeros(3), 1.0, 100.0)
+    p = np.asarray(points, np.float64) @ clip[:, :3].T + clip[:, 3]
+    ndc = p[..., :2] / p[..., 3:]
+    return (ndc * (0.5, -0.5) + 0.5) * size, np.linalg.norm(points - camera.position, axis=-1)
+
+
+def motion_of(renderer):
+    """Motion and position of the frame that is rendered now."""
+    renderer.step(show=("motion", "position", "depth"))
+    depth = renderer.read_back("depth")
+    return renderer.read_back("motion"), renderer.read_back("position").astype(np.float64), depth
+
+
+def test_nothing_moves_at_first_and_at_rest():
+    renderer = drawn(medley(), show=("motion", "depth"))
+    depth = renderer.read_back("depth")
+    for _ in range(2):
+        motion = renderer.read_back("motion")
+        assert np.abs(motion[..., :2]).max() < STILL
+        # The distance is as it is.
+        assert (np.abs(motion[..., 2] - depth) > 1e-4 * depth).mean() < EDGES
+        renderer.run(show=("motion", "depth"))
+
+
+@pytest.mark.parametrize("jitter", [False, True])
+def test_motion_of_a_camera(jitter):
+    """Of what is seen, by its place; nothing of the jitter in it."""
+    renderer = drawn(medley(), show=("motion", "position", "depth"), jitter=jitter)
+    renderer.step(show=("motion", "position", "depth"))
+    before = renderer.camera
+    renderer.camera = Camera.look_at((0.8, 2.0, 5.5), (0.1, 1.0, 0), yfov_deg=50)
+    motion, position, depth = motion_of(renderer)
+    now, _ = place_of(renderer.camera, SIZE, position)
+    then, distance = place_of(before, SIZE, position)
+    seen = depth > 0
+    off = np.abs(motion[..., :2] - (now - then)).max(-1)[seen]
+    assert np.median(np.linalg.norm(now - then, axis=-1)[seen]) > 5
+    assert (off > 0.01).mean() < 2 * EDGES
+    assert (np.abs(motion[..., 2] - distance)[seen] > 1e-3).mean() < 2 * EDGES
+    # The next frame, jittered or not, is one of the same camera: it is at rest.
+    renderer.step(show=("motion", "position", "depth"))
+    assert np.abs(renderer.read_back("motion")[..., :2]).max() < STILL
+
+
+def test_jitter_is_no_motion():
+    renderer = drawn(medley(), show=("motion",), jitter=True)
+    for _ in range(5):
+        assert renderer.step(show=("motion",))
+        assert np.abs(renderer.read_back("motion")[..., :2]).max() < STILL
+
+
+def test_motion_of_the_sky():
+    """By the turn of the camera alone."""
+    renderer = drawn(medley(), show=("motion",))
+    eye, before = renderer.camera.position, renderer.camera
+    renderer.camera = Camera.look_at(eye + (5.0, 0, 0), eye + (5.4, -0.2, -3), yfov_deg=50)
+    motion, _, depth = motion_of(renderer)
+    sky = depth == 0
+    directions = rays(renderer.camera, SIZE)
+    far = 1e9 * directions
+    now, then = (place_of(c, SIZE, far)[0] for c in (renderer.camera, before))
+    assert sky.mean() > 0.2 and np.abs(now - then)[sky].min() > 1
+    assert (np.abs(motion[..., :2] - (now - then)).max(-1)[sky] > 0.01).mean() < 2 * EDGES
+    assert not motion[..., 2][sky].any()
+
+
+MOVES = {
+    "moved": ("left", at(-1.2, 1.1, 0.8, (0.6, 0.9, 0.6), 0.4)),
+    "turned and mirrored": ("right", at(1.4, 0.5, 1.2, (0.5, 0.5, -0.5), 1.0)),
+    "out of the world's tree": ("block", at(-2.2, 0.1, 2, (-1, 1.2, 1), 0.9)),
+}
+
+
+@pytest.mark.parametrize("name", MOVES)
+def test_motion_of_an_instance(name):
+    which, after = MOVES[name]
+    scene = medley()
+    renderer = drawn(scene, show=("motion", "position", "depth"))
+    instance = named(scene, which)
+    back = instance.world_from_local @ np.linalg.inv(after)
+    instance.world_from_local = after
+    motion, position, _ = motion_of(renderer)
+    g = read_surfaces(renderer.graph)
+    mine = g.instance == scene.instances.index(instance)
+    assert mine.sum() > 100
+    was = position @ back[:3, :3].T + back[:3, 3]
+    (now, _), (then, distance) = (place_of(renderer.camera, SIZE, p) for p in (position, was))
+    assert (np.abs(motion[..., :2] - (now - then)).max(-1)[mine] > 0.01).mean() < 0.01
+    assert (np.abs(motion[..., 2] - distance)[mine] > 1e-3).mean() < 0.01
+    assert np.abs(motion[..., :2])[~mine].max() < STILL
+    # It goes on, and rests.
+    instance.world_from_local = at(0.1, 0.05) @ after
+    motion, _, _ = motion_of(renderer)
+    mine = read_surfaces(renderer.graph).instance == scene.instances.index(instance)
+    assert np.abs(motion[mine][..., :2]).min(0).max() > 0.5 and np.abs(motion[..., :2])[~mine].max() < STILL
+    motion, _, _ = motion_of(renderer)
+    assert np.abs(motion[..., :2]).max() < STILL
+
+
+def test_instances_that_come_and_go_do_not_move_others():
+    scene = medley()
+    renderer = drawn(scene, show=("motion",))
+    left, right = named(scene, "left"), named(scene, "right")
+    for instances in (
+        [i for i in scene.instances if i is not left],
+        [left, *[i for i in scene.instances if i is not left]],
+        [right, *[i for i in scene.instances if i not in (left, right)], left],
+        [Instance(left.mesh, right.world_from_local), *[i for i in scene.instances if i is not right]],
+    ):
+        scene.instances = instances
+        motion, _, _ = motion_of(renderer)
+        assert np.abs(motion[..., :2]).max() < STILL
+
+
+def test_a_new_origin_is_no_motion():
+    """Positions are relative to the middle of the scene as it was laid out; a motion of that middle is none."""
+    scene = medley()
+    renderer = drawn(scene, show=("motion", "position", "depth"))
+    ball = named(scene, "left").mesh
+    for place in (at(40, 20, -60), at(-30, 0, -90)):
+        origin = renderer._upload.origin
+        scene.instances.append(Instance(ball, place))
+        motion, _, _ = motion_of(renderer)
+        assert np.abs(renderer._upload.origin - origin).max() > 5
+        assert np.abs(motion[..., :2]).max() < STILL
+    # Together with a motion of the camera.
+    before = renderer.camera
+    renderer.camera = Camera.look_at((0.8, 2.0, 5.5), (0.1, 1.0, 0), yfov_deg=50)
+    scene.instances = scene.instances[:-1]
+    motion, position, depth = motion_of(renderer)
+    (now, _), (then, distance) = (place_of(camera, SIZE, position) for camera in (renderer.camera, before))
+    off = np.abs(motion[..., :2] - (now - then)).max(-1)[depth > 0]
+    assert (off > 0.01).mean() < 2 * EDGES
+    assert (np.abs(motion[..., 2] - distance)[depth > 0] > 1e-3).mean() < 2 * EDGES
+
+
+def test_another_size_is_no_motion():
+    renderer = drawn(medley(), show=("motion",))
+    for size in ((80, 45), (60, 70)):
+        renderer.size = size
+        motion, _, _ = motion_of(renderer)
+        assert np.abs(motion[..., :2]).max() < STILL
+
+
+def test_what_was_behind_the_camera_has_no_motion():
+    scene = medley()
+    renderer = drawn(scene, show=("motion",))
+    eye = renderer.camera.position
+    renderer.camera = Camera.look_at(eye, eye - (eye - (0, 0.9, 0)))
+    renderer.step(show=("motion",))
+    renderer.camera = Camera.look_at(eye + (0, 0, 20), eye + (0, 0, 40))
+    renderer.step(show=("motion",))
+    renderer.camera = Camera.look_at(eye, (0, 0.9, 0), yfov_deg=50)
+    motion, _, _ = motion_of(renderer)
+    assert not renderer.graph.read_back("gbuffer/motion").any() and not motion.any()
