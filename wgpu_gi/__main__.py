@@ -10,6 +10,7 @@ from typing import NoReturn
 
 from . import __version__
 from .errors import GiError
+from .settings import QUALITIES
 
 RENDER_EXAMPLES = """\
 examples:
@@ -17,7 +18,8 @@ examples:
   wgpu-gi render scene.glb -o frame.exr --show radiance --show depth --show normal
   wgpu-gi render scene.glb --camera 1 --size 1280x720 --spp 256 --exposure 1.5
   wgpu-gi render scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8"
-  wgpu-gi render cornell --bounces 0 -o direct.npy  only what the lights reach
+  wgpu-gi render scene.glb --gi none                direct light by shadow maps, in a fraction of the time
+  wgpu-gi render cornell --bounces 0 -o direct.npy  the same by the path tracer, the truth
   wgpu-gi render --set help                         list every setting
 
 --show, --light and --set may be given several times; several buffers need .exr or .npz.
@@ -133,7 +135,8 @@ def _add_render_arguments(parser: Parser) -> None:
     add("-o", "--output", default="out.png", metavar="OUT", help=".png .exr .npy or .npz (default: out.png)")
     add("--size", type=_size, default=(640, 360), metavar="WxH", help="pixels (default: 640x360)")
     add("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")
-    add("--gi", choices=("path", "none"), default="path", help="global illumination by (default: path)")
+    add("--gi", default="path", metavar="GI", help="technique for light; 'help' lists them (default: path)")
+    add("--quality", choices=QUALITIES, default="medium", help="of all settings that have presets (default: medium)")
     add("--bounces", type=_bounces, metavar="N", help="indirect bounces: 0, 1 ... or unlimited (the default)")
     add("--spp", type=int, default=64, metavar="N", help="samples per pixel (default: 64)")
     add("--env", metavar="ENV", help="environment: an .hdr or .exr file, or a constant radiance R,G,B")

@@ -12,26 +12,30 @@ from pathlib import Path
 
 from . import __version__
 from .errors import GiError
+from .frame import TECHNIQUES, Settings, buffers_of, picture_count
 from .image import check_output, save_image
-from .renderer import BUFFERS, Renderer, Settings, check_size
+from .renderer import Renderer, check_size
 from .scene.camera_files import choose_camera
 from .scene.environment_files import load_environment
 from .scene.load import NO_CAMERA_NOTE, load, parse_light
 from .scene.scene import Scene
-from .settings import assign, describe, format_rows, validate
+from .settings import apply_quality, assign, describe, format_rows, validate
 
 
 def render(arguments: Namespace) -> int:
     """Carry out `wgpu-gi render`; return the exit code. Raises GiError for all that the user can put right."""
+    if arguments.gi == "help":
+        print("\n".join(f"{name:<12} {technique.sentence}" for name, technique in TECHNIQUES.items()))
+        return 0
     settings = settings_from(arguments)
     if "help" in arguments.set:
         print(format_rows(describe(settings)))
         return 0
     if "help" in arguments.show:
-        print(*BUFFERS)
+        print(*buffers_of(settings.gi))
         return 0
     # Refuse what cannot work before any time is spent on it.
-    shown = buffers_from(arguments)
+    shown = buffers_from(arguments, settings)
     check_size(*arguments.size)
     if not math.isfinite(arguments.exposure):
         raise GiError(f"--exposure takes a finite number of stops, not {arguments.exposure}")
@@ -59,7 +63,8 @@ def render(arguments: Namespace) -> int:
     if arguments.timings:
         print(renderer.timings())
     width, height = arguments.size
-    print(f"{arguments.output}: {width}x{height}, {settings.spp} spp, {seconds:.1f} s on {renderer.adapter_name}")
+    samples = f"{settings.spp} spp" if settings.gi == "path" else f"{picture_count(settings)} frames"
+    print(f"{arguments.output}: {width}x{height}, {samples}, {seconds:.1f} s on {renderer.adapter_name}")
     return 0
 
 
@@ -69,18 +74,20 @@ def settings_from(arguments: Namespace) -> Settings:
         gi=arguments.gi, bounces=arguments.bounces, spp=arguments.spp, seed=arguments.seed, diffuse=arguments.diffuse
     )
     validate(settings)
+    apply_quality(settings, arguments.quality)
     for text in arguments.set:
         if text != "help":
             assign(settings, text)
     return settings
 
 
-def buffers_from(arguments: Namespace) -> list[str]:
+def buffers_from(arguments: Namespace, settings: Settings) -> list[str]:
     """Return the buffers to write, each once, in the order given."""
     shown = list(dict.fromkeys(arguments.show or ["radiance"]))
+    known = buffers_of(settings.gi)
     for name in shown:
-        if name not in BUFFERS:
-            raise GiError(f"--show takes one of {', '.join(BUFFERS)}, not {name!r}")
+        if name not in known:
+            raise GiError(f"with --gi {settings.gi}, --show takes one of {', '.join(known)}, not {name!r}")
     return shown
 
 
@@ -101,6 +108,7 @@ def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> 
         "scene": arguments.scene,
         "camera": "" if arguments.camera is None else arguments.camera,
         "gi": settings.gi,
+        "quality": arguments.quality,
         "bounces": "unlimited" if settings.bounces is None else settings.bounces,
         "spp": settings.spp,
         "seed": settings.seed,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from .gpu.graph import Graph
 from .gpu.handles import Buffer, Handle
 from .settings import setting
-from .techniques.composite import declare_mean, declare_sum
+from .techniques.composite import declare_display, declare_mean, declare_sum
 from .techniques.direct import DirectSettings, declare_direct
 from .techniques.environment import EnvironmentSettings, declare_environment
 from .techniques.gbuffer import declare_gbuffer, declare_motion
@@ -46,6 +46,12 @@ BUFFERS = (
 )
 
 
+def buffers_of(gi: str) -> tuple[str, ...]:
+    """Return the names of what a technique can show."""
+    missing = "motion" if gi == "path" else "standard_error"
+    return tuple(name for name in BUFFERS if name != missing)
+
+
 @dataclass
 class CameraSettings:
     """How pixels are sampled."""
@@ -68,6 +74,7 @@ class Settings:
     bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
     spp: int = setting(64, "Samples per pixel of the path tracer.", "samples", range=(1, 10_000_000))
     seed: int = setting(0, "Seed of all random numbers.", range=(0, 2**32 - 1))
+    exposure: float = setting(0.0, "Brighten what is displayed by 2^exposure.", "EV", range=(-60, 60))
     diffuse: bool = setting(False, "Treat every material as Lambert with its base colour.")
     camera: CameraSettings = field(default_factory=CameraSettings)
     path: PathSettings = field(default_factory=PathSettings)
@@ -99,8 +106,11 @@ def declare_frame(
     """
     declare = _declare_path if settings.gi == "path" else _declare_deferred
     shown = declare(graph, settings, scene, shadows, extra_runs)
+    radiance = shown["radiance"].handle
+    assert isinstance(radiance, Buffer)
     primary = declare_primary(graph, scene)
     return shown | {
+        "display": Source(declare_display(graph, radiance, settings.exposure)),
         "albedo": Source(primary.albedo),
         "normal": Source(primary.normal),
         "depth": Source(primary.normal, 3, 1),

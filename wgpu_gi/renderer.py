@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .camera import Camera
 from .errors import GiError
-from .frame import BUFFERS, TECHNIQUES, CameraSettings, Settings, Source, declare_frame, picture_count
+from .frame import BUFFERS, TECHNIQUES, CameraSettings, Settings, Source, buffers_of, declare_frame, picture_count
 from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
@@ -20,7 +20,7 @@ from .scene.camera_files import framing_camera
 from .scene.fingerprint import Fingerprint
 from .scene.scene import Scene
 from .scene.upload import SceneUpload
-from .settings import validate
+from .settings import apply_quality, validate
 from .techniques.deferred_inputs import DeferredInputs
 from .techniques.reference import path_runs
 from .techniques.scene_inputs import SceneInputs, share_scene
@@ -81,8 +81,7 @@ class Renderer:
     @property
     def buffers(self) -> tuple[str, ...]:
         """The names of what the technique in the settings can show."""
-        missing = "motion" if self.settings.gi == "path" else "standard_error"
-        return tuple(name for name in BUFFERS if name != missing)
+        return buffers_of(self.settings.gi)
 
     @property
     def graph(self) -> Graph:
@@ -167,12 +166,13 @@ class Renderer:
         self._extra_runs += -(-missing * runs // max(samples, 1))
         return missing <= 0
 
-    def read_back(self, name: str = "radiance") -> NDArray[np.float32]:
+    def read_back(self, name: str = "radiance") -> NDArray:
         """Return a buffer of the last run as (height, width, 3) float32; `depth` as (height, width).
 
         radiance, direct, indirect, emission, standard_error: W/(m2 sr). depth: metres along the ray, 0 where nothing is
         seen. position: world, metres. normal: unit, towards the viewer. motion: pixels right and down since the frame
-        before, and the distance then in metres. Raises GiError for a buffer that there is not.
+        before, and the distance then in metres. display: (height, width, 3) uint8, sRGB with exposure and tone curve,
+        for screens. Raises GiError for a buffer that there is not.
         """
         self._check_buffers((name,))
         if name not in self._sources:
@@ -182,6 +182,8 @@ class Renderer:
         if source.handle is None:
             return np.zeros((height, width, 3), np.float32)
         pixels = self._graph.read_back(source.handle).reshape(height, width, 4)
+        if name == "display":
+            return np.ascontiguousarray(pixels[..., :3])
         values: NDArray = pixels[..., source.first : source.first + source.count]
         if name == "position" and self._upload is not None:
             values = np.where(pixels[..., 3:] > 0, values + self._upload.origin, 0.0)
@@ -258,9 +260,7 @@ class Renderer:
 
     def _check_buffers(self, names: Iterable[str]) -> None:
         for name in names:
-            if name not in BUFFERS:
-                raise GiError(f"there is no buffer {name!r}; there is {', '.join(BUFFERS)}")
-            if name not in self.buffers:
+            if name not in self.buffers and name != "display":
                 raise GiError(f"--gi {self.settings.gi} has no buffer {name!r}; it has {', '.join(self.buffers)}")
 
 
@@ -274,6 +274,7 @@ def render(
     bounces: int | None = None,
     seed: int = 0,
     diffuse: bool = False,
+    quality: str | None = None,
     show: str = "radiance",
     settings: Settings | None = None,
     adapter: str | None = None,
@@ -281,10 +282,12 @@ def render(
 ) -> NDArray[np.float32]:
     """Render one picture: (height, width, 3) float32 linear radiance in W/(m2 sr), or the buffer `show`.
 
-    The sections of `settings` give the finer knobs; its first level is replaced by the arguments here. Raises GiError
-    for bad values.
+    The sections of `settings` give the finer knobs; its first level is replaced by the arguments here. `quality` (low,
+    medium, high) sets all knobs that have presets. Raises GiError for bad values.
     """
-    chosen = replace(settings or Settings(), gi=gi, spp=spp, bounces=bounces, seed=seed, diffuse=diffuse)
+    chosen = replace(deepcopy(settings) or Settings(), gi=gi, spp=spp, bounces=bounces, seed=seed, diffuse=diffuse)
+    if quality is not None:
+        apply_quality(chosen, quality)
     renderer = Renderer(scene, size=size, camera=camera, settings=chosen, adapter=adapter)
     renderer.run(progress, show=(show,))
     return renderer.read_back(show)

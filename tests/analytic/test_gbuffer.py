@@ -215,7 +215,10 @@ def rays(camera, size):
 def all_hits(scene, camera, size):
     """Distances at which the pixels' rays meet each triangle, (h, w, n), inf where they do not."""
     corners = np.concatenate(
-        [i.mesh.positions[i.mesh.triangles] @ i.world_from_local[:3, :3].T + i.world_from_local[:3, 3] for i in scene.instances]
+        [
+            i.mesh.positions[i.mesh.triangles] @ i.world_from_local[:3, :3].T + i.world_from_local[:3, 3]
+            for i in scene.instances
+        ]
     )
     origin, direction = camera.position, rays(camera, size)[..., None, :]
     v0, e1, e2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -309,7 +312,8 @@ def test_motion_of_the_sky():
     """By the turn of the camera alone."""
     renderer = drawn(medley(), show=("motion",))
     eye, before = renderer.camera.position, renderer.camera
-    renderer.camera = Camera.look_at(eye + (5.0, 0, 0), eye + (5.4, -0.2, -3), yfov_deg=50)
+    step = np.array([5.0, 0, 0])
+    renderer.camera = Camera.look_at(eye + step, eye + step + [0.4, -0.2, -3], yfov_deg=50)
     motion, _, depth = motion_of(renderer)
     sky = depth == 0
     directions = rays(renderer.camera, SIZE)
@@ -401,11 +405,9 @@ def test_another_size_is_no_motion():
 def test_what_was_behind_the_camera_has_no_motion():
     scene = medley()
     renderer = drawn(scene, show=("motion",))
-    eye = renderer.camera.position
-    renderer.camera = Camera.look_at(eye, eye - (eye - (0, 0.9, 0)))
+    camera = renderer.camera
+    renderer.camera = Camera.look_at((0, 1, 20), (0, 1, 40))
     renderer.step(show=("motion",))
-    renderer.camera = Camera.look_at(eye + (0, 0, 20), eye + (0, 0, 40))
-    renderer.step(show=("motion",))
-    renderer.camera = Camera.look_at(eye, (0, 0.9, 0), yfov_deg=50)
+    renderer.camera = camera
     motion, _, _ = motion_of(renderer)
     assert not renderer.graph.read_back("gbuffer/motion").any() and not motion.any()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..gpu.graph import Graph
-from ..gpu.handles import Buffer
+from ..gpu.handles import Buffer, Texture
 from .gbuffer import FOUR_FLOATS
 
 
@@ -40,3 +40,17 @@ def declare_mean(graph: Graph, name: str, layer: Buffer) -> Buffer:
         params={"count": layer.count},
     )
     return mean
+
+
+def declare_display(graph: Graph, radiance: Buffer, exposure: float) -> Texture:
+    """Declare the picture for a screen, 8-bit sRGB: radiance times 2^`exposure` through the tone curve."""
+    display = graph.texture("composite/display", "rgba8unorm")
+    graph.compute(
+        "composite/display",
+        "composite/display.wgsl",
+        over=display,
+        reads={"radiance": radiance},
+        writes={"display": display},
+        params={"scale": 2.0 ** max(-100.0, min(exposure, 100.0))},
+    )
+    return display

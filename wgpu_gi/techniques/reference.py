@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..gpu.graph import Graph
-from ..gpu.handles import Buffer, Texture
+from ..gpu.handles import Buffer
 from ..settings import setting
 from .scene_inputs import SceneInputs
 
@@ -32,15 +32,14 @@ class PathSettings:
 class Reference:
     """Linear radiance in W/(m2 sr): the layers by number of scatterings, their sum, its standard error.
 
-    The layers are buffers of (r, g, b, a) per pixel, rows from the top; `emission`'s a is the number of samples so far.
-    The sum and its error are rgba32float textures.
+    Buffers of (r, g, b, a) per pixel, rows from the top; `emission`'s a is the number of samples so far.
     """
 
     emission: Buffer
     direct: Buffer
     indirect: Buffer
-    radiance: Texture
-    standard_error: Texture
+    radiance: Buffer
+    standard_error: Buffer
 
 
 @dataclass
@@ -73,10 +72,16 @@ def declare_reference(
     `emission`'s a tells how many it has: pixels with very long paths take fewer in a run and need more runs.
     """
     width, height = graph.size
-    layers = {
-        name: graph.buffer(f"path/{name}", dtype=FOUR_FLOATS, count=width * height, nonnegative=True)
-        for name in ("emission", "direct", "indirect", "deviation")
-    }
+
+    def buffers(*names: str) -> dict[str, Buffer]:
+        count = width * height
+        return {
+            name: graph.buffer(f"path/{name}", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
+            for name in names
+        }
+
+    layers = buffers("emission", "direct", "indirect", "deviation")
+    results = buffers("radiance", "standard_error")
     tiles = -(-width // 8) * -(-height // 8)
     graph.compute(
         "path/trace",
@@ -94,23 +99,15 @@ def declare_reference(
         settle=runs,
         split=True,
     )
-    radiance = graph.texture("path/radiance", "rgba32float", nonnegative=True)
-    standard_error = graph.texture("path/standard_error", "rgba32float", nonnegative=True)
-    graph.compute(
-        "path/resolve",
-        "reference/resolve.wgsl",
-        over=radiance,
-        reads=layers,
-        writes={"radiance": radiance, "standard_error": standard_error},
-    )
-    return Reference(layers["emission"], layers["direct"], layers["indirect"], radiance, standard_error)
+    graph.compute("path/resolve", "reference/resolve.wgsl", over=results["radiance"], reads=layers, writes=results)
+    return Reference(layers["emission"], layers["direct"], layers["indirect"], **results)
 
 
 def declare_primary(graph: Graph, scene: SceneInputs) -> Primary:
     """Declare the pass that finds what each pixel's centre shows, without light."""
     width, height = graph.size
     buffers = {
-        name: graph.buffer(f"primary/{name}", dtype=FOUR_FLOATS, count=width * height)
+        name: graph.buffer(f"primary/{name}", dtype=FOUR_FLOATS, count=width * height, width=width)
         for name in ("albedo", "normal", "position")
     }
     graph.compute(

@@ -7,17 +7,15 @@
 @group(1) @binding(1) var<storage, read> direct: array<vec4f>;
 @group(1) @binding(2) var<storage, read> indirect: array<vec4f>;
 @group(1) @binding(3) var<storage, read> deviation: array<vec4f>;
-@group(1) @binding(4) var radiance: texture_storage_2d<rgba32float, write>;
-@group(1) @binding(5) var standard_error: texture_storage_2d<rgba32float, write>;
+@group(1) @binding(4) var<storage, read_write> radiance: array<vec4f>;
+@group(1) @binding(5) var<storage, read_write> standard_error: array<vec4f>;
 
-@compute @workgroup_size(8, 8)
+@compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let pixel = id.xy;
-    let size = textureDimensions(radiance);
-    if (any(pixel >= size)) {
+    let index = id.x;
+    if (index >= arrayLength(&radiance)) {
         return;
     }
-    let index = pixel.y * size.x + pixel.x;
     let emitted = emission[index];
     let total = emitted.rgb + direct[index].rgb + indirect[index].rgb;
     let n = emitted.a;
@@ -25,6 +23,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (n > 1.5) {
         error = sqrt(deviation[index].rgb / ((n - 1.0) * n));
     }
-    textureStore(radiance, pixel, vec4f(total, 1.0));
-    textureStore(standard_error, pixel, vec4f(error, 1.0));
+    radiance[index] = vec4f(total, 1.0);
+    standard_error[index] = vec4f(error, 1.0);
 }

@@ -87,6 +87,7 @@ fn load_vertex(index: u32) -> Vertex {
 // Compiled out where the scene has none of it.
 override HAS_INSTANCES: bool = true;
 override HAS_MASKS: bool = true;
+override HAS_VERTEX_COLORS: bool = true;
 
 struct Hit {
     distance: f32,   // in lengths of the ray's direction

@@ -46,6 +46,9 @@ const NORMAL_SLOT: u32 = 3u;
 
 // Compiled out where the scene has none of it.
 override HAS_TEXTURES: bool = true;
+override HAS_EMISSION_MAPS: bool = true;
+override HAS_ROUGHNESS_MAPS: bool = true;
+override HAS_NORMAL_MAPS: bool = true;
 override HAS_COATS: bool = true;  // materials that are not purely Lambert
 
 @group(1) @binding(0) var<storage, read> materials: array<Material>;

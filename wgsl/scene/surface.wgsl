@@ -78,7 +78,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     s.roughness = materials[material].roughness;
     s.emission = materials[material].emission;
     s.emitter_pdf = materials[material].emitter_pdf;
-    if ((triangle.flags & COLORED) != 0u) {
+    if (HAS_VERTEX_COLORS && (triangle.flags & COLORED) != 0u) {
         base *= color_at(corners);
     }
     if (textured) {
@@ -87,15 +87,15 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
         if (has_texture(material, BASE_COLOR_SLOT)) {
             base *= sample_texture(material, BASE_COLOR_SLOT, uv0, uv1);
         }
-        if (has_texture(material, EMISSION_SLOT)) {
+        if (HAS_EMISSION_MAPS && has_texture(material, EMISSION_SLOT)) {
             s.emission *= sample_texture(material, EMISSION_SLOT, uv0, uv1).rgb;
         }
-        if (HAS_COATS && has_texture(material, METALLIC_ROUGHNESS_SLOT)) {
+        if (HAS_ROUGHNESS_MAPS && has_texture(material, METALLIC_ROUGHNESS_SLOT)) {
             let texel = sample_texture(material, METALLIC_ROUGHNESS_SLOT, uv0, uv1);
             s.metallic *= texel.b;
             s.roughness *= texel.g;
         }
-        if (has_texture(material, NORMAL_SLOT)) {
+        if (HAS_NORMAL_MAPS && has_texture(material, NORMAL_SLOT)) {
             let map = sample_texture(material, NORMAL_SLOT, uv0, uv1).xyz * 2.0 - 1.0;
             s.normal = bend_normal(s.normal, map, triangle, corners, hit.instance);
         }

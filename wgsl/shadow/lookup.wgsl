@@ -11,7 +11,7 @@
 @group(1) @binding(29) var gather_sampler: sampler;
 
 // The filter reaches 1.5 texels to each side of the point, and the nearest texel centre half a texel more.
-const FILTER_REACH: f32 = 2.0;
+const FILTER_REACH: f32 = 1.6;
 // Of the depth: rounding of float32 in the projection and of the interpolation by rasterisation. Chosen.
 const DEPTH_ROUNDING: f32 = 4e-6;
 // Within this share of a texel's width, and of the change of depth across it, a texel shows the point's own plane; from
@@ -45,7 +45,7 @@ fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f
             let v = load_view(view, count);
             let place = v.centre + vec2f(dot(v.right, position), -dot(v.up, position)) / v.texel;
             let from_middle = place - v.corner - 0.5 * v.size;
-            if (all(abs(from_middle) <= 0.5 * v.size - 2.0 * FILTER_REACH)) {
+            if (all(abs(from_middle) <= 0.5 * v.size - 4.0)) {
                 break;
             }
             view += 1u;

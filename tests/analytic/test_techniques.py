@@ -1,0 +1,395 @@
+"""Relations that hold for every technique without any truth; a technique takes part by being in TECHNIQUES.
+
+Layers without noise, which is to say those that do not depend on the seed, are compared pixel by pixel; noisy ones by
+their means, within what the noise between two seeds allows.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helpers.pictures import moved, translation
+from helpers.skies import gradient_sky
+from helpers.techniques import (
+    LAYERS,
+    SCENES,
+    assert_same,
+    ball_on_a_floor,
+    brighten,
+    make_settings,
+    noise_of,
+    picture,
+    read_all,
+    reference,
+    scaled,
+    swap_channels,
+    thousand_lights,
+)
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.frame import TECHNIQUES
+from wgpu_gi.renderer import Renderer
+from wgpu_gi.scene import builtin
+from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
+from wgpu_gi.scene.shapes import box, grid, mesh
+
+pytestmark = pytest.mark.parametrize("technique", TECHNIQUES)
+
+SEEN = ("albedo", "normal", "depth")  # through pixel centres, by every technique
+
+# ------------------------------------------------------------------------------------------------ Scale and place
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+@pytest.mark.parametrize("name", SCENES)
+def test_scale_does_not_matter(technique, name, factor):
+    """A scene s times as large with intensities s2 times as high looks the same."""
+    expected, noise = reference(technique, name)
+    assert_same(picture(technique, scaled(SCENES[name](), factor)), expected, noise)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_place_does_not_matter(technique, name):
+    """A scene thousands of kilometres away looks the same."""
+    expected, noise = reference(technique, name)
+    got = picture(technique, moved(SCENES[name](), translation(1e6 + 1 / 3, -2e6, 3e6 + 0.1)))
+    assert_same(got, expected, noise)
+
+
+# ------------------------------------------------------------------------------------------------ Light is linear
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_twice_the_light_is_exactly_twice_the_picture(technique, name):
+    """Bit for bit: powers of two change no digits."""
+    once, twice = (picture(technique, brighten(SCENES[name](), factor)) for factor in (1.0, 2.0))
+    for layer in LAYERS:
+        assert np.array_equal(2 * once[layer], twice[layer]), layer
+    assert twice["radiance"].any() or TECHNIQUES[technique].bounces == 0
+
+
+@pytest.mark.parametrize("factor", [1e-6, 2.0**-20, 2.0**27, 1e8])
+@pytest.mark.parametrize("name", ["cornell", "courtyard", "medley"])
+def test_dim_and_bright_light(technique, name, factor):
+    """A millionth and a hundred million times the light; powers of two near to that bit for bit."""
+    once, got = (picture(technique, brighten(SCENES[name](), f)) for f in (1.0, factor))
+    if math.frexp(factor)[0] == 0.5:
+        assert all(np.array_equal(factor * once[layer], got[layer]) for layer in LAYERS)
+        return
+    expected = {layer: factor * once[layer] for layer in LAYERS}
+    _, noise = reference(technique, name)
+    assert_same(got, expected, {layer: factor * noise[layer] for layer in LAYERS})
+
+
+def test_lights_add_up(technique):
+    """Each light alone and all of them together, of every kind; an emitter's samples do not depend on other lights."""
+    lights = [
+        PointLight((1.0, 1.0, 1.0), 0.5, (1.0, 0.5, 0.2)),
+        DirectionalLight((0.3, -1.0, 0.2), 0.5),
+        SpotLight((-1.0, 2.0, 1.0), (0.5, -1.0, -0.5), 0.2, 0.5, 3.0),
+    ]
+    sky = Environment((0.2, 0.2, 0.2), gradient_sky(16, 20.0))
+    parts = [*({"lights": [light]} for light in lights), {"emission": 20.0}, {"environment": sky}]
+    together = {"lights": lights, "emission": 20.0, "environment": sky}
+    spp = 64
+    shown = [picture(technique, ball_on_a_floor(**part), spp=spp) for part in parts]
+    noises = [
+        noise_of(technique, layers, ball_on_a_floor(**part), spp=spp) for layers, part in zip(shown, parts, strict=True)
+    ]
+    sums = {layer: sum(p[layer] for p in shown) for layer in LAYERS}
+    whole = picture(technique, ball_on_a_floor(**together), spp=spp)
+    noises.append(noise_of(technique, whole, ball_on_a_floor(**together), spp=spp))
+    # The squares add up. Each noise is that of a difference, so this is more than twice that of the sum.
+    noise = {layer: np.sqrt(sum(n[layer] ** 2 for n in noises)) for layer in LAYERS}
+    # Where the lamp is seen, its shadow's penumbra is found with other rays.
+    assert_same(whole, sums, noise)
+
+
+def test_layers_add_up(technique):
+    for name in SCENES:
+        layers, _ = reference(technique, name)
+        total = layers["emission"] + layers["direct"] + layers["indirect"]
+        assert np.allclose(total, layers["radiance"], rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_swapped_channels_give_a_swapped_picture(technique, name):
+    expected, noise = reference(technique, name)
+    got = picture(technique, swap_channels(SCENES[name]()))
+    back = {layer: np.roll(got[layer], 1, axis=-1) for layer in LAYERS}
+    assert_same(back, expected, noise)
+
+
+def test_a_thousand_lights_in_one_place(technique):
+    """They give the picture of one that is a thousand times as bright."""
+    place, color = (1.0, 1.5, 1.0), (1.0, 0.6, 0.3)
+    scene = ball_on_a_floor([PointLight(place, 2.0, color)])
+    expected = picture(technique, scene)
+    got = picture(technique, ball_on_a_floor([PointLight(place, 0.002, color) for _ in range(1000)]))
+    assert_same(got, expected, noise_of(technique, expected, scene))
+
+
+@pytest.mark.parametrize("kind", [PointLight, SpotLight])
+def test_a_thousand_lights_add_up(technique, kind):
+    """Ten pictures of a hundred lights each are the picture of all thousand."""
+    lights = thousand_lights(kind)
+    size = (16, 12)
+    shown = [picture(technique, ball_on_a_floor(lights[k::10]), size) for k in range(10)]
+    expected = {layer: sum(p[layer] for p in shown) for layer in LAYERS}
+    scene = ball_on_a_floor(lights)
+    got = picture(technique, scene, size)
+    assert_same(got, expected, noise_of(technique, got, scene, size))
+
+
+# ------------------------------------------------------------------------------------------------ Albedo
+
+
+@pytest.mark.parametrize("albedo", [0.0, 1.0])
+def test_black_and_white(technique, albedo):
+    """Closed forms: a ball in a sky, floors under a sun and under a lamp, which light each other nothing."""
+    lux, height, intensity = 3.0, 2.0, 10.0
+    show = {"diffuse": True, "size": (9, 9), "spp": 64}
+    ball = picture(technique, builtin.furnace(albedo=albedo), **show)
+    floor = picture(technique, builtin.plane_sun(lux, 60.0, albedo), **show)
+    lamp = picture(technique, builtin.plane_point(height, intensity, albedo), **show)
+    on_ball = ball["depth"] > 0
+    assert ball["radiance"][on_ball].mean() == pytest.approx(albedo, rel=0.01)
+    assert np.allclose(ball["radiance"][~on_ball], 1.0)
+    assert np.allclose(floor["radiance"], albedo * lux * 0.5 / math.pi, rtol=1e-3)
+    x, z = lamp["position"][..., 0], lamp["position"][..., 2]
+    assert np.allclose(
+        lamp["radiance"],
+        (albedo * intensity * height / (math.pi * (height**2 + x**2 + z**2) ** 1.5))[..., None],
+        rtol=1e-3,
+    )
+
+
+def test_black_surfaces_scatter_nothing(technique):
+    for name in ("cornell", "courtyard", "medley"):
+        scene = SCENES[name]()
+        for material in scene.materials:
+            material.base_color = (0.0, 0.0, 0.0, material.base_color[3])
+        got = picture(technique, scene, diffuse=True)
+        assert not got["direct"].any() and not got["indirect"].any()
+        assert np.array_equal(got["radiance"], got["emission"])
+
+
+# ------------------------------------------------------------------------------------------------ Cameras
+
+
+def test_odd_sizes_share_their_middle(technique):
+    """The ray through the middle of the picture is the same whatever the size."""
+    shown = [picture(technique, SCENES["medley"](), size) for size in ((17, 13), (1, 1), (641, 359))]
+    noise = [noise_of(technique, shown[0], SCENES["medley"](), (17, 13))[layer][6, 8] for layer in LAYERS]
+    middles = [{name: p[name][p["depth"].shape[0] // 2, p["depth"].shape[1] // 2] for name in p} for p in shown]
+    for middle in middles[1:]:
+        for name in SEEN:
+            assert np.allclose(middle[name], middles[0][name], rtol=1e-4), name
+        for name, off in zip(LAYERS, noise, strict=True):
+            assert off.any() or np.allclose(middle[name], middles[0][name], rtol=1e-3), name
+
+
+def test_a_picture_of_few_columns(technique):
+    got = picture(technique, SCENES["medley"](), (3, 2000), spp=1)
+    assert got["radiance"].shape == (2000, 3, 3) and got["direct"].any()
+
+
+@pytest.mark.parametrize("name", ["cornell-point", "courtyard", "plane-point"])
+def test_camera_close_to_a_surface(technique, name):
+    """The same patch from 1e-4 m away, and a hundred times as far through a lens that is as much longer."""
+    seen = picture(technique, SCENES[name](), spp=1)
+    hits = np.argwhere(seen["direct"].max(-1) > 0)
+    for row, column in hits[:: max(len(hits) // 4, 1)]:
+        at, normal = seen["position"][row, column], seen["normal"][row, column]
+        shown = []
+        for distance in (1e-2, 1e-4):
+            up = (0, 0, -1) if abs(normal[1]) > 0.5 else (0, 1, 0)
+            camera = Camera.look_at(at + normal * distance, at, up)
+            camera.yfov = 2 * math.atan(0.5e-4 / distance)
+            arguments = {"size": (5, 5), "camera": camera, "diffuse": True, "spp": 64}
+            shown.append(picture(technique, SCENES[name](), **arguments))
+            assert np.allclose(shown[-1]["depth"], distance, rtol=0.2)
+        assert_same(shown[1], shown[0], noise_of(technique, shown[0], SCENES[name](), **arguments), mean=0.01, pixel=0.01)
+
+
+@pytest.mark.parametrize("name", ["cornell", "cornell-point", "courtyard"])
+def test_camera_far_away(technique, name):
+    """From 1e5 scene radii away a telephoto lens shows what a parallel projection shows, and from 1e3 more exactly."""
+    scene = SCENES[name]()
+    radius = float(np.linalg.norm(np.diff(scene.bounds(), axis=0))) / 2
+    centre, pose = scene.bounds().mean(0), scene.cameras[0].world_from_view
+    radius = min(radius, 8.0)
+
+    def seen_from(distance, height=None):
+        matrix = pose.copy()
+        matrix[:3, 3] = centre + pose[:3, 2] * distance * radius
+        camera = Camera(matrix, 2 * math.atan(0.5 / distance), height)
+        layers = picture(technique, scene, camera=camera)
+        return layers, camera
+
+    expected, camera = seen_from(10.0, radius)
+    noise = noise_of(technique, expected, scene, camera=camera)
+    for distance, height, bound in ((1e3, None, 0.01), (1e5, None, 0.02), (1e5, radius, 0.02)):
+        assert_same(seen_from(distance, height)[0], expected, noise, mean=bound, pixel=0.02)
+
+
+@pytest.mark.parametrize("size", [1e4, 1e5])
+def test_a_floor_to_the_horizon(technique, size):
+    """A hundred kilometres of floor under a small box, seen from near by: the same picture as with a hundred metres."""
+
+    def scene(width):
+        block = box((-0.3, 0, -0.3), (0.3, 0.6, 0.3), matte((0.8, 0.4, 0.2)))
+        lights = [PointLight((1.0, 2.0, 1.0), 10.0), DirectionalLight((0.2, -1.0, 0.1), 2.0)]
+        camera = Camera.look_at((0.4, 0.9, 0.6), (0, 0.2, 0))
+        return Scene([Instance(grid(width, material=matte(0.5))), Instance(block)], lights, cameras=[camera])
+
+    expected = picture(technique, scene(100.0))
+    noise = noise_of(technique, expected, scene(100.0))
+    # Corners 5e4 m away round to 4 mm.
+    assert_same(picture(technique, scene(size)), expected, noise, pixel=0.01, mean=0.01)
+
+
+@pytest.mark.slow
+def test_a_million_triangles_and_a_giant_one(technique):
+    """A floor of a million triangles on a triangle of ten kilometres shows what one of two triangles shows."""
+
+    def scene(cells):
+        floor = grid(4.0, cells, matte(0.5))
+        giant = mesh([(-1e4, -0.5, 1e4), (1e4, -0.5, 1e4), (0, -0.5, -1e4)], [(0, 1, 2)], matte((0.2, 0.4, 0.6)))
+        ball = ball_on_a_floor().instances[1]
+        lights = [PointLight((1.0, 1.5, 1.0), 5.0), DirectionalLight((0.4, -1.0, 0.2), 2.0)]
+        camera = Camera.look_at((0, 2, 3), (0, 0.3, 0))
+        return Scene([Instance(floor), Instance(giant), ball], lights, Environment((0.1, 0.1, 0.2)), [camera])
+
+    assert scene(708).triangle_count > 1e6
+    expected = picture(technique, scene(1))
+    got = picture(technique, scene(708))
+    assert_same(got, expected, noise_of(technique, expected, scene(1)))
+
+
+def test_half_resolution_has_the_same_mean(technique):
+    """Averaged over their pixels' squares, within what 16 frames and their edges leave open."""
+    for name in ("cornell", "courtyard", "medley"):
+        fine, coarse = (picture(technique, SCENES[name](), size, frames=16) for size in ((64, 48), (32, 24)))
+        noise = noise_of(technique, coarse, SCENES[name](), (32, 24), frames=16)
+        for layer in LAYERS:
+            sigma = np.sqrt((noise[layer] ** 2).sum((0, 1))) / (32 * 24)
+            off = np.abs(coarse[layer].mean((0, 1)) - fine[layer].mean((0, 1)))
+            assert (off <= 0.02 * fine["radiance"].mean() + 5 * sigma).all(), (name, layer, off)
+
+
+# ------------------------------------------------------------------------------------------------ Little to see
+
+
+def test_nothing_in_view(technique):
+    """With their backs to the scene, cameras see the sky alone."""
+    for sky in (None, Environment((0.5, 1.0, 2.0)), Environment((0.5, 1.0, 2.0), gradient_sky(16))):
+        scene = SCENES["cornell"]()
+        scene.environment = sky
+        camera = Camera.look_at((2.78, 2.73, -2.6), (2.78, 2.73, -5.0))
+        got = picture(technique, scene, camera=camera)
+        assert not got["depth"].any() and not got["direct"].any() and not got["indirect"].any()
+        assert np.array_equal(got["radiance"], got["emission"]) and got["radiance"].any() == (sky is not None)
+        nowhere = picture(technique, Scene(environment=sky, cameras=[camera]))
+        for layer in LAYERS:
+            assert np.allclose(nowhere[layer], got[layer], rtol=1e-6)
+
+
+def test_lights_alone(technique):
+    """Lights without a surface, and surfaces without a light."""
+    lights = [PointLight((0, 0, 0)), DirectionalLight((0, -1, 0)), SpotLight((0, 0, -1), (0, 0, 1))]
+    assert not picture(technique, Scene(lights=lights, cameras=[Camera()]))["radiance"].any()
+    dark = picture(technique, ball_on_a_floor())
+    assert dark["depth"].any() and not dark["radiance"].any()
+
+
+# ------------------------------------------------------------------------------------------------ Light and surfaces
+
+
+@pytest.mark.parametrize("depth", [1e-4, 0.3])
+def test_light_inside_a_wall(technique, depth):
+    """It lights nothing that can be seen, 1e-4 m below the face or in the middle of the wall."""
+    scene = builtin.courtyard()
+    scene.environment = None
+    scene.lights = [PointLight((-4.0, 2.0, -6.0 - depth), 1000.0)]
+    got = picture(technique, scene, (64, 36))
+    assert got["depth"].any() and not got["radiance"].any()
+
+
+@pytest.mark.parametrize("height", [0.0, 1e-7, 1e-4])
+def test_light_touching_a_surface(technique, height):
+    """Finite and not brighter than what the light sends out, also where it lies in the plane of a floor and of a box."""
+    block = box((-0.3, 0, -0.3), (0.3, 0.6, 0.3), matte(0.9))
+    lights = [
+        PointLight((0.8, height, 0.8), 1.0),
+        SpotLight((0.3 + height, 0.3, 0.0), (1, 0, 0), 0.3, 1.5, 1.0),
+        SpotLight((-0.8, height, 0.8), (0, -1, 0), 0.3, 0.3, 1.0),
+    ]
+    for light in lights:
+        scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], [light])
+        picture(technique, scene, camera=Camera.look_at((0.5, 2.0, 2.5), (0, 0.2, 0)))
+    both = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], lights)
+    assert picture(technique, both, camera=Camera.look_at((0.5, 2.0, 2.5), (0, 0.2, 0)))["radiance"].any()
+
+
+# ------------------------------------------------------------------------------------------------ Time
+
+
+@pytest.mark.parametrize("name", ["cornell", "courtyard", "medley"])
+def test_away_and_back_is_the_same_frame(technique, name):
+    """Camera, lights and size: bit for bit the first frame, and the frame of a fresh renderer."""
+    scene = SCENES[name]()
+    renderer = Renderer(scene, size=(24, 16), settings=make_settings(technique, frames=3))
+
+    def shown():
+        renderer.run(check=True)
+        return read_all(renderer)
+
+    home, first = renderer.camera, shown()
+    renderer.camera = Camera.look_at(home.position + (0.1, 0.2, 0.0), home.position - home.world_from_view[:3, 2])
+    assert not np.array_equal(shown()["radiance"], first["radiance"])
+    renderer.camera = home
+    back = shown()
+    renderer.size = (7, 5)
+    shown()
+    renderer.size = (24, 16)
+    resized = shown()
+    extra = PointLight((2.0, 2.0, 2.0), 50.0)
+    scene.lights.append(extra)
+    assert not np.array_equal(shown()["radiance"], first["radiance"])
+    scene.lights.remove(extra)
+    fresh = picture(technique, SCENES[name](), (24, 16), frames=3)
+    for other in (back, resized, shown(), fresh):
+        for buffer, values in first.items():
+            # Motion is that since the frame before.
+            assert buffer == "motion" or np.array_equal(other[buffer], values), buffer
+
+
+@pytest.mark.slow
+def test_ten_thousand_frames(technique):
+    """No drift: constants stay, and the picture is that of as many points of each pixel on a grid."""
+    frames = {"spp": 10_000, "frames": 10_000}
+    settings = make_settings(technique, **frames)
+    settings.path.samples_per_run = 1
+    flat = Renderer(builtin.plane_sun(), size=(8, 8), settings=settings)
+    flat.run(show=("radiance",))
+    assert np.allclose(flat.read_back(), 0.5 * 3.0 * 0.5 / math.pi, rtol=2e-5)
+    for scene in (builtin.cornell_point(),):
+        renderer = Renderer(scene, size=(8, 8), settings=settings)
+        steps = 0
+        while renderer.step(show=LAYERS):
+            steps += 1
+        assert steps >= 10_000
+        layers = read_layers(renderer)
+        grid_of = picture(technique, scene, (256, 256))
+        for layer in LAYERS:
+            expected = grid_of[layer].reshape(8, 32, 8, 32, 3).mean((1, 3))
+            off = np.abs(layers[layer] - expected) / max(expected.mean(), 1e-30)
+            assert off.mean() < 5e-3, (layer, off.mean(), off.max())
+
+
+def read_layers(renderer):
+    return {layer: renderer.read_back(layer).astype(np.float64) for layer in LAYERS}

@@ -1,0 +1,180 @@
+"""Renders any technique with every buffer checked, and compares pictures by the technique's own noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.renderer import CameraSettings, Renderer, Settings
+from wgpu_gi.scene.builtin import BUILTIN_SCENES, matte
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
+from wgpu_gi.scene.shapes import grid, quad, sphere
+
+from .medley import medley
+from .pictures import moved, scaling
+from .skies import gradient_sky
+
+Layers = dict[str, np.ndarray]
+
+LAYERS = ("radiance", "direct", "indirect", "emission")
+SIZE = (32, 18)
+SPP = 16  # of the path tracer
+# Of deterministic layers, over the mean radiance: a pixel whose ray or shadow ray passes an edge by less than float32
+# can tell may see either side, all others are the same but for rounding.
+SAME_PIXEL = 2e-3
+SAME_MEAN = 1e-3
+PARTED = 0.02  # share of pixels at such edges
+SIGMAS = 5.0  # of noisy layers' means; chosen
+
+
+def make_settings(technique: str, frames: int = 1, **fields: object) -> Settings:
+    """Return settings of a technique: pixel centres where it has no noise and `frames` is 1."""
+    return Settings(gi=technique, camera=CameraSettings(jitter=frames > 1, frames=frames), **{"spp": SPP, **fields})
+
+
+def picture(
+    technique: str,
+    scene: Scene,
+    size: tuple[int, int] = SIZE,
+    *,
+    camera: Camera | None = None,
+    frames: int = 1,
+    **fields: object,
+) -> Layers:
+    """Render a scene to the end and return every buffer that the technique has, as float64, by name.
+
+    Every buffer of every pass is checked. `fields` are those of Settings.
+    """
+    renderer = Renderer(scene, size=size, camera=camera, settings=make_settings(technique, frames, **fields))
+    renderer.run(check=True)
+    return read_all(renderer)
+
+
+def read_all(renderer: Renderer) -> Layers:
+    """Read every buffer back and assert what holds for all of them."""
+    got = {name: renderer.read_back(name).astype(np.float64) for name in renderer.buffers}
+    for name, values in got.items():
+        assert np.isfinite(values).all(), name
+        assert name in ("normal", "position", "motion") or (values >= 0).all(), name
+    lengths = np.linalg.norm(got["normal"], axis=-1)[got["depth"] > 0]
+    assert np.allclose(lengths, 1, atol=1e-5)
+    return got
+
+
+def noise_of(technique: str, layers: Layers, scene: Scene, size: tuple[int, int] = SIZE, **arguments: object) -> Layers:
+    """Return by how much another seed changes each layer: nothing if the technique is deterministic."""
+    other = picture(technique, scene, size, seed=1, **arguments)
+    return {name: np.abs(other[name] - layers[name]) for name in LAYERS}
+
+
+@lru_cache(maxsize=None)
+def reference(technique: str, name: str) -> tuple[Layers, Layers]:
+    """Return the picture of one of SCENES and its noise."""
+    layers = picture(technique, SCENES[name]())
+    return layers, noise_of(technique, layers, SCENES[name]())
+
+
+def assert_same(
+    got: Layers, expected: Layers, noise: Layers, *, pixel: float = SAME_PIXEL, mean: float = SAME_MEAN
+) -> None:
+    """Assert that two pictures show the same: pixel by pixel where there is no noise, else in the mean.
+
+    `pixel` and `mean` are the rounding to expect, over the mean radiance.
+    """
+    scale = max(float(expected["radiance"].mean()), 1e-300)
+    for name in LAYERS:
+        off = (got[name] - expected[name]) / scale
+        # The difference of two seeds has twice the variance of one, and so has that of the two pictures.
+        sigma = np.sqrt((noise[name] ** 2).sum((0, 1))) / noise[name][..., 0].size / scale
+        assert (np.abs(off.mean((0, 1))) <= mean + SIGMAS * sigma).all(), (name, off.mean((0, 1)), sigma)
+        if not noise[name].any():
+            parted = (np.abs(off).max(-1) > pixel).mean()
+            assert parted <= PARTED, (name, parted, np.abs(off).max())
+
+
+# ------------------------------------------------------------------------------------------------ Scenes
+
+
+def medley_under_a_sky() -> Scene:
+    """Instances, masks, textures, coats, normal maps and emitters under a sky with a sun, a spot and a point light."""
+    scene = medley()
+    scene.environment = Environment((0.3, 0.3, 0.4), gradient_sky(16, 50.0), 0.5)
+    scene.lights += [
+        DirectionalLight((0.3, -1.0, -0.4), 2.0, (1.0, 0.9, 0.7)),
+        SpotLight((-3.0, 4.0, 3.0), (0.6, -1.0, -0.5), 0.2, 0.5, 60.0, (0.5, 0.7, 1.0)),
+    ]
+    return scene
+
+
+SCENES: dict[str, Callable[[], Scene]] = {**BUILTIN_SCENES, "medley": medley_under_a_sky}
+
+
+def ball_on_a_floor(lights: object = (), environment: Environment | None = None, emission: float = 0.0) -> Scene:
+    """A ball and a lamp of radiance `emission` over a floor: mostly direct light, and shadows of every kind of source."""
+    ball = sphere((0.0, 0.5, 0.0), 0.5, material=matte((0.8, 0.6, 0.4)))
+    lamp = quad((-1, 1.5, -1), (0.6, 0, 0), (0, 0, 0.6), matte(0.0, "lamp", emission, double_sided=False))
+    scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(ball), Instance(lamp)], list(lights), environment)
+    scene.cameras = [Camera.look_at((0, 2, 3), (0, 0.3, 0))]
+    return scene
+
+
+def scaled(scene: Scene, factor: float) -> Scene:
+    """Return the scene `factor` times as large, with intensities such that it looks the same."""
+    large = moved(scene, scaling(factor))
+    for light in large.lights:
+        if not isinstance(light, DirectionalLight):
+            light.intensity *= factor**2
+    return large
+
+
+def brighten(scene: Scene, factor: float) -> Scene:
+    """Multiply all light in a scene, in place; return it. Unlit surfaces, which show what they are, are left out."""
+    scene.instances = [i for i in scene.instances if not any(m.unlit for m in i.mesh.materials)]
+    for light in scene.lights:
+        light.intensity *= factor
+    for material in scene.materials:
+        material.emission = tuple(factor * e for e in material.emission)
+    if scene.environment is not None:
+        scene.environment.color = tuple(factor * c for c in scene.environment.color)
+    return scene
+
+
+def swap_channels(scene: Scene) -> Scene:
+    """Let green, blue and red stand for red, green and blue in a scene, in place; return it."""
+
+    def swapped(rgb: object) -> tuple[float, ...]:
+        r, g, b, *rest = rgb
+        return (g, b, r, *rest)
+
+    for light in scene.lights:
+        light.color = swapped(light.color)
+    images = {}
+    for material in scene.materials:
+        material.base_color, material.emission = swapped(material.base_color), swapped(material.emission)
+        for texture in (material.base_color_texture, material.emission_texture):
+            if texture is not None:
+                images[id(texture.image)] = texture.image
+    for image in images.values():
+        image.pixels = image.pixels[..., [1, 2, 0, 3]].copy()
+    for mesh in scene.meshes:
+        if mesh.colors is not None:
+            mesh.colors = mesh.colors[:, [1, 2, 0, 3]].copy()
+    if scene.environment is not None:
+        scene.environment.color = swapped(scene.environment.color)
+        if scene.environment.image is not None:
+            scene.environment.image = scene.environment.image[..., [1, 2, 0]].copy()
+    return scene
+
+
+def thousand_lights(kind: type[PointLight] | type[SpotLight] = PointLight) -> list[PointLight | SpotLight]:
+    """Return a thousand lights of all colours, spread over a dome."""
+    rng = np.random.default_rng(0)
+    places = rng.normal(size=(1000, 3)) * (1.0, 0.3, 1.0) + (0.0, 2.5, 0.0)
+    colors = rng.uniform(0.2, 1.0, (1000, 3))
+    pairs = zip(places.tolist(), colors.tolist(), strict=True)
+    if kind is SpotLight:
+        return [SpotLight(p, (-p[0], -p[1], -p[2]), 0.1, 0.6, 0.02, tuple(c)) for p, c in pairs]
+    return [PointLight(p, 0.01, tuple(c)) for p, c in pairs]
