@@ -85,9 +85,10 @@ def test_lights_below_the_floor_do_not_shine_on_it():
 
 @pytest.mark.parametrize(("distance", "bound"), [(0.5, 0.031), (1.0, 0.0095), (2.0, 0.0028)])
 def test_plates(distance, bound):
-    """L = rho Le F at the default number of samples; errs dark by A / (pi d2), A being a sample's area."""
+    """L = rho Le F; errs dark by about A / (pi d2), A being the area of one of 32 samples."""
     expected = ALBEDO * builtin.plates_form_factor(distance)
-    assert drawn(builtin.plates(distance, 1.0, ALBEDO), (32, 32)).mean() == pytest.approx(expected, rel=bound)
+    got = drawn(builtin.plates(distance, 1.0, ALBEDO), (32, 32), direct=DirectSettings(samples=32))
+    assert got.mean() == pytest.approx(expected, rel=bound)
 
 
 def test_more_samples_err_less():
@@ -108,7 +109,8 @@ def test_double_sided_emitter_shines_both_ways():
         camera.orthographic_height = 1.0
         scene.cameras = [camera]
         expected = ALBEDO * builtin.plates_form_factor(1.0)
-        assert drawn(scene, (32, 32)).mean() == pytest.approx(expected, rel=0.0095)
+        got = drawn(scene, (32, 32), direct=DirectSettings(samples=32))
+        assert got.mean() == pytest.approx(expected, rel=0.0095)
 
 
 def test_constant_environment_on_a_convex_body():
@@ -197,15 +199,17 @@ def lights_at(inclination, azimuth):
     yield SpotLight((3 * d).tolist(), (0.3 - d[0], -d[1], 0.2 - d[2]), 0.4, 1.4, 30.0)
 
 
-def lit_shares(scene, inclinations, edges):
+def lit_shares(scene, inclinations, edges, shadow):
     """Yield what the pixels that the light reaches have of the light that they should have, for many lights."""
     size = (64, 64)
     camera = CameraSettings(jitter=False)
-    settings = [Settings(gi="none", diffuse=True, camera=camera, direct=DirectSettings(edges=edges))]
-    settings.append(Settings(gi="path", diffuse=True, camera=camera, spp=1, bounces=0))
+    settings = [
+        Settings(gi="none", diffuse=True, camera=camera, direct=DirectSettings(edges=edges), shadow=shadow),
+        Settings(gi="path", diffuse=True, camera=camera, spp=1, bounces=0),
+    ]
     renderers = [Renderer(scene, size=size, settings=s) for s in settings]
     for inclination in inclinations:
-        for azimuth in (0.0, 0.4, 1.2):
+        for azimuth in (0.0, 0.4):
             for light in lights_at(inclination, azimuth):
                 scene.lights = [light]
                 for renderer in renderers:
@@ -216,13 +220,17 @@ def lit_shares(scene, inclinations, edges):
                     yield got[lit] / expected[lit]
 
 
+FINE, TINY = ShadowSettings(), ShadowSettings(sun=128, spot=64, point=32)
+
+
+@pytest.mark.parametrize("shadow", [FINE, TINY], ids=["fine", "tiny"])
 @pytest.mark.parametrize("edges", [True, False])
-def test_planes_at_all_inclinations_have_no_acne(edges):
-    """Not one pixel, whether rays decide or the filter alone does."""
+def test_planes_at_all_inclinations_have_no_acne(edges, shadow):
+    """Not one pixel, whether rays decide or the filter alone does, in maps of any size."""
     camera = Camera.look_at((0, 6, 0), (0, 0, 0))
     camera.orthographic_height = 4.0
     scene = Scene([Instance(grid(8.0, material=matte(ALBEDO)))], cameras=[camera])
-    for shares in lit_shares(scene, (0, 20, 45, 60, 75, 85, 88, 89.5), edges):
+    for shares in lit_shares(scene, (0, 45, 75, 88, 89.5), edges, shadow):
         assert shares.min() > 0.999 and shares.max() < 1.001
 
 
@@ -233,7 +241,7 @@ def test_balls_have_no_acne(shading, edges):
     if shading == "smooth":
         smooth(ball)
     scene = Scene([Instance(ball)], cameras=[Camera.look_at((1.2, 2.5, 1.5), (0, 0, 0), yfov_deg=45)])
-    for shares in lit_shares(scene, (0, 45, 85, 120), edges):
+    for shares in lit_shares(scene, (0, 45, 85, 120), edges, FINE):
         # Along the edges of facets a pixel may show its neighbour.
         assert (shares < 0.98).mean() <= (0 if shading == "smooth" else 3e-3)
         assert (shares > 1.02).mean() <= (1e-3 if shading == "smooth" else 3e-3)
@@ -247,9 +255,8 @@ def test_no_acne_under_an_emitter():
     camera.orthographic_height = 4.0
     scene.cameras = [camera]
     for edges in (True, False):
-        settings = Settings(
-            gi="none", diffuse=True, camera=CameraSettings(jitter=False), direct=DirectSettings(edges=edges)
-        )
+        direct = DirectSettings(samples=32, edges=edges)
+        settings = Settings(gi="none", diffuse=True, camera=CameraSettings(jitter=False), direct=direct)
         renderer = Renderer(scene, size=(64, 64), settings=settings)
         renderer.run(show=("direct", "position"))
         lights = renderer._upload.direct_lights(scene, None, 32, False)
@@ -293,7 +300,7 @@ def test_shadows_begin_at_the_contact(name):
 
 @pytest.mark.parametrize("name", SLANTED)
 def test_filtered_shadows_begin_at_the_contact(name):
-    """Without rays, too; they end within three texels of where they should."""
+    """Without rays, too; they end within 3.1 texels of where they should: lifted and blurred."""
     scene = block_on_a_floor(0.6, SLANTED[name])
     settings = Settings(
         gi="none", diffuse=True, camera=CameraSettings(jitter=False), direct=DirectSettings(edges=False), shadow=COARSE
@@ -310,10 +317,9 @@ def test_filtered_shadows_begin_at_the_contact(name):
     texel = float(renderer._deferred._records["texel"].max()) * (1 if "sun" in name else distance)
     texel *= distance / -way[1]
     assert 0 < x[shadow].min() < 0.006 and texel < 0.1
-    print(name, texel, end, (end-x[shadow&(got>0)].min())/texel, (x[(y<.005)&~shadow&(got<.999*expected)].max(initial=end)-end)/texel)
-    deep = shadow & (x < end - 3 * texel)
+    deep = shadow & (x < end - 3.1 * texel)
     assert deep.sum() > 20 and not got[deep].any()
-    beyond = (x > end + 3 * texel) & (y < 0.005)
+    beyond = (x > end + texel) & (y < 0.005)
     assert np.allclose(got[beyond], expected[beyond], rtol=1e-3) and beyond.any()
 
 

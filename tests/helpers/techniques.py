@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene.builtin import BUILTIN_SCENES, matte
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
 from wgpu_gi.scene.shapes import grid, quad, sphere
+from wgpu_gi.techniques.shadow_views import ShadowSettings
 
 from .medley import medley
 from .pictures import moved, scaling
@@ -22,6 +24,8 @@ Layers = dict[str, np.ndarray]
 LAYERS = ("radiance", "direct", "indirect", "emission")
 SIZE = (32, 18)
 SPP = 16  # of the path tracer
+# Small pictures need no fine maps, and checking them would take most of the time.
+SHADOWS = ShadowSettings(atlas=1024, sun=256, spot=256, point=128, area=64)
 # Of deterministic layers, over the mean radiance: a pixel whose ray or shadow ray passes an edge by less than float32
 # can tell may see either side, all others are the same but for rounding.
 SAME_PIXEL = 2e-3
@@ -31,8 +35,9 @@ SIGMAS = 5.0  # of noisy layers' means; chosen
 
 
 def make_settings(technique: str, frames: int = 1, **fields: object) -> Settings:
-    """Return settings of a technique: pixel centres where it has no noise and `frames` is 1."""
-    return Settings(gi=technique, camera=CameraSettings(jitter=frames > 1, frames=frames), **{"spp": SPP, **fields})
+    """Return settings of a technique: rays through pixel centres, or all over the pixels if there are several frames."""
+    camera = CameraSettings(jitter=frames > 1, frames=frames)
+    return Settings(gi=technique, camera=camera, shadow=replace(SHADOWS), **{"spp": SPP, **fields})
 
 
 def picture(
@@ -70,7 +75,7 @@ def noise_of(technique: str, layers: Layers, scene: Scene, size: tuple[int, int]
     return {name: np.abs(other[name] - layers[name]) for name in LAYERS}
 
 
-@lru_cache(maxsize=None)
+@cache
 def reference(technique: str, name: str) -> tuple[Layers, Layers]:
     """Return the picture of one of SCENES and its noise."""
     layers = picture(technique, SCENES[name]())

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..gpu.graph import Graph
 from ..gpu.wgsl import load
-from ..scene.direct_lights import DIRECT_SUN
+from ..scene.direct_lights import DIRECT_SPOT, DIRECT_SUN
 from ..scene.scene import Scene
 from ..scene.upload import SceneUpload
 from .direct import DirectSettings
@@ -26,7 +26,7 @@ class DeferredInputs:
         self._dtype = load("shadow/views.wgsl").struct_dtype("DirectLight")
         self._view_before: NDArray[np.void] | None = None
         self._origin_before = np.zeros(3)
-        self._count = self._atlas_size = 0
+        self._count = self._bounded = self._atlas_size = 0
         self._features: dict[str, bool] = {}
         self._records: NDArray = np.zeros(0)
         self._key: tuple[object, ...] = ()
@@ -59,6 +59,8 @@ class DeferredInputs:
                 box=upload.box,
             )
             suns = found.lights["kind"] == DIRECT_SUN
+            ends = (found.lights["kind"] == DIRECT_SPOT) | (found.lights["inverse_range"] > 0)
+            self._bounded = int(ends.sum())
             self._features = {"HAS_SUNS": bool(suns.any()), "HAS_LAMPS": not suns.all()}
             self._count, self._atlas_size = len(lights), found.atlas_size if len(found.records) else 0
             upload.resources.table("light_table", found.table())
@@ -80,7 +82,10 @@ class DeferredInputs:
         """Return the inputs with those of the deferred techniques."""
         names = ("light_table", "shadow_views", "before_from_now")
         lights, views, motion = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
-        return replace(scene, direct=DirectInputs(lights, self._count, self._features, views, self._atlas_size, motion))
+        return replace(
+            scene,
+            direct=DirectInputs(lights, self._count, self._bounded, self._features, views, self._atlas_size, motion),
+        )
 
 
 def _about(view: NDArray[np.void], shift: NDArray[np.float64]) -> NDArray[np.void]:

@@ -20,15 +20,19 @@ from .scene_inputs import DirectInputs, SceneInputs
 
 TILE = 16  # pixels a side, as wgsl/direct/light.wgsl and tiles.wgsl
 WRITTEN_OUT = 3  # lights that are not looped over
-TILED_FROM = 8  # lights, below which lists cost more than they save; chosen
+TILED_FROM = 8  # spots and lights with a range: with fewer, lists of lights cost more than they save; chosen
 
 
 @dataclass
 class DirectSettings:
     """How light that is scattered once is found."""
 
-    samples: int = setting(32, "Sample lights over all emitters together.", "lights", range=(1, 4096))
-    edges: bool = setting(True, "Find visibility by rays where shadow maps are undecided, instead of filtering.")
+    samples: int = setting(
+        16, "Sample lights over all emitters together.", "lights", range=(1, 4096), presets={"low": 8, "high": 64}
+    )
+    edges: bool = setting(
+        True, "Find visibility by rays where shadow maps are undecided, instead of filtering.", presets={"low": False}
+    )
     tiles: bool = setting(True, "Leave out lights that cannot reach a tile of 16x16 pixels, where there are many.")
     range: bool = setting(False, "Let lights end at the range that the file gives; physically they do not.")
 
@@ -43,16 +47,17 @@ def declare_direct(
 ) -> Buffer:
     """Declare the light scattered once towards the eye: (r, g, b, 1) per pixel, W/(m2 sr)."""
     assert scene.direct is not None
-    count = scene.direct.count
     width, height = graph.size
     direct = graph.buffer("direct/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     traced = settings.edges and atlas is not None
     edges = graph.buffer("direct/edges", dtype=np.uint32, count=width * height if traced else 1)
     edge_groups = graph.buffer("direct/edge_groups", dtype=np.uint32, count=4)
-    tiled = settings.tiles and count >= TILED_FROM
+    tiled = settings.tiles and scene.direct.bounded >= TILED_FROM
     tiles = _declare_tiles(graph, scene.direct, gbuffer) if tiled else graph.neutral("buffer")
     if not tiled:
-        graph.skip("direct/tiles", f"fewer than {TILED_FROM} lights" if settings.tiles else "direct.tiles is off")
+        graph.skip(
+            "direct/tiles", f"fewer than {TILED_FROM} lights end somewhere" if settings.tiles else "direct.tiles is off"
+        )
     lights = {
         "light_table": scene.direct.lights,
         "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),

@@ -34,6 +34,7 @@ class DirectInputs:
 
     lights: Shared
     count: int
+    bounded: int  # of them end somewhere: spots, and lights with a range
     features: dict[str, bool]  # which kinds there are, as constants of shaders
     views: Shared
     atlas_size: int  # texels; 0: no light casts shadows
@@ -66,7 +67,12 @@ class SceneInputs:
         runs = (self.draws.opaque, self.draws.masked) if self.draws is not None else ()
         lights: tuple[object, ...] = ()
         if self.direct is not None:
-            lights = (self.direct.count, self.direct.atlas_size, tuple(self.direct.features.items()))
+            lights = (
+                self.direct.count,
+                self.direct.bounded,
+                self.direct.atlas_size,
+                tuple(self.direct.features.items()),
+            )
         return (tuple(self.features.items()), runs, lights)
 
     def draw_all(self, masked: bool) -> DrawRuns:

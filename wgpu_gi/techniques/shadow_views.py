@@ -39,11 +39,33 @@ OWN_UPS = np.array([(0, 1, 0), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 1
 class ShadowSettings:
     """How fine shadow maps are; sides are rounded down to powers of two."""
 
-    atlas: int = setting(4096, "Side of the texture that all shadow maps share, at most.", "texels", range=(256, 8192))
-    sun: int = setting(2048, "Side of each map of a sun.", "texels", range=(16, 8192))
-    spot: int = setting(1024, "Side of the map of a spot.", "texels", range=(16, 8192))
-    point: int = setting(512, "Side of each of the six maps of a point light.", "texels", range=(16, 4096))
-    area: int = setting(128, "Side of the front map of each sample of an emitter.", "texels", range=(16, 4096))
+    atlas: int = setting(
+        4096,
+        "Side of the texture that all shadow maps share, at most.",
+        "texels",
+        range=(256, 8192),
+        presets={"low": 2048, "high": 8192},
+    )
+    sun: int = setting(
+        2048, "Side of each map of a sun.", "texels", range=(16, 8192), presets={"low": 1024, "high": 4096}
+    )
+    spot: int = setting(
+        1024, "Side of the map of a spot.", "texels", range=(16, 8192), presets={"low": 512, "high": 2048}
+    )
+    point: int = setting(
+        512,
+        "Side of each of the six maps of a point light.",
+        "texels",
+        range=(16, 4096),
+        presets={"low": 256, "high": 1024},
+    )
+    area: int = setting(
+        128,
+        "Side of the front map of each sample of an emitter.",
+        "texels",
+        range=(16, 4096),
+        presets={"low": 64, "high": 256},
+    )
     cascades: int | None = setting(
         None, "Maps of a sun, from near the camera to the whole scene; none: as the view needs.", range=(1, 4)
     )

@@ -2,7 +2,7 @@
 //
 // In: visibility. Out: the packed surface; distance along the pixel's ray in metres, 0 where nothing is seen; emission,
 // the radiance in W/(m2 sr) that the surface or the environment behind it shines towards the eye.
-#import "scene/lights.wgsl"
+#import "environment/picture.wgsl"
 #import "gbuffer/seen.wgsl"
 #import "gbuffer/surface.wgsl"
 

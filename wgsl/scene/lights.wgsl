@@ -3,6 +3,7 @@
 // A light is drawn in proportion to its power, as `scene/emitters.py` tabulates it. A constant environment is not in
 // the list: rays that follow the BRDF find it at least as well.
 #import "scene/surface.wgsl"
+#import "environment/picture.wgsl"
 #import "common/random.wgsl"
 
 const KIND_POINT: u32 = 0u;
@@ -24,13 +25,11 @@ struct Light {
 }
 
 @group(1) @binding(8) var<storage, read> lights: array<Light>;
-@group(1) @binding(9) var environment: texture_2d<f32>;
 // Cumulative distribution along each row; the last column holds that of the rows.
 @group(1) @binding(10) var environment_cdf: texture_2d<f32>;
 
 // Compiled out where the scene has none of it.
 override HAS_EMITTERS: bool = true;
-override HAS_PICTURED_ENVIRONMENT: bool = true;
 
 struct LightSample {
     to_light: vec3f,      // from the surface, metres; any length for lights at infinity
@@ -55,35 +54,10 @@ struct LightRay {
 const STOP_SHORT: f32 = 0.9999;
 const INFINITELY_FAR: f32 = 1e30;
 
-fn environment_uv(direction: vec3f) -> vec2f {
-    let u = atan2(direction.x, -direction.z) / TWO_PI + scene.environment_rotation;
-    // Not acos, which drivers may get wrong by 1e-4.
-    let v = atan2(length(direction.xz), direction.y) * INV_PI;
-    return vec2f(u - floor(u), v);
-}
-
 fn environment_direction(uv: vec2f) -> vec3f {
     let phi = TWO_PI * (uv.x - scene.environment_rotation);
     let theta = PI * uv.y;
     return vec3f(sin(phi) * sin(theta), cos(theta), -cos(phi) * sin(theta));
-}
-
-// Returns the radiance that arrives against `direction` from infinity, bilinear between the picture's pixels.
-fn environment_radiance(direction: vec3f) -> vec3f {
-    if (!HAS_PICTURED_ENVIRONMENT) {
-        return scene.environment_color;
-    }
-    let size = vec2i(textureDimensions(environment));
-    let texel = environment_uv(direction) * vec2f(size) - 0.5;
-    let base = vec2i(floor(texel));
-    let f = texel - floor(texel);
-    let x0 = (base.x + size.x) % size.x;
-    let x1 = (base.x + 1) % size.x;
-    let y0 = clamp(base.y, 0, size.y - 1);
-    let y1 = clamp(base.y + 1, 0, size.y - 1);
-    let top = mix(textureLoad(environment, vec2i(x0, y0), 0), textureLoad(environment, vec2i(x1, y0), 0), f.x);
-    let bottom = mix(textureLoad(environment, vec2i(x0, y1), 0), textureLoad(environment, vec2i(x1, y1), 0), f.x);
-    return scene.environment_color * mix(top, bottom, f.y).rgb;
 }
 
 // Returns the first column of a row of the table whose cumulative value exceeds u.

@@ -10,7 +10,7 @@
 @group(1) @binding(28) var shadow_sampler: sampler_comparison;
 @group(1) @binding(29) var gather_sampler: sampler;
 
-// The filter reaches 1.5 texels to each side of the point, and the nearest texel centre half a texel more.
+// The filter blends texel centres up to 1.5 texels to each side of the point; the rest is for their rounding, chosen.
 const FILTER_REACH: f32 = 1.6;
 // Of the depth: rounding of float32 in the projection and of the interpolation by rasterisation. Chosen.
 const DEPTH_ROUNDING: f32 = 4e-6;
@@ -44,8 +44,9 @@ fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f
         for (var left = light.view_count; left > 1u; left -= 1u) {
             let v = load_view(view, count);
             let place = v.centre + vec2f(dot(v.right, position), -dot(v.up, position)) / v.texel;
+            // The lift takes a point up to 1.42 times the filter's reach aside.
             let from_middle = place - v.corner - 0.5 * v.size;
-            if (all(abs(from_middle) <= 0.5 * v.size - 4.0)) {
+            if (all(abs(from_middle) <= 0.5 * v.size - 2.5 * FILTER_REACH)) {
                 break;
             }
             view += 1u;
