@@ -25,7 +25,7 @@ LAYERS = ("radiance", "direct", "indirect", "emission")
 SIZE = (32, 18)
 SPP = 16  # of the path tracer
 # Small pictures need no fine maps, and checking them would take most of the time.
-SHADOWS = ShadowSettings(atlas=1024, sun=256, spot=256, point=128, area=64)
+SHADOWS = ShadowSettings(atlas=2048, sun=1024, spot=256, point=256, area=64)
 # Of deterministic layers, over the mean radiance: a pixel whose ray or shadow ray passes an edge by less than float32
 # can tell may see either side, all others are the same but for rounding.
 SAME_PIXEL = 2e-3

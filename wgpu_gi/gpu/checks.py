@@ -89,6 +89,9 @@ def resource_uses(
             if binding is None or binding.group != 1 or is_params(binding):
                 hint = " (group 0: set it with set_uniform)" if binding is not None and binding.group == 0 else ""
                 raise GiError(f"{where}: {name!r} is no binding{hint}; there is {names_of(wanted)}")
+            # What the entry points leave alone is not bound, so it makes no pass stale.
+            if access == "read" and name not in used:
+                continue
             if binding.space == "sampler":
                 samplers.append((binding, _sampler(where, binding, handle)))
             else:

@@ -30,7 +30,7 @@ DOUBLE_SIDED, UNLIT, TEXTURED, COATED = 1, 2, 4, 8  # material flags, as wgsl/sc
 PRESENT, TEXCOORD_1, NEAREST = 1, 2, 4  # texture flags
 WRAP_CODES = {"repeat": 0, "clamp": 1, "mirror": 2}
 TABLES = ("nodes", "triangles", "vertices")  # are textures
-NEAR = 1e-5  # near plane over the scene's radius; reversed float depth has the precision for it
+NEAR = 1e-9  # near plane over the scene's radius: of reversed float depth, it does not change the relative precision
 STRUCTS = {
     "materials": "Material",
     "nodes": "Node",
@@ -312,11 +312,18 @@ def _light_values(lights: Sequence[Light]) -> list[tuple[Any, ...]]:
 
 def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
     """Return all that the light table takes from materials, comparable."""
-    shared = [(id(m), tuple(m.emission), m.double_sided, m.unlit, m.emission_texture) for m in materials]
+    shared = [
+        (id(m), tuple(m.emission), m.double_sided, m.unlit, _texture_values(m.emission_texture)) for m in materials
+    ]
     # Emitters may be cut out.
     cut = [
-        (tuple(m.base_color), m.alpha_mode, m.alpha_cutoff, m.base_color_texture)
+        (tuple(m.base_color), m.alpha_mode, m.alpha_cutoff, _texture_values(m.base_color_texture))
         for m in materials
         if max(m.emission) > 0
     ]
     return [*shared, *cut]
+
+
+def _texture_values(texture: Texture | None) -> tuple[Any, ...]:
+    """Return what a texture is, comparable."""
+    return () if texture is None else tuple(tuple(v) if isinstance(v, list) else v for v in vars(texture).values())

@@ -70,11 +70,17 @@ def declare_direct(
     graph.compute(
         "direct/light",
         shader,
-        over=(width, height),
-        reads={**lights, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance, "tile_lights": tiles},
+        indirect=gbuffer.tile_groups,
+        reads={
+            **lights,
+            **gbuffer.tiles,
+            "surfaces": gbuffer.surfaces,
+            "distance": gbuffer.distance,
+            "tile_lights": tiles,
+        },
         writes={"direct": direct, "edges": edges, "edge_groups": edge_groups},
         constants={**scene.constants(shader), **ambient.constants(shader), "TILED": tiled, "EDGES": traced, "FEW": few},
-        clear=[edge_groups],
+        clear=[direct, edge_groups],
     )
     if not traced:
         graph.skip("direct/edges", "no light casts shadows" if atlas is None else "direct.edges is off")

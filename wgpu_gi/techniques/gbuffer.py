@@ -25,7 +25,8 @@ class Gbuffer:
 
     visibility: triangle and instance, each plus 1; 0 is nothing. depth: reversed, near / view depth. distance: metres
     along the pixel's ray, 0 where nothing is seen. surfaces: 16 bytes as `wgsl/gbuffer/surface.wgsl` packs them.
-    emission: W/(m2 sr) of the surface, or of the environment where nothing is seen.
+    emission: W/(m2 sr) of the surface, or of the environment where nothing is seen. seen_tiles: the tiles of 8x8 pixels
+    that show a surface, as `wgsl/gbuffer/tiles.wgsl` has them; tile_groups: the workgroups for a pass over them.
     """
 
     visibility: Texture
@@ -33,6 +34,13 @@ class Gbuffer:
     distance: Texture
     surfaces: Buffer
     emission: Buffer
+    seen_tiles: Buffer
+    tile_groups: Buffer
+
+    @property
+    def tiles(self) -> dict[str, Buffer]:
+        """What passes over the tiles read."""
+        return {"seen_tiles": self.seen_tiles, "tile_groups": self.tile_groups}
 
 
 def declare_gbuffer(
@@ -84,17 +92,31 @@ def _declare_layer(
         f"{name}/emission{suffix}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
     )
     distance = graph.texture(f"{name}/distance{suffix}", "r32float", nonnegative=True)
-    resolve = "gbuffer/resolve.wgsl"
+    tiles = graph.buffer(f"{name}/seen_tiles{suffix}", dtype=np.uint32, count=-(-width // 8) * -(-height // 8))
+    tile_groups = graph.buffer(f"{name}/tile_groups{suffix}", dtype=np.uint32, count=4)
+    found = Gbuffer(visibility, depth, distance, surfaces, emission, tiles, tile_groups)
+    results = {"surfaces": surfaces, "emission": emission, "distance": distance}
+    sky, resolve = "gbuffer/sky.wgsl", "gbuffer/resolve.wgsl"
+    graph.compute(
+        f"{name}/sky{suffix}",
+        sky,
+        over=distance,
+        reads={"environment": scene.lights["environment"], "visibility": visibility},
+        writes={**results, **found.tiles},
+        constants=scene.constants(sky),
+        uniforms={"view": view},
+        clear=[tile_groups],
+    )
     graph.compute(
         f"{name}/resolve{suffix}",
         resolve,
-        over=distance,
-        reads={**scene.surfaces, "environment": scene.lights["environment"], "visibility": visibility},
-        writes={"surfaces": surfaces, "emission": emission, "distance": distance},
+        indirect=tile_groups,
+        reads={**scene.surfaces, **found.tiles, "visibility": visibility},
+        writes=results,
         constants=scene.constants(resolve),
         uniforms={"view": view},
     )
-    return Gbuffer(visibility, depth, distance, surfaces, emission)
+    return found
 
 
 def declare_motion(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer) -> Buffer:

@@ -21,7 +21,9 @@ from .shadow_sun import SunMap, fit_scene, fit_view, sun_axes, sun_matrix
 
 MARGIN = 2  # texels around what a perspective view must show, for the filter
 HALF_CUBE, CUBE = 5, 6  # views
-NEAR = 1e-5  # near plane over the scene's radius; reversed float depth has the precision for it
+# Near plane over the scene's radius: above the rounding of float32 positions (1e-7), so that a sample of an emitter
+# does not see its own surface, and as little more as is safe, since nothing nearer casts shadows. Chosen.
+NEAR = 3e-6
 WIDEST_COSINE = 0.5  # of a spot with a single view: half of it is at most 60 degrees; chosen
 DIMMEST_SIDE = 1 / 8  # of the side that the most important light of its kind gets; chosen
 PROBES = 64  # surface points at which lights are compared; chosen
@@ -50,14 +52,14 @@ class ShadowSettings:
         2048, "Side of each map of a sun.", "texels", range=(16, 8192), presets={"low": 1024, "high": 4096}
     )
     spot: int = setting(
-        1024, "Side of the map of a spot.", "texels", range=(16, 8192), presets={"low": 512, "high": 2048}
+        512, "Side of the map of a spot.", "texels", range=(16, 8192), presets={"low": 256, "high": 2048}
     )
     point: int = setting(
-        512,
+        256,
         "Side of each of the six maps of a point light.",
         "texels",
         range=(16, 4096),
-        presets={"low": 256, "high": 1024},
+        presets={"low": 128, "high": 1024},
     )
     area: int = setting(
         128,

@@ -1,9 +1,10 @@
 // One invocation adds up the light that a pixel's surface scatters once: L = sum_i f_r(w_o, w_i) E_i cos_i V_i, plus the
 // environment as if nothing stood before it.
 //
-// In: G-buffer, lights, shadow maps, prefiltered environment. Out: direct, W/(m2 sr); the pixels where a shadow filter
+// In: G-buffer, lights, shadow maps, prefiltered environment. Out: direct, W/(m2 sr), cleared before; the pixels where a shadow filter
 // is undecided, for `edges.wgsl`. Errs bright where the environment is occluded.
 #import "gbuffer/load.wgsl"
+#import "gbuffer/tiles.wgsl"
 #import "direct/lighting.wgsl"
 #import "environment/ambient.wgsl"
 
@@ -42,20 +43,18 @@ fn add_light(sum: Sum, number: u32, count: u32, r: Receiver) -> Sum {
 }
 
 @compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let pixel = id.xy;
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
+    let pixel = pixel_of_tile(group, thread, view.size);
     if (any(pixel >= view.size)) {
         return;
     }
     let index = pixel.y * view.size.x + pixel.x;
     let distance_seen = load_distance(pixel);
     if (distance_seen <= 0.0) {
-        direct[index] = vec4f(0.0);
         return;
     }
     let surface = load_surface(pixel);
     if ((surface.flags & GBUFFER_UNLIT) != 0u) {
-        direct[index] = vec4f(0.0);
         return;
     }
     let ray = pixel_ray(pixel);

@@ -1,8 +1,8 @@
 // One invocation turns the triangle that a pixel shows into its surface, as the path tracer sees it.
 //
 // In: visibility. Out: the packed surface; distance along the pixel's ray in metres, 0 where nothing is seen; emission,
-// the radiance in W/(m2 sr) that the surface or the environment behind it shines towards the eye.
-#import "environment/picture.wgsl"
+// the radiance in W/(m2 sr) that the surface shines towards the eye. Pixels that show nothing are left alone.
+#import "gbuffer/tiles.wgsl"
 #import "gbuffer/seen.wgsl"
 #import "gbuffer/surface.wgsl"
 
@@ -11,20 +11,17 @@
 @group(1) @binding(13) var distance: texture_storage_2d<r32float, write>;
 
 @compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let pixel = id.xy;
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
+    let pixel = pixel_of_tile(group, thread, view.size);
     if (any(pixel >= view.size)) {
+        return;
+    }
+    let seen = load_visibility(pixel);
+    if (seen.x == NONE) {
         return;
     }
     let index = pixel.y * view.size.x + pixel.x;
     let ray = pixel_ray(pixel);
-    let seen = load_visibility(pixel);
-    if (seen.x == NONE) {
-        surfaces[index] = vec4u(0u);
-        emission[index] = vec4f(environment_radiance(ray.direction), 1.0);
-        textureStore(distance, pixel, vec4f(0.0));
-        return;
-    }
     let hit = hit_on_triangle(ray, seen.x, seen.y);
     let s = surface_at(hit, ray.direction);
     let unlit = (s.flags & UNLIT) != 0u;

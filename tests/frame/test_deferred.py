@@ -1,0 +1,512 @@
+"""Deferred frames: which passes run after which change, skips that change nothing, accumulation, memory, commands."""
+
+from __future__ import annotations
+
+import os
+import re
+
+import numpy as np
+import pytest
+from helpers.medley import at, medley, named
+
+from wgpu_gi import renderer as renderer_module
+from wgpu_gi.__main__ import main
+from wgpu_gi.camera import Camera
+from wgpu_gi.errors import GiError
+from wgpu_gi.frame import BUFFERS, buffers_of
+from wgpu_gi.image import load_image
+from wgpu_gi.renderer import CameraSettings, Renderer, Settings, pixel_offset
+from wgpu_gi.scene import builtin
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Material, PointLight, Texture
+from wgpu_gi.scene.upload import SceneUpload
+from wgpu_gi.techniques import direct as direct_module
+
+SIZE = (48, 27)
+RASTER = {"gbuffer/opaque", "gbuffer/masked", "shadow/opaque", "shadow/masked"}
+LIGHT = {"direct", "composite"}
+
+
+def settings(jitter=False, **fields):
+    return Settings(gi="none", camera=CameraSettings(jitter=jitter), **fields)
+
+
+def opened(scene=None, show=("radiance",), **fields):
+    """A renderer that has drawn a scene and is at rest."""
+    renderer = Renderer(scene or one_lamp(), size=SIZE, settings=settings(**fields))
+    renderer.run(show=show)
+    return renderer
+
+
+def one_lamp():
+    """The medley under one point light alone, beside its sky."""
+    scene = medley()
+    for material in scene.materials:
+        material.emission = (0.0, 0.0, 0.0)
+    return scene
+
+
+def ran(renderer, show=("radiance",), **options):
+    """Techniques of which the next frame runs passes."""
+    return {name.split("/")[0] for name in renderer.graph.last_run} if renderer.step(show=show, **options) else set()
+
+
+def picture(scene, **fields):
+    return opened(scene, **fields).read_back()
+
+
+# ------------------------------------------------------------------------------------------------ What runs
+
+
+def test_all_runs_once():
+    renderer = Renderer(one_lamp(), size=SIZE, settings=settings())
+    everything = {"gbuffer", "shadow", "environment", *LIGHT}
+    assert ran(renderer) == everything
+    for _ in range(3):
+        assert ran(renderer) == set()
+    assert ran(renderer, force=True) == everything
+    # What was forced is the same, so there is nothing to do again.
+    assert ran(renderer) == set()
+
+
+def test_camera_moves():
+    renderer = opened()
+    renderer.camera = Camera.look_at((1, 2, 6), (0, 1, 0))
+    assert ran(renderer) == {"gbuffer", *LIGHT}
+    assert ran(renderer) == set()
+
+
+def test_light_moves():
+    scene = one_lamp()
+    renderer = opened(scene)
+    scene.lights[0].position = (-1, 4, 2)
+    assert ran(renderer) == {"shadow", *LIGHT}
+    scene.lights[0].intensity = 10.0
+    assert ran(renderer) == LIGHT
+    scene.lights[0].color = (1.0, 0.5, 0.5)
+    assert ran(renderer) == LIGHT
+    scene.lights[0].name = "other"
+    assert ran(renderer) == set()
+
+
+def test_light_comes_and_goes():
+    scene = one_lamp()
+    renderer = opened(scene)
+    scene.lights.append(PointLight((-2, 3, 2), 5.0))
+    assert ran(renderer) >= {"shadow", *LIGHT} and not {"gbuffer/opaque"} & set(renderer.graph.last_run)
+    scene.lights.clear()
+    assert "shadow" not in ran(renderer) and not RASTER & set(renderer.graph.last_run)
+    assert "no light casts shadows" in renderer.plan()
+
+
+def test_instance_moves():
+    scene = one_lamp()
+    renderer = opened(scene)
+    for x in (-1.4, -1.3):
+        named(scene, "left").world_from_local = at(x, 0.9, 0.5, (0.6, 0.9, 0.6), 0.4)
+        assert ran(renderer) == {"gbuffer", "shadow", *LIGHT}
+        assert ran(renderer) == set()
+
+
+def test_material_changes():
+    """Only cut-outs matter to shadows, so without masks nothing is drawn again."""
+    scene = builtin.cornell_point()
+    renderer = opened(scene)
+    scene.materials[0].base_color = (0.1, 0.5, 0.9, 1.0)
+    assert ran(renderer) == {"gbuffer", *LIGHT} and not RASTER & set(renderer.graph.last_run)
+    masked = one_lamp()
+    renderer = opened(masked)
+    masked.materials[0].base_color = (0.1, 0.5, 0.9, 1.0)
+    assert ran(renderer) == {"gbuffer", "shadow", *LIGHT}
+
+
+def test_sky_changes():
+    scene = one_lamp()
+    renderer = opened(scene)
+    scene.environment.color = (0.3, 0.3, 0.1)
+    assert ran(renderer) == {"gbuffer", *LIGHT} and not RASTER & set(renderer.graph.last_run)
+
+
+def test_size_changes():
+    """Maps of a lamp do not depend on it."""
+    renderer = opened()
+    renderer.size = (30, 41)
+    assert ran(renderer) == {"gbuffer", *LIGHT}
+    assert renderer.read_back().shape == (41, 30, 3)
+
+
+def test_settings_change():
+    renderer = opened()
+    renderer.settings.direct.edges = False
+    assert ran(renderer) == LIGHT
+    renderer.settings.shadow.point = 128
+    assert ran(renderer) == {"shadow", *LIGHT}
+    renderer.settings.environment.ambient = False
+    assert ran(renderer) == LIGHT
+
+
+def test_sun_maps_follow_the_camera():
+    scene = one_lamp()
+    scene.lights = [DirectionalLight((-0.4, -1, -0.3), 2.0)]
+    renderer = opened(scene)
+    renderer.camera = Camera.look_at((0.5, 0.4, 1.0), (0, 0.3, 0))
+    assert ran(renderer) >= {"gbuffer", *LIGHT}
+    assert np.array_equal(renderer.read_back(), picture_from(scene, renderer.camera))
+
+
+def picture_from(scene, camera):
+    renderer = Renderer(scene, size=SIZE, camera=camera, settings=settings())
+    renderer.run(show=("radiance",))
+    return renderer.read_back()
+
+
+def test_what_is_not_shown_does_not_run():
+    renderer = opened(show=("albedo",))
+    assert ran(renderer, ("emission",)) == {"gbuffer"}
+    assert ran(renderer, ("motion",)) == {"gbuffer"} and set(renderer.graph.last_run) == {"gbuffer/motion"}
+    assert ran(renderer, ("indirect",)) == set()
+    assert not renderer.read_back("indirect").any()
+
+
+CHANGES = {
+    "light": lambda s: setattr(s.lights[0], "position", (-1, 4, 2)),
+    "dimmer": lambda s: setattr(s.lights[0], "intensity", 3.0),
+    "more lights": lambda s: s.lights.extend([PointLight((-2, 3, 2), 5.0), DirectionalLight((-1, -1, 0), 1.0)]),
+    "range": lambda s: setattr(s.lights[0], "range", 4.0),
+    "instance": lambda s: setattr(named(s, "block"), "world_from_local", at(-2.2, 0.4, 2)),
+    "far instance": lambda s: setattr(named(s, "left"), "world_from_local", at(-90, 0, -200, (9, 9, 9))),
+    "instances": lambda s: s.instances.reverse(),
+    "material": lambda s: setattr(s.materials[1], "roughness", 0.9),
+    "cutoff": lambda s: setattr(by_name(s, "leaf"), "alpha_cutoff", 0.7),
+    "opaque": lambda s: setattr(by_name(s, "leaf"), "alpha_mode", "opaque"),
+    "emission": lambda s: setattr(by_name(s, "lamp"), "emission", (1.0, 5.0, 1.0)),
+    "emission's picture": lambda s: setattr(by_name(s, "panel").emission_texture, "offset", (0.55, 0.1)),
+    "emission's wrap": lambda s: setattr(by_name(s, "panel").emission_texture, "wrap_u", "clamp"),
+    "other emission": lambda s: setattr(
+        by_name(s, "panel"), "emission_texture", Texture(Image(np.full((1, 1, 4), 255, np.uint8)))
+    ),
+    "environment": lambda s: setattr(s, "environment", Environment((0.5, 0.2, 0.1))),
+    "pictured": lambda s: setattr(
+        s, "environment", Environment(image=np.random.default_rng(0).random((8, 16, 3)).astype(np.float32))
+    ),
+    "dark": lambda s: (s.lights.clear(), setattr(s, "environment", None)),
+}
+
+
+def by_name(scene, name) -> Material:
+    return next(m for m in scene.materials if m.name == name)
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_picture_after_a_change_is_that_of_the_changed_scene(name):
+    scene, changed = medley(), medley()
+    renderer = opened(scene, direct=ranged())
+    before = renderer.read_back()
+    CHANGES[name](scene), CHANGES[name](changed)
+    renderer.run(show=("radiance",))
+    after, fresh = renderer.read_back(), picture(changed, direct=ranged())
+    if "instance" not in name:
+        assert np.allclose(after, fresh, rtol=1e-4, atol=1e-4)
+    else:
+        # What has moved is hit in its own space, and after a far move the origin is another: at the edges of a sample
+        # light's shadow some pixels fall on the other side.
+        assert (np.abs(after - fresh).max(-1) > 0.05 * (fresh.max(-1) + 0.1)).mean() < 0.004
+        assert after.mean() == pytest.approx(fresh.mean(), rel=1e-3)
+    assert name == "instances" or not np.array_equal(before, after)
+
+
+def ranged():
+    direct = direct_module.DirectSettings()
+    direct.range = True
+    return direct
+
+
+# ------------------------------------------------------------------------------------------------ What is left out
+
+
+def test_plan_tells_what_the_scene_lacks():
+    renderer = opened(builtin.cornell_point(), show=None)
+    rows = {line.split()[0]: line for line in renderer.plan().splitlines()[1:]}
+    lacks = {
+        "gbuffer/masked": "no alpha-masked material",
+        "shadow/masked": "no alpha-masked material",
+        "environment/albedo": "there is no environment",
+        "environment/leaves": "there is no environment",
+        "environment/sum": "there is no environment",
+        "environment/prefilter": "there is no environment",
+        "direct/tiles": "fewer than",
+        "composite/display": "no output needs",
+    }
+    for name, row in rows.items():
+        assert (row.split()[1] == "culled") == (name in lacks), row
+        assert name not in lacks or lacks[name] in row
+    assert rows.keys() >= lacks.keys() | {"gbuffer/opaque", "direct/edges", "gbuffer/motion"}
+    unlit = builtin.cornell_point()
+    unlit.lights.clear()
+    plan = opened(unlit, show=None).plan()
+    assert re.search(r"shadow/opaque +culled +no light casts shadows", plan)
+    assert re.search(r"direct/edges +culled +no light casts shadows", plan)
+
+
+def force_features(monkeypatch):
+    """Let every scene have everything: all code is compiled in, all passes are declared."""
+    update, update_draws = SceneUpload.update, SceneUpload.update_draws
+
+    def everything(self, scene):
+        update(self, scene)
+        pictured = self.features["HAS_PICTURED_ENVIRONMENT"] or scene.environment is None
+        self.features = dict.fromkeys(self.features, True) | {"HAS_PICTURED_ENVIRONMENT": pictured}
+
+    def draws(self, scene):
+        found = update_draws(self, scene)
+        found.masked = found.masked or ((0, 0, 0, 1),)
+        return found
+
+    monkeypatch.setattr(SceneUpload, "update", everything)
+    monkeypatch.setattr(SceneUpload, "update_draws", draws)
+    monkeypatch.setattr(direct_module, "TILED_FROM", 0)
+    monkeypatch.setattr(direct_module, "WRITTEN_OUT", 0)
+
+
+@pytest.mark.parametrize("name", ["cornell-point", "cornell", "plane-sun", "furnace"])
+def test_skips_change_nothing(name, monkeypatch):
+    """Bit for bit, in every buffer."""
+    scene = builtin.builtin_scene(name)
+    plain = opened(scene, show=None, diffuse=False)
+    force_features(monkeypatch)
+    forced = opened(scene, show=None, diffuse=False)
+    culled = {line.split()[0] for line in forced.plan().splitlines()[1:] if line.split()[1] == "culled"}
+    of_pictures = {"environment/leaves", "environment/sum", "environment/prefilter"} if scene.environment else set()
+    assert culled <= {"shadow/opaque", "direct/edges", "composite/display", *of_pictures}, culled
+    for buffer in plain.buffers:
+        assert np.array_equal(plain.read_back(buffer), forced.read_back(buffer)), buffer
+    assert np.array_equal(plain.graph.read_back("gbuffer/surfaces"), forced.graph.read_back("gbuffer/surfaces"))
+
+
+# ------------------------------------------------------------------------------------------------ Accumulation
+
+
+def test_jittered_frames_are_averaged(monkeypatch):
+    """The mean of as many pictures through those places of the pixels; then it rests."""
+    layers = ("radiance", "direct", "emission")
+    scene = medley()
+    chosen = settings(jitter=True)
+    chosen.camera.frames = 5
+    renderer = Renderer(scene, size=SIZE, settings=chosen)
+    progress = []
+    assert [renderer.step(progress.append, show=layers) for _ in range(7)] == [True] * 5 + [False] * 2
+    assert progress[:5] == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+    means = {name: renderer.read_back(name) for name in layers}
+    sums = dict.fromkeys(layers, 0.0)
+    for frame in range(5):
+        monkeypatch.setattr(renderer_module, "pixel_offset", lambda _, frame=frame: pixel_offset(frame))
+        single = opened(scene, show=layers)
+        for name in layers:
+            sums[name] = sums[name] + single.read_back(name).astype(np.float64) / 5
+    for name in layers:
+        assert np.allclose(means[name], sums[name], rtol=1e-5, atol=1e-6), name
+
+
+def test_accumulation_begins_again_after_a_change():
+    scene, moved = medley(), medley()
+    chosen = settings(jitter=True)
+    chosen.camera.frames = 4
+    renderer = Renderer(scene, size=SIZE, settings=chosen)
+    for _ in range(3):
+        renderer.step(show=("radiance",))
+    scene.lights[0].position = moved.lights[0].position = (-1, 4, 2)
+    count = 0
+    while renderer.step(show=("radiance",)):
+        count += 1
+    assert count == 4
+    fresh = Renderer(moved, size=SIZE, settings=chosen)
+    fresh.run(show=("radiance",))
+    assert np.array_equal(renderer.read_back(), fresh.read_back())
+    # Shadow maps are drawn once, not for each of the frames.
+    assert "shadow/opaque" not in renderer.graph.last_run
+
+
+def test_offsets_fill_the_pixel():
+    offsets = np.array([pixel_offset(k) for k in range(64)])
+    assert tuple(offsets[0]) == (0.5, 0.5) and (offsets >= 0).all() and (offsets < 1).all()
+    assert np.abs(offsets.mean(0) - 0.5).max() < 0.02
+    found = np.histogram2d(*offsets.T, bins=4, range=[[0, 1], [0, 1]])[0]
+    assert found.min() >= 2 and found.max() <= 5
+
+
+def test_edges_of_the_mean_are_smooth():
+    """A white square over black: its edge pixels take values between, and the area is right."""
+    scene = builtin.plates(1.0, 1.0)
+    scene.instances = scene.instances[:1]
+    scene.instances[0].mesh.materials[0].unlit = True
+    scene.cameras[0].orthographic_height = 2.1
+    chosen = settings(jitter=True)
+    chosen.camera.frames = 64
+    renderer = Renderer(scene, size=(16, 16), settings=chosen)
+    renderer.run(show=("radiance",))
+    covered = renderer.read_back()[..., 0] / 0.5
+    assert covered.mean() == pytest.approx((1 / 2.1) ** 2, rel=0.01)
+    assert 0.2 < covered[4, 8] < 0.95 or 0.05 < covered[3, 8] < 0.95
+
+
+# ------------------------------------------------------------------------------------------------ One renderer, long
+
+
+def test_techniques_take_turns():
+    """Each gives in turn what it gives alone."""
+    scene = medley()
+    chosen = {gi: Settings(gi=gi, spp=2, bounces=1, camera=CameraSettings(jitter=False)) for gi in ("path", "none")}
+    alone = {}
+    for gi, fields in chosen.items():
+        renderer = Renderer(scene, size=SIZE, settings=fields)
+        renderer.run(show=("radiance", "albedo"))
+        alone[gi] = renderer.read_back()
+    renderer = Renderer(scene, size=SIZE, settings=chosen["path"])
+    for gi in ("path", "none", "path", "none", "none"):
+        renderer.settings = chosen[gi]
+        renderer.run(show=("radiance", "albedo"))
+        assert np.array_equal(renderer.read_back(), alone[gi]), gi
+    assert set(renderer.buffers) == set(BUFFERS) - {"standard_error"}
+
+
+def test_away_and_back():
+    scene = medley()
+    renderer = opened(scene)
+    first, camera, position = renderer.read_back(), renderer.camera, scene.lights[0].position
+    renderer.camera, scene.lights[0].position = Camera.look_at((3, 3, 3), (0, 0, 0)), (0, 5, 0)
+    renderer.run(show=("radiance",))
+    assert not np.array_equal(renderer.read_back(), first)
+    renderer.camera, scene.lights[0].position = camera, position
+    renderer.run(show=("radiance",))
+    assert np.array_equal(renderer.read_back(), first)
+
+
+def test_released_and_used_again():
+    renderer = opened(medley())
+    first = renderer.read_back()
+    renderer.release()
+    renderer.run(show=("radiance",))
+    assert np.array_equal(renderer.read_back(), first)
+
+
+def test_scenes_without_geometry_and_without_light():
+    empty = builtin.plane_point()
+    empty.instances = []
+    renderer = Renderer(empty, size=SIZE, settings=settings())
+    renderer.run(check=True)
+    assert not any(renderer.read_back(name).any() for name in renderer.buffers)
+    empty.environment = Environment((0.25, 0.5, 1.0))
+    renderer.run(check=True)
+    assert (renderer.read_back() == (0.25, 0.5, 1.0)).all()
+    empty.instances = builtin.plane_point().instances
+    renderer.run(check=True)
+    assert renderer.read_back("depth").all() and renderer.read_back("direct").all()
+
+
+def test_bad_values_are_named_and_the_renderer_goes_on():
+    scene = medley()
+    renderer = opened(scene)
+    first = renderer.read_back()
+    scene.lights[0].intensity = -1.0
+    with pytest.raises(GiError, match="light"):
+        renderer.run(show=("radiance",))
+    scene.lights[0].intensity = 30.0
+    renderer.run(show=("radiance",))
+    assert np.array_equal(renderer.read_back(), first)
+    with pytest.raises(GiError, match="no buffer 'standard_error'"):
+        renderer.run(show=("standard_error",))
+
+
+def resident():
+    """MiB of this process in memory."""
+    try:
+        with open("/proc/self/statm") as file:
+            return int(file.read().split()[1]) * 4096 / 2**20
+    except OSError:
+        pytest.skip("no /proc to read memory from")
+
+
+@pytest.mark.parametrize("count", [40, pytest.param(200, marks=pytest.mark.slow)])
+def test_many_pictures_do_not_grow(count):
+    """Of a moving camera, light and instance, in changing sizes."""
+    scene = one_lamp()
+    scene.lights.append(DirectionalLight((-0.4, -1, -0.3), 0.5))
+    renderer = Renderer(scene, size=SIZE, settings=settings())
+
+    def render(k):
+        renderer.camera = Camera.look_at((0.3, 2.3, 6 + 0.01 * (k % 4)), (0, 0.9, 0), yfov_deg=50)
+        scene.lights[0].position = (1, 4, 3 + 0.01 * (k % 5))
+        named(scene, "left").world_from_local = at(-1.5, 0.9 + 0.01 * (k % 3), 0.5, (0.6, 0.9, 0.6))
+        renderer.size = (SIZE[0] + (k % 20 == 0), SIZE[1])
+        renderer.run(show=("radiance", "motion"))
+        renderer.read_back()
+
+    for k in range(20):
+        render(k)
+    before = resident()
+    for k in range(count):
+        render(k)
+    # A leak of one small texture, buffer or command per picture would be 4 MiB and more.
+    assert resident() - before < 3
+
+
+# ------------------------------------------------------------------------------------------------ The command
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+TINY = ["render", "--gi", "none", "--size", "32x18"]
+
+
+@pytest.mark.parametrize("suffix", ["exr", "npz"])
+def test_every_buffer_in_one_file(suffix, folder):
+    names = buffers_of("none")
+    assert main([*TINY, "-o", f"p.{suffix}", *[argument for name in names for argument in ("--show", name)]]) == 0
+    layers = {name: load_image(f"p.{suffix}", name) for name in names}
+    for name, layer in layers.items():
+        assert layer.shape[:2] == (18, 32) and np.isfinite(layer).all(), name
+    assert np.allclose(layers["direct"] + layers["emission"], layers["radiance"], rtol=1e-4, atol=1e-5)
+    assert not layers["indirect"].any() and layers["direct"].any() and not layers["motion"][..., :2].round(2).any()
+    assert os.listdir(folder) == [f"p.{suffix}"]
+
+
+def test_png_and_what_is_said(folder, capsys):
+    assert main([*TINY, "cornell-point", "--plan", "--timings", "--check"]) == 0
+    printed = capsys.readouterr().out
+    assert "direct/light" in printed and "ms" in printed and "no alpha-masked material" in printed
+    assert re.search(r"out\.png: 32x18, 16 frames, [\d.]+ s on ", printed)
+    assert load_image("out.png").shape == (18, 32, 3)
+
+
+def test_settings_of_the_command_make_the_picture(folder):
+    def made(*arguments):
+        assert main([*TINY, "cornell", "-o", "p.npy", *arguments]) == 0
+        return load_image("p.npy")
+
+    plain = made()
+    assert np.array_equal(plain, made())
+    assert not np.array_equal(plain, made("--set", "camera.jitter=false"))
+    assert not np.array_equal(plain, made("--set", "direct.samples=3"))
+    assert not np.array_equal(plain, made("--set", "shadow.area=16", "--set", "direct.edges=false"))
+    assert np.array_equal(plain, made("--seed", "3", "--spp", "7"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("--show standard_error", "--gi none.*standard_error"),
+        ("--show beauty", "beauty"),
+        ("--gi path --show motion", "--gi path.*motion"),
+        ("--set direct.samples=0", "direct.samples"),
+        ("--set shadow.cascades=9", "shadow.cascades"),
+        ("--set camera.frames=0", "camera.frames"),
+    ],
+)
+def test_bad_arguments_are_one_sentence(arguments, words, folder, capsys):
+    assert main([*TINY, "cornell-point", *arguments.split()]) == 2
+    error = capsys.readouterr().err.splitlines()
+    assert len(error) == 1 and error[0].startswith("wgpu-gi: error: ") and re.search(words, error[0])
+    assert not os.listdir(folder)
