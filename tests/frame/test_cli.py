@@ -83,7 +83,7 @@ def test_seed_makes_the_picture():
 
 
 def test_without_bounces_is_without_gi():
-    """Both have direct light alone, the path tracer with the noise of its samples."""
+    """Both have direct light alone; that of one lamp the path tracer finds without noise."""
     arguments = ("cornell-point", "--diffuse", "--set", "camera.jitter=false")
     traced, deferred = picture("--bounces", "0", *arguments), picture("--gi", "none", *arguments)
     assert np.allclose(deferred.mean((0, 1)), traced.mean((0, 1)), rtol=0.005)

@@ -20,6 +20,7 @@ from wgpu_gi.scene import builtin
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Material, PointLight, Texture
 from wgpu_gi.scene.upload import SceneUpload
 from wgpu_gi.techniques import direct as direct_module
+from wgpu_gi.techniques.deferred_inputs import DeferredInputs
 
 SIZE = (48, 27)
 RASTER = {"gbuffer/opaque", "gbuffer/masked", "shadow/opaque", "shadow/masked"}
@@ -249,7 +250,7 @@ def test_plan_tells_what_the_scene_lacks():
 
 def force_features(monkeypatch):
     """Let every scene have everything: all code is compiled in, all passes are declared."""
-    update, update_draws = SceneUpload.update, SceneUpload.update_draws
+    update, update_draws, share = SceneUpload.update, SceneUpload.update_draws, DeferredInputs.share
 
     def everything(self, scene):
         update(self, scene)
@@ -261,6 +262,11 @@ def force_features(monkeypatch):
         found.masked = found.masked or ((0, 0, 0, 1),)
         return found
 
+    def shared(self, *arguments):
+        self._features = dict.fromkeys(self._features, True)
+        return share(self, *arguments)
+
+    monkeypatch.setattr(DeferredInputs, "share", shared)
     monkeypatch.setattr(SceneUpload, "update", everything)
     monkeypatch.setattr(SceneUpload, "update_draws", draws)
     monkeypatch.setattr(direct_module, "TILED_FROM", 0)

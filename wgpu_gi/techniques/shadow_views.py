@@ -21,9 +21,11 @@ from .shadow_sun import SunMap, fit_scene, fit_view, sun_axes, sun_matrix
 
 MARGIN = 2  # texels around what a perspective view must show, for the filter
 HALF_CUBE, CUBE = 5, 6  # views
-# Near plane over the scene's radius: above the rounding of float32 positions (1e-7), so that a sample of an emitter
-# does not see its own surface, and as little more as is safe, since nothing nearer casts shadows. Chosen.
-NEAR = 3e-6
+# Near planes over the scene's radius. Nothing nearer casts shadows, and of reversed float depth a near one costs no
+# precision. A sample of an emitter must not see its own surface, so it needs more than positions are rounded by: with
+# 1e-6 the Cornell lamp shades itself, with 1e-5 it does not.
+NEAR = 1e-9
+NEAR_EMITTER = 1e-5
 WIDEST_COSINE = 0.5  # of a spot with a single view: half of it is at most 60 degrees; chosen
 DIMMEST_SIDE = 1 / 8  # of the side that the most important light of its kind gets; chosen
 PROBES = 64  # surface points at which lights are compared; chosen
@@ -159,7 +161,8 @@ def build_shadow_views(
     for k, sun in suns.items():
         sun.fill(records[first[k] : first[k] + counts[k]], centre, radius)
     cubes = np.flatnonzero(lights["kind"][light] != DIRECT_SUN)
-    records[cubes] = _perspective(records[cubes], lights[light[cubes]], face[cubes], NEAR * radius)
+    near = np.where(lights["kind"][light[cubes]] == DIRECT_AREA, NEAR_EMITTER, NEAR) * radius
+    records[cubes] = _perspective(records[cubes], lights[light[cubes]], face[cubes], near)
     lights = lights.copy()
     lights["first_view"], lights["view_count"] = first, counts
     return ShadowViews(records, lights, atlas_size)
@@ -256,7 +259,7 @@ def _wanted_sides(
 
 
 def _perspective(
-    records: NDArray[np.void], lights: NDArray[np.void], face: NDArray[np.int64], near: float
+    records: NDArray[np.void], lights: NDArray[np.void], face: NDArray[np.int64], near: NDArray[np.float64]
 ) -> NDArray[np.void]:
     """Return `records`, which have their place and size, filled: of `lights`, one face of each."""
     size = records["size"].astype(np.float64)
