@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -232,7 +234,7 @@ class Renderer:
         view = upload.view(self.camera, self.size, settings.camera.jitter and settings.gi == "path")
         if settings.gi != "path":
             self._deferred.update(upload, self.scene, view, settings.direct, settings.shadow)
-            view = upload.view(self.camera, self.size, False, pixel_offset(self._frame))
+            view = upload.view(self.camera, self.size, False, pixel_offset(self._frame, picture_count(settings)))
             view["sample_index"] = self._frame
             self._deferred.note_motion(upload, self.scene, graph, view)
         graph.uniform("scene", upload.info)
@@ -293,12 +295,21 @@ def render(
     return renderer.read_back(show)
 
 
-def pixel_offset(frame: int) -> tuple[float, float]:
-    """Return where the rays of a jittered frame go through their pixels: the centre first, then all over the square.
+def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
+    """Return where the rays of one of `frames` jittered frames go through their pixels.
 
-    Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences": multiples of the plane's golden numbers.
+    A rank-1 lattice, so that every row and every column of the pixel's square has one point and their mean is exactly
+    its centre; the order jumps about the square.
     """
-    return (0.5 + frame * 0.7548776662466927) % 1.0, (0.5 + frame * 0.5698402909980532) % 1.0
+    index = (frame * _coprime(frames, 0.7548776662466927) + frames // 2) % frames
+    other = (index * _coprime(frames, 0.6180339887498949)) % frames
+    return (index + 0.5) / frames, (other + 0.5) / frames
+
+
+@cache
+def _coprime(count: int, share: float) -> int:
+    """Return the number nearest to a share of `count` that has no common divisor with it."""
+    return min(range(1, count + 1), key=lambda k: (math.gcd(k, count) > 1, abs(k - share * count)))
 
 
 def check_size(width: int, height: int) -> None:

@@ -1,0 +1,55 @@
+"""The references by Mitsuba 3 in `tests/truth/references`, and their scenes.
+
+References are made by `tools/make_references.py --size 128x72`, where their layers are explained: linear radiance of the
+pixel centres by number of scatterings, every material Lambert, with standard errors. `courtyard_sun` is the built-in
+courtyard with `--env 0`, `leak_corridor_a` the corridor with `--camera a`.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+import wgpu_gi as gi
+from wgpu_gi.resources import resource_dir
+from wgpu_gi.scene.scene import Environment, Scene
+
+FOLDER = Path(__file__).parent.parent / "truth" / "references"
+SIZE = (128, 72)
+# Scene, and its environment if it is another.
+SCENES: dict[str, tuple[str, Environment | None]] = {
+    "cornell_area": ("cornell/cornell_area.glb", None),
+    "cornell_point": ("cornell/cornell_point.glb", None),
+    "cornell_spot": ("cornell/cornell_spot.glb", None),
+    "leak_corridor_a": ("leak_corridor/leak_corridor.glb", None),
+    "courtyard_sun": ("courtyard", Environment((0.0, 0.0, 0.0))),
+    "courtyard_sky": ("courtyard", None),
+}
+
+
+def source_of(name: str) -> str:
+    """Return what `load` and the tool take for the scene of a reference."""
+    scene = SCENES[name][0]
+    return str(resource_dir("scenes") / scene) if "." in scene else scene
+
+
+def meta_of(name: str) -> dict:
+    """Return what a reference says of its making."""
+    with np.load(FOLDER / f"{name}_{SIZE[0]}x{SIZE[1]}.npz") as file:
+        return json.loads(str(file["meta"]))
+
+
+def layers_of(name: str) -> dict[str, np.ndarray]:
+    """Return the layers of a reference."""
+    with np.load(FOLDER / f"{name}_{SIZE[0]}x{SIZE[1]}.npz") as file:
+        return {key: file[key].astype(np.float32) for key in file.files if key != "meta"}
+
+
+def scene_of(name: str) -> Scene:
+    """Return the scene of a reference with its camera as the only one."""
+    scene = gi.load(source_of(name), environment=SCENES[name][1])
+    camera = meta_of(name)["camera"]
+    scene.cameras = [gi.Camera(np.array(camera["world_from_view"]), camera["yfov"])]
+    return scene
