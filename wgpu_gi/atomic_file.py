@@ -17,14 +17,12 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 
     Raises GiError in one sentence for what the file system refuses.
     """
-    # Beside the final file, which may be a link: a rename must not cross file systems.
     final = Path(os.path.realpath(path))
-    temporary = final.with_name(f".wgpu_gi-{os.getpid()}-{secrets.token_hex(4)}.tmp")
+    temporary = _temporary_name(final)
     try:
-        yield temporary
-        os.replace(temporary, final)
-    except OSError as error:
-        raise GiError(f"{path}: cannot be written ({error.strerror or error})") from None
+        with _errors_for(path):
+            yield temporary
+            os.replace(temporary, final)
     finally:
         with suppress(OSError):
             temporary.unlink()
@@ -33,9 +31,26 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 def check_writable(path: str | Path) -> None:
     """Raise GiError now if `path` could not be written later: its folder or the rights to it."""
     path = Path(path)
-    if path.is_dir():
-        raise GiError(f"{path} is a folder; give a file name")
     if not path.parent.is_dir():
         raise GiError(f"{path}: there is no folder {path.parent}; make it first")
-    if not os.access(path.parent, os.W_OK):
-        raise GiError(f"{path}: files cannot be made in {path.parent}; choose another folder")
+    with _errors_for(path):
+        if path.is_dir():
+            raise GiError(f"{path} is a folder; give a file name")
+        # Only trying tells: names may be too long, file systems full or read-only.
+        temporary = _temporary_name(Path(os.path.realpath(path)))
+        temporary.touch(exist_ok=False)
+        temporary.unlink()
+
+
+def _temporary_name(final: Path) -> Path:
+    """Return a short, unused name beside the final file: a rename must not cross file systems."""
+    return final.with_name(f".wgpu_gi-{os.getpid()}-{secrets.token_hex(4)}.tmp")
+
+
+@contextmanager
+def _errors_for(path: str | Path) -> Iterator[None]:
+    """Turn a refusal of the file system into one sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise GiError(f"{path}: cannot be written ({error.strerror or error})") from None

@@ -6,15 +6,13 @@ or tone curve.
 
 from __future__ import annotations
 
-import os
-import secrets
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .atomic_file import atomic_file, check_writable
 from .errors import GiError
 
 Array = NDArray[np.float32]
@@ -32,14 +30,7 @@ def check_output(path: str | Path, layers: Sequence[str] = ("radiance",)) -> Non
         raise GiError(f"{path}: unknown picture format {path.suffix!r}; use one of {' '.join(FORMATS)}")
     if len(layers) > 1 and path.suffix.lower() in ONE_LAYER_FORMATS:
         raise GiError(f"{path}: {path.suffix} holds one buffer; for {', '.join(layers)} use .exr or .npz")
-    if not path.parent.is_dir():
-        raise GiError(f"{path}: there is no folder {path.parent}; make it first")
-    with _errors_for(path):
-        if path.is_dir():
-            raise GiError(f"{path} is a folder; give a file name")
-        temporary = _temporary_name(path)
-        temporary.touch(exist_ok=False)
-        temporary.unlink()
+    check_writable(path)
 
 
 def save_image(
@@ -60,14 +51,8 @@ def save_image(
     arrays = {name: _checked(name, layer) for name, layer in layers.items()}
     check_output(path, tuple(arrays))
     texts = {key: str(value) for key, value in (metadata or {}).items()}
-    temporary = _temporary_name(path)
-    try:
-        with _errors_for(path):
-            _WRITERS[path.suffix.lower()](temporary, arrays, exposure, texts)
-            os.replace(temporary, os.path.realpath(path))
-    finally:
-        with suppress(OSError):
-            temporary.unlink()
+    with atomic_file(path) as temporary:
+        _WRITERS[path.suffix.lower()](temporary, arrays, exposure, texts)
 
 
 def load_image(path: str | Path, layer: str | None = None) -> Array:
@@ -246,17 +231,3 @@ def _read_exr(path: Path) -> dict[str, Array]:
 
 _WRITERS = {".npy": _write_npy, ".npz": _write_npz, ".png": _write_png, ".exr": _write_exr}
 _READERS = {".npy": _read_npy, ".npz": _read_npz, ".png": _read_png, ".exr": _read_exr}
-
-
-def _temporary_name(path: Path) -> Path:
-    """Return a name in the folder of the final file (a rename must not cross file systems), short and unused."""
-    return Path(os.path.realpath(path)).parent / f".wgpu_gi-{os.getpid()}-{secrets.token_hex(4)}.tmp"
-
-
-@contextmanager
-def _errors_for(path: Path) -> Iterator[None]:
-    """Turn a refusal of the file system into one sentence."""
-    try:
-        yield
-    except OSError as error:
-        raise GiError(f"{path}: cannot be written ({error.strerror or error})") from None

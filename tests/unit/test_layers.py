@@ -23,7 +23,7 @@ RULES = [
     (r"__init__", ("",)),
     (r"__main__|cli_\w+", ("",)),
     (r"settings|camera", ()),
-    (r"image|metrics", ("image",)),
+    (r"image|metrics", ("image", "atomic_file")),
     (r"compare_page", ("image", "metrics")),
     (r"atomic_file", ()),
     (r"gpu\.\w+", ("gpu.",)),
