@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from functools import cache
 
 from .gpu.graph import Graph
 from .gpu.handles import Buffer, Handle
@@ -95,6 +97,23 @@ class Source:
 def picture_count(settings: Settings) -> int:
     """Return how many jittered frames make a picture."""
     return settings.camera.frames if settings.camera.jitter and settings.gi != "path" else 1
+
+
+def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
+    """Return where the rays of one of `frames` jittered frames go through their pixels.
+
+    A rank-1 lattice, so that every row and every column of the pixel's square has one point and their mean is exactly
+    its centre; the order jumps about the square.
+    """
+    index = (frame * _coprime(frames, 0.7548776662466927) + frames // 2) % frames
+    other = (index * _coprime(frames, 0.6180339887498949)) % frames
+    return (index + 0.5) / frames, (other + 0.5) / frames
+
+
+@cache
+def _coprime(count: int, share: float) -> int:
+    """Return the number nearest to a share of `count` that has no common divisor with it."""
+    return min(range(1, count + 1), key=lambda k: (math.gcd(k, count) > 1, abs(k - share * count)))
 
 
 def declare_frame(

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +12,17 @@ from numpy.typing import NDArray
 
 from .camera import Camera
 from .errors import GiError
-from .frame import BUFFERS, TECHNIQUES, CameraSettings, Settings, Source, buffers_of, declare_frame, picture_count
+from .frame import (
+    BUFFERS,
+    TECHNIQUES,
+    CameraSettings,
+    Settings,
+    Source,
+    buffers_of,
+    declare_frame,
+    picture_count,
+    pixel_offset,
+)
 from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
@@ -293,23 +301,6 @@ def render(
     renderer = Renderer(scene, size=size, camera=camera, settings=chosen, adapter=adapter)
     renderer.run(progress, show=(show,))
     return renderer.read_back(show)
-
-
-def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
-    """Return where the rays of one of `frames` jittered frames go through their pixels.
-
-    A rank-1 lattice, so that every row and every column of the pixel's square has one point and their mean is exactly
-    its centre; the order jumps about the square.
-    """
-    index = (frame * _coprime(frames, 0.7548776662466927) + frames // 2) % frames
-    other = (index * _coprime(frames, 0.6180339887498949)) % frames
-    return (index + 0.5) / frames, (other + 0.5) / frames
-
-
-@cache
-def _coprime(count: int, share: float) -> int:
-    """Return the number nearest to a share of `count` that has no common divisor with it."""
-    return min(range(1, count + 1), key=lambda k: (math.gcd(k, count) > 1, abs(k - share * count)))
 
 
 def check_size(width: int, height: int) -> None:

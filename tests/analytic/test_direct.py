@@ -167,7 +167,8 @@ def test_pixels_agree_with_rays(name, by_light):
 
 @pytest.mark.parametrize(("name", "share"), [("point", 0.014), ("wide spot", 0.018), ("sun", 0.005)])
 def test_without_rays_only_shadow_edges_differ(name, share, by_light):
-    got = drawn(dark_medley([LIGHTS[name]]), diffuse=False, direct=DirectSettings(edges=False))
+    sides = ShadowSettings(sun=2048, spot=1024, point=512)
+    got = drawn(dark_medley([LIGHTS[name]]), diffuse=False, direct=DirectSettings(edges=False), shadow=sides)
     expected = by_light[name]
     off = np.abs(got - expected).max(-1) > PACKED * (expected.max(-1) + 0.02 * expected.mean())
     assert off.mean() <= share

@@ -13,9 +13,9 @@ from wgpu_gi import renderer as renderer_module
 from wgpu_gi.__main__ import main
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.frame import BUFFERS, buffers_of
+from wgpu_gi.frame import BUFFERS, buffers_of, pixel_offset
 from wgpu_gi.image import load_image
-from wgpu_gi.renderer import CameraSettings, Renderer, Settings, pixel_offset
+from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene import builtin
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Material, PointLight, Texture
 from wgpu_gi.scene.upload import SceneUpload
@@ -304,7 +304,7 @@ def test_jittered_frames_are_averaged(monkeypatch):
     means = {name: renderer.read_back(name) for name in layers}
     sums = dict.fromkeys(layers, 0.0)
     for frame in range(5):
-        monkeypatch.setattr(renderer_module, "pixel_offset", lambda _, frame=frame: pixel_offset(frame))
+        monkeypatch.setattr(renderer_module, "pixel_offset", lambda *_, frame=frame: pixel_offset(frame, 5))
         single = opened(scene, show=layers)
         for name in layers:
             sums[name] = sums[name] + single.read_back(name).astype(np.float64) / 5
@@ -331,12 +331,18 @@ def test_accumulation_begins_again_after_a_change():
     assert "shadow/opaque" not in renderer.graph.last_run
 
 
-def test_offsets_fill_the_pixel():
-    offsets = np.array([pixel_offset(k) for k in range(64)])
-    assert tuple(offsets[0]) == (0.5, 0.5) and (offsets >= 0).all() and (offsets < 1).all()
-    assert np.abs(offsets.mean(0) - 0.5).max() < 0.02
-    found = np.histogram2d(*offsets.T, bins=4, range=[[0, 1], [0, 1]])[0]
-    assert found.min() >= 2 and found.max() <= 5
+@pytest.mark.parametrize("frames", [1, 2, 3, 4, 5, 16, 64, 100, 1000])
+def test_offsets_fill_the_pixel(frames):
+    """One in each row and each column of the pixel's square, and as many in each of its quarters."""
+    offsets = np.array([pixel_offset(k, frames) for k in range(frames)])
+    for axis in offsets.T:
+        assert np.allclose(np.sort(axis), (np.arange(frames) + 0.5) / frames)
+    if frames >= 16:
+        found = np.histogram2d(*offsets.T, bins=2, range=[[0, 1], [0, 1]])[0] / frames
+        assert found.min() > 0.18 and found.max() < 0.32
+        # A few frames are no worse a picture than as many of another one: they lie all over the square.
+        first = np.histogram2d(*offsets[:8].T, bins=2, range=[[0, 1], [0, 1]])[0]
+        assert first.min() >= 1
 
 
 def test_edges_of_the_mean_are_smooth():

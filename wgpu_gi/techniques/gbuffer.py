@@ -3,6 +3,10 @@
 Burns and Hunt 2013, "The Visibility Buffer". Depth peeling: Everitt 2001, "Interactive Order-Independent Transparency".
 Departure: the resolve intersects the pixel's ray with the triangle instead of interpolating, so that a surface is
 exactly what the path tracer sees.
+
+28 bytes per pixel (44 with emission; 4 more with instances). On llvmpipe, Sponza at 640x360, CPU time over two cores:
+this takes 25 + 7 ms to rasterise and 31 ms to resolve; one raster pass that writes a packed surface and emission,
+textured, 117 + 8 ms.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 // verdict that leaves open what the maps cannot tell.
 //
 // Neither has a bias in metres. The filter moves the point off its surface by as much as its texels may lie below it; it
-// errs bright within about two texels of a contact, and soft by a texel at a shadow's edge. The verdict compares with the
+// errs bright up to about three texels inside a shadow, and soft at its edge. The verdict compares with the
 // plane of the surface at each texel.
 #import "shadow/table.wgsl"
 
@@ -90,7 +90,7 @@ fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f,
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
     let view = load_view(shadow_view_at(light, count, position, offset), count);
     let along = select(dot(view.forward, offset), 1.0, is_sun);
-    // From texel to texel, the distance to the light's plane changes by as much as the normal leans to them.
+    // Along the texels a plane comes nearer to the light by as much as its normal leans towards them.
     let lean = abs(dot(normal, view.right)) + abs(dot(normal, view.up));
     let lift = normal * (select(-FILTER_REACH, FILTER_REACH, dot(normal, to_light) >= 0.0) * view.texel * along * lean);
     let p = project(view, is_sun, position + lift, offset + lift);
