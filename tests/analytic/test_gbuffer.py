@@ -261,7 +261,8 @@ def place_of(camera, size, points):
     """Pixels from the top left corner, and distances from the camera, of points of the world."""
     clip = camera.clip_from_world(size, np.zeros(3), 1.0, 100.0)
     p = np.asarray(points, np.float64) @ clip[:, :3].T + clip[:, 3]
-    ndc = p[..., :2] / p[..., 3:]
+    with np.errstate(divide="ignore", invalid="ignore"):  # a point at the camera has no place
+        ndc = p[..., :2] / p[..., 3:]
     return (ndc * (0.5, -0.5) + 0.5) * size, np.linalg.norm(points - camera.position, axis=-1)
 
 

@@ -340,9 +340,6 @@ def test_offsets_fill_the_pixel(frames):
     if frames >= 16:
         found = np.histogram2d(*offsets.T, bins=2, range=[[0, 1], [0, 1]])[0] / frames
         assert found.min() > 0.18 and found.max() < 0.32
-        # A few frames are no worse a picture than as many of another one: they lie all over the square.
-        first = np.histogram2d(*offsets[:8].T, bins=2, range=[[0, 1], [0, 1]])[0]
-        assert first.min() >= 1
 
 
 def test_edges_of_the_mean_are_smooth():

@@ -1,8 +1,8 @@
 """The references by Mitsuba 3 in `tests/truth/references`, and their scenes.
 
-References are made by `tools/make_references.py --size 128x72`, where their layers are explained: linear radiance of the
-pixel centres by number of scatterings, every material Lambert, with standard errors. `courtyard_sun` is the built-in
-courtyard with `--env 0`, `leak_corridor_a` the corridor with `--camera a`.
+References are made by `tools/make_references.py --size 128x72`, where their layers are explained: linear radiance of
+the pixel centres by number of scatterings, every material Lambert, with standard errors. `courtyard_sun` is the
+built-in courtyard with `--env 0`, `leak_corridor_a` the corridor with `--camera a`.
 """
 
 from __future__ import annotations

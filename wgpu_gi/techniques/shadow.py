@@ -27,19 +27,22 @@ class ShadowDraws:
     def __init__(self) -> None:
         self.views: NDArray = np.zeros(0)
         self.draws: Draws | None = None
+        self._boxes: NDArray[np.float32] = np.zeros((0, 2, 3), np.float32)
         self._shown: NDArray[np.bool_] | None = None
 
     def update(self, views: NDArray[np.void], draws: Draws) -> None:
-        """Take other views or another scene; what each view sees is found when it is drawn."""
-        if draws is not self.draws or views.tobytes() != self.views.tobytes():
-            self.views, self.draws, self._shown = views, draws, None
+        """Take other views, another scene or other places of it; what each view sees is found when it is drawn."""
+        boxes = draws.clusters.boxes
+        same = draws is self.draws and np.array_equal(boxes, self._boxes)
+        if not same or views.tobytes() != self.views.tobytes():
+            self.views, self.draws, self._boxes, self._shown = views, draws, boxes, None
 
     def record(self, encoder: Any, masked: bool) -> None:
         """Record the draws of all views."""
         assert self.draws is not None
         clusters = self.draws.clusters
         if self._shown is None:
-            self._shown = visible(self.views, clusters.boxes)
+            self._shown = visible(self.views, self._boxes)
         everything = self.draws.masked if masked else self.draws.opaque
         for number, view in enumerate(self.views):
             shown = self._shown[number]
