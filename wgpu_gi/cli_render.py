@@ -37,8 +37,6 @@ def render(arguments: Namespace) -> int:
     # Refuse what cannot work before any time is spent on it.
     shown = buffers_from(arguments, settings)
     check_size(*arguments.size)
-    if not math.isfinite(arguments.exposure):
-        raise GiError(f"--exposure takes a finite number of stops, not {arguments.exposure}")
     check_output(arguments.output, shown)
 
     scene = scene_from(arguments)
@@ -57,7 +55,7 @@ def render(arguments: Namespace) -> int:
     seconds = time.perf_counter() - start
 
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
-    save_image(arguments.output, layers, exposure=arguments.exposure, metadata=metadata)
+    save_image(arguments.output, layers, exposure=settings.exposure, metadata=metadata)
     if arguments.plan:
         print(renderer.plan())
     if arguments.timings:
@@ -70,8 +68,15 @@ def render(arguments: Namespace) -> int:
 
 def settings_from(arguments: Namespace) -> Settings:
     """Return the settings that the flags and then every `--set` ask for, checked."""
+    if not math.isfinite(arguments.exposure):
+        raise GiError(f"--exposure takes a finite number of stops, not {arguments.exposure}")
     settings = Settings(
-        gi=arguments.gi, bounces=arguments.bounces, spp=arguments.spp, seed=arguments.seed, diffuse=arguments.diffuse
+        gi=arguments.gi,
+        bounces=arguments.bounces,
+        spp=arguments.spp,
+        seed=arguments.seed,
+        exposure=arguments.exposure,
+        diffuse=arguments.diffuse,
     )
     validate(settings)
     apply_quality(settings, arguments.quality)

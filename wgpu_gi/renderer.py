@@ -147,6 +147,21 @@ class Renderer:
         """
         shown = self.buffers if show is None else show
         self._check_buffers(shown)
+        try:
+            return self._step(shown, progress, check, timings, force)
+        except BaseException:
+            # Half of it is done: the next step sends what changed again, and begins its picture anew.
+            self._inputs = None
+            raise
+
+    def _step(
+        self,
+        shown: tuple[str, ...],
+        progress: Callable[[float], None] | None,
+        check: bool,
+        timings: bool,
+        force: bool,
+    ) -> bool:
         self._prepare(shown, force)
         before = self._graph.settle_progress()
         frames = picture_count(self.settings)
@@ -255,6 +270,7 @@ class Renderer:
         declared = (*self._inputs[2:], inputs.shape())
         if declared == self._declared:
             return
+        self._declared = None
         self._graph.begin(self.size)
         self._sources = declare_frame(
             self._graph, self.settings, self._share(), self._deferred.shadows, self._extra_runs

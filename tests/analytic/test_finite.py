@@ -1,13 +1,14 @@
-"""No NaN, infinity or negative radiance in any buffer, whatever the scene."""
+"""No NaN, infinity or negative radiance in any buffer of any pass of any technique, whatever scene and settings."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
+from helpers.medley import medley
+from helpers.techniques import ball_on_a_floor, make_settings, picture, thousand_lights
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.frame import TECHNIQUES
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.scene import builtin
 from wgpu_gi.scene.builtin import matte
@@ -24,6 +25,10 @@ from wgpu_gi.scene.scene import (
     Texture,
 )
 from wgpu_gi.scene.shapes import box, grid, quad, sphere
+from wgpu_gi.settings import QUALITIES, apply_quality, assign, describe
+from wgpu_gi.techniques.shadow_views import ShadowSettings
+
+pytestmark = pytest.mark.parametrize("technique", TECHNIQUES)
 
 ABOVE = Camera.look_at((0.3, 1.5, 1.5), (0, 0, 0))
 
@@ -84,6 +89,22 @@ def inside():
     return scene
 
 
+def grazing():
+    """Suns along the floor, above it by less than float32 can tell of a slope, and below it; a camera that skims it."""
+    lights = [DirectionalLight((1.0, y, 0.3)) for y in (0.0, -1e-7, 1e-7, -1e-3, 0.5)]
+    scene = with_floor(box((-0.3, 0, -0.3), (0.3, 0.3, 0.3)), lights=lights)
+    scene.cameras = [Camera.look_at((0, 1e-5, 2), (0, 0, -2))]
+    return scene
+
+
+def every_light():
+    """Two thousand lights, and four thousand emitters in one."""
+    lights = [*thousand_lights(), *thousand_lights(SpotLight), DirectionalLight((0.3, -1, 0.1))]
+    scene = ball_on_a_floor(lights, Environment((0.1, 0.2, 0.3)))
+    scene.instances.append(Instance(sphere((0, 1.5, 0), 0.2, 4, matte(0.5, "bulb", 3.0))))
+    return scene
+
+
 SCENES = {
     "degenerate triangles": degenerate,
     "bad attributes": bad_attributes,
@@ -91,20 +112,78 @@ SCENES = {
     "mirrors": mirrors,
     "extremes": extremes,
     "camera on a wall": inside,
+    "grazing": grazing,
+    "every light": every_light,
+    "medley": medley,
     "nothing": lambda: Scene(environment=Environment(image=np.zeros((2, 4, 3), np.float32))),
     "black lights": lambda: with_floor(lights=[PointLight((0, 1, 0), 0.0)], environment=Environment((0.0, 0.0, 0.0))),
 }
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_buffers_are_finite(name):
-    settings = Settings(spp=32)
-    settings.path.samples_per_run = 16
-    renderer = Renderer(SCENES[name](), size=(24, 16), settings=settings)
-    renderer.run(check=True)
-    for buffer in ("radiance", "direct", "indirect", "emission", "standard_error", "albedo", "depth"):
-        values = renderer.read_back(buffer)
-        assert np.isfinite(values).all() and (values >= 0).all(), buffer
-    normal = np.linalg.norm(renderer.read_back("normal"), axis=-1)
-    assert np.allclose(normal[renderer.read_back("depth") > 0], 1, atol=1e-5)
-    assert math.isfinite(float(renderer.read_back("position").sum()))
+def test_buffers_are_finite(technique, name):
+    """`picture` checks every buffer of every pass, and those that are shown."""
+    picture(technique, SCENES[name](), (24, 16), spp=32)
+
+
+@pytest.mark.parametrize("name", ["lights on surfaces", "mirrors", "grazing", "medley"])
+def test_jittered_frames_are_finite(technique, name):
+    picture(technique, SCENES[name](), (24, 16), frames=8, shadow=ShadowSettings())
+
+
+# ------------------------------------------------------------------------------------------------ Settings
+
+
+def extremes_of(settings):
+    """Return `section.name=value` of every setting at both ends of its range, or at each of its choices."""
+    texts = []
+    for row in describe(settings):
+        if row.name == "gi":
+            continue
+        values = [*(row.range or ()), *row.choices, *((True, False) if isinstance(row.default, bool) else ())]
+        assert values, f"{row.name} has no range"
+        texts += [f"{row.name}={value}" for value in values]
+    return texts
+
+
+def step(renderer):
+    """Render two frames, checked. So what only makes more frames or samples costs nothing, at any number of them."""
+    for _ in range(2):
+        renderer.step(check=True)
+    picture = renderer.read_back()
+    assert np.isfinite(picture).all() and (picture >= 0).all()
+
+
+def scene_for_settings():
+    """A little of everything that settings are about."""
+    lights = [PointLight((1, 1, 1), range=1.5), DirectionalLight((0.3, -1, 0.1)), SpotLight((0, 2, 1), (0, -2, -1))]
+    image = np.random.default_rng(0).uniform(0, 1, (4, 8, 3)).astype(np.float32)
+    return ball_on_a_floor(lights, Environment(image=image), 5.0)
+
+
+@pytest.mark.slow
+def test_every_setting_at_its_ends(technique):
+    """One after the other, at 7x5 pixels, all others at their defaults; the same renderer takes them all."""
+    renderer = Renderer(scene_for_settings(), size=(7, 5), settings=make_settings(technique))
+    for text in extremes_of(renderer.settings):
+        renderer.settings = make_settings(technique, frames=2)
+        assign(renderer.settings, text)
+        step(renderer)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [0, 1])
+def test_all_settings_at_one_end(technique, end):
+    """All at the least, or all at the most: 4,096 sample lights and maps of 8,192 texels, the atlas as large."""
+    settings = make_settings(technique)
+    for row in describe(settings):
+        if row.range is not None:
+            assign(settings, f"{row.name}={row.range[end]}")
+    step(Renderer(scene_for_settings(), size=(7, 5), settings=settings))
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_every_quality(technique, quality):
+    settings = Settings(gi=technique, spp=16)
+    apply_quality(settings, quality)
+    step(Renderer(scene_for_settings(), size=(7, 5), settings=settings))

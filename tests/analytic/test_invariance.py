@@ -1,4 +1,4 @@
-"""Relations that hold without any truth: doubling, scaling, moving, swapping channels, adding lights and bounces."""
+"""Relations of the path tracer, pixel by pixel: doubling, scaling, moving, swapped channels, adding lights, bounces."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def test_bounces_only_add():
 
 def test_direct_light_alone_is_the_layer_direct():
     scene = builtin.cornell()
-    alone = shoot(scene, SIZE, spp=16, gi="none", show=("radiance", "emission", "direct", "indirect"))
+    alone = shoot(scene, SIZE, spp=16, bounces=0, show=("radiance", "emission", "direct", "indirect"))
     full = shoot(scene, SIZE, spp=16, show=("emission", "direct"))
     assert np.allclose(alone["radiance"], full["emission"] + full["direct"], rtol=1e-6)
     assert not alone["indirect"].any()

@@ -14,7 +14,6 @@ from helpers.pictures import moved, translation
 from helpers.skies import gradient_sky
 from helpers.techniques import (
     LAYERS,
-    SAME_MEAN,
     SCENES,
     assert_same,
     ball_on_a_floor,
@@ -113,11 +112,14 @@ def test_layers_add_up(technique):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_swapped_channels_give_a_swapped_picture(technique, name):
-    expected, noise = reference(technique, name)
-    got = picture(technique, swap_channels(SCENES[name]()))
+    """Emitters of several hues share their samples by luminance, so the medley's have none here."""
+    scene, swapped = SCENES[name](), SCENES[name]()
+    for material in scene.materials + swapped.materials if name == "medley" else ():
+        material.emission, material.emission_texture = (material.emission[0],) * 3, None
+    expected = picture(technique, scene)
+    got = picture(technique, swap_channels(swapped))
     back = {layer: np.roll(got[layer], 1, axis=-1) for layer in LAYERS}
-    # Emitters of several hues share their samples by luminance, which is another then.
-    assert_same(back, expected, noise, mean=5e-3 if name == "medley" else SAME_MEAN)
+    assert_same(back, expected, noise_of(technique, expected, scene))
 
 
 def test_a_thousand_lights_in_one_place(technique):
@@ -179,19 +181,17 @@ def test_black_surfaces_scatter_nothing(technique):
 
 
 def test_odd_sizes_share_their_middle(technique):
-    """The ray through the middle of the picture is the same whatever the size; of a sun, the maps follow the size."""
-    sizes = ((17, 13), (1, 1), (641, 359))
+    """The ray through the middle of the picture is the same whatever the size, here to the middle of a wall."""
+    camera = Camera.look_at((2.78, 2.73, -2.6), (2.0, 4.6, 5.592))
     middles = []
-    for size in sizes:
-        scene = SCENES["medley"]()
-        scene.lights = [light for light in scene.lights if not isinstance(light, DirectionalLight)]
-        got = picture(technique, scene, size, spp=1)
+    for size in ((17, 13), (1, 1), (641, 359)):
+        got = picture(technique, SCENES["cornell-point"](), size, camera=camera, spp=1)
         middles.append({name: got[name][size[1] // 2, size[0] // 2] for name in got})
     for middle in middles[1:]:
         for name in ("albedo", "normal", "depth", "emission"):
             assert np.allclose(middle[name], middles[0][name], rtol=1e-4, atol=1e-5), name
         if not is_noisy(technique):
-            assert np.allclose(middle["radiance"], middles[0]["radiance"], rtol=1e-3)
+            assert np.allclose(middle["radiance"], middles[0]["radiance"], rtol=1e-3) and middle["radiance"].all()
 
 
 def test_a_picture_of_few_columns(technique):
@@ -214,7 +214,9 @@ def test_camera_close_to_a_surface(technique, name):
             arguments = {"size": (5, 5), "camera": camera, "diffuse": True, "spp": 64}
             shown.append(picture(technique, SCENES[name](), **arguments))
             assert np.allclose(shown[-1]["depth"], distance, rtol=0.2)
-        assert_same(shown[1], shown[0], noise_of(technique, shown[0], SCENES[name](), **arguments), mean=0.01, pixel=0.01)
+        assert_same(
+            shown[1], shown[0], noise_of(technique, shown[0], SCENES[name](), **arguments), mean=0.01, pixel=0.01
+        )
 
 
 @pytest.mark.parametrize("name", ["cornell", "cornell-point", "courtyard"])
@@ -223,14 +225,12 @@ def test_camera_far_away(technique, name):
     scene = SCENES[name]()
     radius = float(np.linalg.norm(np.diff(scene.bounds(), axis=0))) / 2
     centre, pose = scene.bounds().mean(0), scene.cameras[0].world_from_view
-    radius = min(radius, 8.0)
 
     def seen_from(distance, height=None):
         matrix = pose.copy()
         matrix[:3, 3] = centre + pose[:3, 2] * distance * radius
         camera = Camera(matrix, 2 * math.atan(0.5 / distance), height)
-        layers = picture(technique, scene, camera=camera)
-        return layers, camera
+        return picture(technique, scene, camera=camera), camera
 
     expected, camera = seen_from(10.0, radius)
     noise = noise_of(technique, expected, scene, camera=camera)
@@ -238,9 +238,9 @@ def test_camera_far_away(technique, name):
         assert_same(seen_from(distance, height)[0], expected, noise, mean=bound, pixel=0.02)
 
 
-@pytest.mark.parametrize("size", [1e4, 1e5])
+@pytest.mark.parametrize("size", [1e3, 1e4, 1e5])
 def test_a_floor_to_the_horizon(technique, size):
-    """A hundred kilometres of floor under a small box, seen from near by: the same picture as with a hundred metres."""
+    """A kilometre of floor, or a hundred, under a small box near by: the same picture as with a hundred metres."""
 
     def scene(width):
         block = box((-0.3, 0, -0.3), (0.3, 0.6, 0.3), matte((0.8, 0.4, 0.2)))
@@ -255,12 +255,13 @@ def test_a_floor_to_the_horizon(technique, size):
 
 
 @pytest.mark.slow
-def test_a_million_triangles_and_a_giant_one(technique):
-    """A floor of a million triangles on a triangle of ten kilometres shows what one of two triangles shows."""
+@pytest.mark.parametrize("size", [1e2, 1e4])
+def test_a_million_triangles_and_a_giant_one(technique, size):
+    """A floor of a million triangles over a triangle as large as a town shows what one of two triangles shows."""
 
     def scene(cells):
         floor = grid(4.0, cells, matte(0.5))
-        giant = mesh([(-1e4, -0.5, 1e4), (1e4, -0.5, 1e4), (0, -0.5, -1e4)], [(0, 1, 2)], matte((0.2, 0.4, 0.6)))
+        giant = mesh([(-size, -0.5, size), (size, -0.5, size), (0, -0.5, -size)], [(0, 1, 2)], matte((0.2, 0.4, 0.6)))
         ball = ball_on_a_floor().instances[1]
         lights = [PointLight((1.0, 1.5, 1.0), 5.0), DirectionalLight((0.4, -1.0, 0.2), 2.0)]
         camera = Camera.look_at((0, 2, 3), (0, 0.3, 0))
@@ -273,10 +274,10 @@ def test_a_million_triangles_and_a_giant_one(technique):
 
 
 def test_half_resolution_has_the_same_mean(technique):
-    """Averaged over their pixels' squares, within what 16 frames and their edges leave open."""
+    """Averaged over their pixels' squares, within what 64 frames leave open at edges of a bright lamp."""
     for name in ("cornell", "courtyard"):
-        fine, coarse = (picture(technique, SCENES[name](), size, frames=16) for size in ((32, 24), (16, 12)))
-        noise = noise_of(technique, coarse, SCENES[name](), (16, 12), frames=16)
+        fine, coarse = (picture(technique, SCENES[name](), size, frames=64) for size in ((32, 24), (16, 12)))
+        noise = noise_of(technique, coarse, SCENES[name](), (16, 12), frames=64)
         for layer in LAYERS:
             sigma = np.sqrt((noise[layer] ** 2).sum((0, 1))) / (16 * 12)
             off = np.abs(coarse[layer].mean((0, 1)) - fine[layer].mean((0, 1)))
@@ -329,18 +330,18 @@ def test_light_inside_a_wall(technique, depth):
 
 @pytest.mark.parametrize("height", [0.0, 1e-7, 1e-4])
 def test_light_touching_a_surface(technique, height):
-    """Finite and not brighter than what the light sends out, also where it lies in the plane of a floor and of a box."""
+    """Finite, also where it lies in the plane of a floor and of a box, or shines into it."""
     block = box((-0.3, 0, -0.3), (0.3, 0.6, 0.3), matte(0.9))
     lights = [
         PointLight((0.8, height, 0.8), 1.0),
         SpotLight((0.3 + height, 0.3, 0.0), (1, 0, 0), 0.3, 1.5, 1.0),
         SpotLight((-0.8, height, 0.8), (0, -1, 0), 0.3, 0.3, 1.0),
     ]
-    for light in lights:
-        scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], [light])
-        picture(technique, scene, camera=Camera.look_at((0.5, 2.0, 2.5), (0, 0.2, 0)))
-    both = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], lights)
-    assert picture(technique, both, camera=Camera.look_at((0.5, 2.0, 2.5), (0, 0.2, 0)))["radiance"].any()
+    for shining in ([lights[0]], [lights[1]], [lights[2]], lights):
+        scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], shining)
+        got = picture(technique, scene, camera=Camera.look_at((0.5, 2.0, 2.5), (0, 0.2, 0)))
+        # The spot that shines into the floor has nothing else to light but its own place.
+        assert got["direct"].any() or shining == [lights[2]]
 
 
 # ------------------------------------------------------------------------------------------------ Time
@@ -357,7 +358,8 @@ def test_away_and_back_is_the_same_frame(technique, name):
         return read_all(renderer)
 
     home, first = renderer.camera, shown()
-    renderer.camera = Camera.look_at(home.position + (0.1, 0.2, 0.0), home.position - home.world_from_view[:3, 2])
+    away = home.position + np.array((0.1, 0.2, 0.0))
+    renderer.camera = Camera.look_at(away, home.position - home.world_from_view[:3, 2])
     assert not np.array_equal(shown()["radiance"], first["radiance"])
     renderer.camera = home
     back = shown()
@@ -379,7 +381,7 @@ def test_away_and_back_is_the_same_frame(technique, name):
 @pytest.mark.slow
 def test_ten_thousand_frames(technique):
     """No drift: a constant stays what it is, and a picture is the mean over its pixels' squares."""
-    settings = make_settings(technique, frames=10_000, spp=10_000)
+    settings = make_settings(technique, frames=10_000, spp=10_000, diffuse=True)
     settings.path.samples_per_run = 1
 
     def accumulated(scene):
@@ -391,11 +393,13 @@ def test_ten_thousand_frames(technique):
         return {layer: renderer.read_back(layer).astype(np.float64) for layer in LAYERS}
 
     flat = accumulated(builtin.plane_sun())
-    assert np.allclose(flat["radiance"], 0.5 * 3.0 * 0.5 / math.pi, rtol=2e-5)
+    once = picture(technique, builtin.plane_sun(), (8, 8), diffuse=True)
+    assert np.allclose(flat["radiance"], once["radiance"], rtol=2e-5)
     scene = builtin.cornell_point()
-    got, fine = accumulated(scene), picture(technique, scene, (256, 256))
+    got, fine = accumulated(scene), picture(technique, scene, (256, 256), diffuse=True)
     for layer in LAYERS:
         expected = fine[layer].reshape(8, 32, 8, 32, 3).mean((1, 3))
-        off = np.abs(got[layer] - expected)
-        # A pixel is the mean of 1,024 fine ones, along whose edges one in 32 is half wrong.
-        assert off.mean() <= 5e-3 * expected.mean(), (layer, off.mean() / expected.mean())
+        off = got[layer] - expected
+        # A pixel is the mean of 1,024 fine ones, along whose edges one in 32 is half wrong; noise hides that.
+        error = abs(off.mean()) if is_noisy(technique) else np.abs(off).mean()
+        assert error <= 5e-3 * expected.mean(), (layer, error / max(expected.mean(), 1e-300))

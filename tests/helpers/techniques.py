@@ -35,7 +35,7 @@ SIGMAS = 5.0  # of noisy layers' means; chosen
 
 
 def make_settings(technique: str, frames: int = 1, **fields: object) -> Settings:
-    """Return settings of a technique: rays through pixel centres, or all over the pixels if there are several frames."""
+    """Return settings of a technique: rays through pixel centres, or through all of a pixel for several frames."""
     camera = CameraSettings(jitter=frames > 1, frames=frames)
     return Settings(gi=technique, camera=camera, **{"spp": SPP, "shadow": replace(SHADOWS), **fields})
 
@@ -131,7 +131,7 @@ SCENES: dict[str, Callable[[], Scene]] = {**BUILTIN_SCENES, "medley": medley_und
 
 
 def ball_on_a_floor(lights: object = (), environment: Environment | None = None, emission: float = 0.0) -> Scene:
-    """A ball and a lamp of radiance `emission` over a floor: mostly direct light, and shadows of every kind of source."""
+    """A ball and a lamp of radiance `emission` over a floor: mostly direct light, with shadows of every source."""
     ball = sphere((0.0, 0.5, 0.0), 0.5, material=matte((0.8, 0.6, 0.4)))
     lamp = quad((-1, 1.5, -1), (0.6, 0, 0), (0, 0, 0.6), matte(0.0, "lamp", emission, double_sided=False))
     scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(ball), Instance(lamp)], list(lights), environment)

@@ -6,6 +6,7 @@ The first vertex of every triangle is its own, so that the number reaches the fr
 
 from __future__ import annotations
 
+from collections.abc import MutableMapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -111,8 +112,8 @@ def own_first_vertices(triangles: NDArray[np.uint32], vertex_count: int) -> Rast
     return RasterMesh(source, np.concatenate([owner, without]), corners)
 
 
-def build_draws(instances: list[Instance], hierarchy: Hierarchy, known: dict[int, RasterMesh]) -> Draws:
-    """Lay out the scene for drawing; `known` keeps what has been made of each MeshData, by id."""
+def build_draws(instances: list[Instance], hierarchy: Hierarchy, known: MutableMapping[MeshData, RasterMesh]) -> Draws:
+    """Lay out the scene for drawing; `known` keeps what has been made of each MeshData."""
     parts = [_Part(place, known) for place in hierarchy.placements()]
     users: dict[int, list[int]] = {}
     for number, instance in enumerate(instances):
@@ -173,12 +174,12 @@ def build_draws(instances: list[Instance], hierarchy: Hierarchy, known: dict[int
 class _Part:
     """One mesh's share of the draws."""
 
-    def __init__(self, place: Placement, known: dict[int, RasterMesh]) -> None:
+    def __init__(self, place: Placement, known: MutableMapping[MeshData, RasterMesh]) -> None:
         self.place = place
         self.data: MeshData = place.data
-        if id(self.data) not in known:
-            known[id(self.data)] = own_first_vertices(self.data.indices, len(self.data.vertices))
-        self.raster = known[id(self.data)]
+        if self.data not in known:
+            known[self.data] = own_first_vertices(self.data.indices, len(self.data.vertices))
+        self.raster = known[self.data]
         self.first_slot = self.first_vertex = 0
         self.users: list[int] = []
 

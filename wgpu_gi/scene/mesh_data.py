@@ -19,7 +19,7 @@ BATCH = 1 << 17  # triangles whose hierarchies are built together; more would no
 SMOOTH, COLORED, MASKED, HAS_TANGENTS = 1, 2, 4, 8  # triangle flags, as wgsl/scene/geometry.wgsl
 
 
-@dataclass
+@dataclass(eq=False)
 class MeshData:
     """Arrays in leaf order. `corners` (m, 3, 3) float32 local; `indices` (m, 3) uint32 into `vertices`."""
 

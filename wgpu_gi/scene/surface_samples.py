@@ -1,4 +1,4 @@
-"""Points spread over a scene's surfaces by area: a cheap stand-in for geometry where only rough distances count."""
+"""Points spread over a scene's surfaces: a cheap stand-in for geometry where only rough distances count."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])  # of the plane (Rob
 
 
 def sample_surfaces(instances: list[Instance], hierarchy: Hierarchy, count: int = 4096) -> NDArray[np.float64]:
-    """Return at most `count` points (n, 3) relative to the scene's origin, the same ones for the same scene."""
+    """Return at most `count` points (n, 3) relative to the scene's origin, the same ones for the same scene.
+
+    Half of them go by area, half equally to all instances, so that small things on large grounds have some, too.
+    """
     areas, parts = [], []
     for instance in instances:
         place = hierarchy.placement(instance.mesh)
@@ -25,9 +28,11 @@ def sample_surfaces(instances: list[Instance], hierarchy: Hierarchy, count: int 
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         parts.append(corners)
         areas.append(area * (len(place.data.corners) / len(corners)))
-    total = np.cumsum(np.concatenate([np.zeros(1), *areas]))
-    if total[-1] <= 0:
+    sums = np.array([float(area.sum()) for area in areas])
+    if not sums.any():
         return np.zeros((0, 3))
+    weights = 0.5 / sums.sum() + 0.5 / (np.count_nonzero(sums) * np.where(sums > 0, sums, 1.0))
+    total = np.cumsum(np.concatenate([np.zeros(1), *(a * w for a, w in zip(areas, weights, strict=True))]))
     chosen = np.searchsorted(total[1:], (np.arange(count) + 0.5) / count * total[-1])
     u = np.outer(np.arange(count), GOLDEN) % 1.0
     folded = np.where(u.sum(1, keepdims=True) > 1, 1 - u, u)

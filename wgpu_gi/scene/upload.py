@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import wgpu
@@ -23,6 +24,7 @@ from .draws import Draws, RasterMesh, build_draws
 from .emitters import LightTable, build_light_table, environment_cdf
 from .gpu_resources import GpuResources
 from .hierarchy import Hierarchy
+from .mesh_data import MeshData
 from .scene import Image, Instance, Light, Material, Scene, Texture
 from .surface_samples import sample_surfaces
 
@@ -61,8 +63,9 @@ class SceneUpload:
         self._table: LightTable | None = None
         self._sources: object = None
         self._cdf: NDArray[np.float32] | None = None
-        self._raster_meshes: dict[int, RasterMesh] = {}
+        self._raster_meshes: WeakKeyDictionary[MeshData, RasterMesh] = WeakKeyDictionary()
         self._raster_stale = True
+        self._unsent: set[str] = set()  # arrays of the hierarchy; of an update that failed, too
         self._geometry = 0  # grows when meshes or transforms change
         self._direct: tuple[object, NDArray] = (None, np.zeros(0))
         self._before: list[tuple[Instance, NDArray[np.float64]]] = []  # where each was at the last call for motion
@@ -92,22 +95,24 @@ class SceneUpload:
         scene = _without_empty(scene)
         materials = scene.materials
         self._hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(materials)})
+        self._unsent |= self._hierarchy.changed
         self._raster_stale |= bool(self._hierarchy.changed & {"triangles", "indices", "vertices"})
         self._geometry += bool(self._hierarchy.changed)
         self._upload_atlases(materials)
         self._upload_environment(scene)
         # Tabulating many emitters takes time, so only if one of them, or what places them, has changed.
         sources = (_light_values(scene.lights), _emission_values(materials), self.resources["environment_cdf"][1])
-        if self._table is None or self._hierarchy.changed or sources != self._sources:
+        if self._table is None or self._unsent or sources != self._sources:
             self._table = build_light_table(scene, self._hierarchy, self._cdf, self._dtypes["lights"])
             self._sources = sources
             self.resources.records("lights", self._table.lights)
         table = self._table
         self.resources.records("materials", self._pack_materials(materials, table.material_pdf))
         for name in ("nodes", "triangles", "vertices", "indices", "instances"):
-            if name in self._hierarchy.changed or name not in self.resources:
+            if name in self._unsent or name not in self.resources:
                 send = self.resources.table if name in TABLES else self.resources.buffer
                 send(name, getattr(self._hierarchy, name))
+        self._unsent.clear()
         self.features = {
             "HAS_INSTANCES": self._hierarchy.has_instances,
             "HAS_MASKS": any(m.alpha_mode == "mask" for m in materials),
@@ -128,8 +133,6 @@ class SceneUpload:
         if self._raster_stale or self.draws is None:
             scene = _without_empty(scene)
             self.draws = build_draws(scene.instances, self._hierarchy, self._raster_meshes)
-            alive = {id(place.data) for place in self._hierarchy.placements()}
-            self._raster_meshes = {key: mesh for key, mesh in self._raster_meshes.items() if key in alive}
             for name in ("vertices", "sources", "indices", "slots"):
                 self.resources.buffer(f"raster_{name}", getattr(self.draws, name))
             self._raster_stale = False
@@ -265,7 +268,6 @@ class SceneUpload:
         # The picture counts by identity: it is immutable once in use. Its table depends on the colour, too.
         new_image = "environment" not in self.resources or self._environment[0] is not image
         new_table = new_image or self._environment[1] != color
-        self._environment = (image, color)
         if image is not None and max(image.shape[:2]) > MAX_PAGE:
             raise GiError(
                 f"the environment is {image.shape[1]} x {image.shape[0]} pixels; textures hold at most {MAX_PAGE} a"
@@ -281,6 +283,7 @@ class SceneUpload:
             self._cdf = environment_cdf(environment) if environment and max(environment.color) > 0 else None
             table = self._cdf if self._cdf is not None else np.ones((1, 2), np.float32)
             self.resources.texture("environment_cdf", "r32float", table[..., None])
+        self._environment = (image, color)
 
 
 def _pack_texture(slot: NDArray[np.void], texture: Texture, atlas: Atlas) -> None:

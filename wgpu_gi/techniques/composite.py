@@ -15,14 +15,14 @@ def declare_sum(graph: Graph, emission: Buffer, direct: Buffer, indirect: Buffer
     graph.compute(
         "composite/sum",
         "composite/sum.wgsl",
-        over=radiance,
+        over=(width, height),
         reads={
             "emission": emission,
             "direct": direct,
             "indirect": graph.neutral("buffer") if indirect is None else indirect,
         },
         writes={"radiance": radiance},
-        params={"count": radiance.count},
+        params={"size": (width, height)},
         constants={"HAS_INDIRECT": indirect is not None},
     )
     return radiance
@@ -34,10 +34,9 @@ def declare_mean(graph: Graph, name: str, layer: Buffer) -> Buffer:
     graph.compute(
         f"mean/{name}",
         "composite/accumulate.wgsl",
-        over=mean,
+        over=graph.size,
         reads={"current": layer},
         writes={"mean": mean},
-        params={"count": layer.count},
     )
     return mean
 

@@ -82,10 +82,9 @@ class DeferredInputs:
         """Return the inputs with those of the deferred techniques."""
         names = ("light_table", "shadow_views", "before_from_now")
         lights, views, motion = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
-        return replace(
-            scene,
-            direct=DirectInputs(lights, self._count, self._bounded, self._features, views, self._atlas_size, motion),
-        )
+        features = self._features | {"HAS_CUT_OUTS": scene.features["HAS_MASKS"]}
+        direct = DirectInputs(lights, self._count, self._bounded, features, views, self._atlas_size, motion)
+        return replace(scene, direct=direct)
 
 
 def _about(view: NDArray[np.void], shift: NDArray[np.float64]) -> NDArray[np.void]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer, Texture
+from ..gpu.wgsl import load
 from ..settings import setting
 from .environment import Ambient
 from .gbuffer import FOUR_FLOATS, Gbuffer
@@ -20,6 +21,7 @@ from .scene_inputs import DirectInputs, SceneInputs
 
 TILE = 16  # pixels a side, as wgsl/direct/light.wgsl and tiles.wgsl
 WRITTEN_OUT = 3  # lights that are not looped over
+EDGE_LIGHTS = int(load("direct/edges.wgsl").constants["EDGE_LIGHTS"])
 TILED_FROM = 8  # spots and lights with a range: with fewer, lists of lights cost more than they save; chosen
 
 
@@ -86,20 +88,22 @@ def declare_direct(
         graph.skip("direct/edges", "no light casts shadows" if atlas is None else "direct.edges is off")
         return direct
     shader = "direct/edges.wgsl"
-    graph.compute(
-        "direct/edges",
-        shader,
-        indirect=edge_groups,
-        reads={
-            **scene.surfaces,
-            **lights,
-            "visibility": gbuffer.visibility,
-            "edges": edges,
-            "edge_groups": edge_groups,
-        },
-        writes={"direct": direct},
-        constants={**scene.constants(shader), **ambient.constants(shader)},
-    )
+    for first in range(0, scene.direct.count, EDGE_LIGHTS):
+        graph.compute(
+            f"direct/edges_{first}" if first else "direct/edges",
+            shader,
+            indirect=edge_groups,
+            reads={
+                **scene.surfaces,
+                **lights,
+                "visibility": gbuffer.visibility,
+                "edges": edges,
+                "edge_groups": edge_groups,
+            },
+            writes={"direct": direct},
+            params={"first": first},
+            constants={**scene.constants(shader), **ambient.constants(shader)},
+        )
     return direct
 
 

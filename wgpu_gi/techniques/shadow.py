@@ -11,14 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import GiError
 from ..gpu.graph import Graph
 from ..gpu.handles import Texture
-from ..gpu.wgsl import load
 from ..scene.draws import Draws
 from .scene_inputs import SceneInputs
 from .shadow_views import visible
 
-SLOT_BITS = int(load("shadow/vertices.wgsl").constants["SLOT_BITS"])
+Viewport = tuple[float, ...]  # x, y, width, height; least and greatest depth
+Call = tuple[int, ...]  # of draw_indexed
+
+
+def slot_bits(draws: Draws) -> int:
+    """Return how many bits of an instance number hold its slot; in steps of four, so that pipelines stay the same."""
+    return -(-(len(draws.slots) - 1).bit_length() // 4) * 4
 
 
 class ShadowDraws:
@@ -29,30 +35,48 @@ class ShadowDraws:
         self.draws: Draws | None = None
         self._boxes: NDArray[np.float32] = np.zeros((0, 2, 3), np.float32)
         self._shown: NDArray[np.bool_] | None = None
+        self._calls: dict[bool, list[tuple[Viewport, list[Call]]]] = {}
 
     def update(self, views: NDArray[np.void], draws: Draws) -> None:
-        """Take other views, another scene or other places of it; what each view sees is found when it is drawn."""
+        """Take other views, another scene or other places of it; what each view sees is found when it is drawn.
+
+        Raises GiError for more views than instance numbers leave room for.
+        """
+        if len(views) > 1 << (32 - slot_bits(draws)):
+            raise GiError(
+                f"{len(views)} shadow maps of a scene of {len(draws.slots) - 1} instances are more than can be"
+                " numbered; use fewer lights or samples of emitters"
+            )
         boxes = draws.clusters.boxes
         same = draws is self.draws and np.array_equal(boxes, self._boxes)
         if not same or views.tobytes() != self.views.tobytes():
-            self.views, self.draws, self._boxes, self._shown = views, draws, boxes, None
+            self.views, self.draws, self._boxes, self._shown, self._calls = views, draws, boxes, None, {}
 
     def record(self, encoder: Any, masked: bool) -> None:
         """Record the draws of all views."""
+        if masked not in self._calls:
+            self._calls[masked] = self._find_calls(masked)
+        for viewport, calls in self._calls[masked]:
+            encoder.set_viewport(*viewport)
+            for call in calls:
+                encoder.draw_indexed(*call)
+
+    def _find_calls(self, masked: bool) -> list[tuple[Viewport, list[Call]]]:
+        """Return what to draw where, for the views that see anything."""
         assert self.draws is not None
         clusters = self.draws.clusters
         if self._shown is None:
             self._shown = visible(self.views, self._boxes)
         everything = self.draws.masked if masked else self.draws.opaque
+        bits = slot_bits(self.draws)
+        found: list[tuple[Viewport, list[Call]]] = []
         for number, view in enumerate(self.views):
             shown = self._shown[number]
             runs = list(everything) if shown.all() else clusters.visible(shown, masked)
-            if not runs:
-                continue
-            (x, y), (width, height) = view["corner"].tolist(), view["size"].tolist()
-            encoder.set_viewport(x, y, width, height, 0, 1)
-            for first, count, slot, instances in runs:
-                encoder.draw_indexed(count, instances, first, 0, number << SLOT_BITS | slot)
+            if runs:
+                numbered = ((n, instances, first, 0, number << bits | slot) for first, n, slot, instances in runs)
+                found.append(((*view["corner"].tolist(), *view["size"].tolist(), 0.0, 1.0), list(numbered)))
+        return found
 
 
 @dataclass(frozen=True)
@@ -87,7 +111,7 @@ def declare_shadow_maps(graph: Graph, scene: SceneInputs, draws: ShadowDraws) ->
             index=scene.raster_indices,
             depth=atlas,
             reads={**scene.surfaces, **scene.raster, "shadow_views": scene.direct.views},
-            constants=scene.constants(shader),
+            constants={**scene.constants(shader), "SLOT_BITS": slot_bits(scene.draws)},
             load=masked,
         )
     return atlas

@@ -1,7 +1,7 @@
 // One invocation adds up the layers of a pixel: radiance = emission + direct + indirect, W/(m2 sr).
 
 struct Params {
-    count: u32,
+    size: vec2u,  // pixels
 }
 
 @group(1) @binding(11) var<storage, read> emission: array<vec4f>;
@@ -12,12 +12,12 @@ struct Params {
 
 override HAS_INDIRECT: bool = true;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(64, 4)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let index = id.x;
-    if (index >= params.count) {
+    if (any(id.xy >= params.size)) {
         return;
     }
+    let index = id.y * params.size.x + id.x;
     var sum = emission[index].rgb + direct[index].rgb;
     if (HAS_INDIRECT) {
         sum += indirect[index].rgb;

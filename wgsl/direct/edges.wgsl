@@ -1,8 +1,8 @@
 // One invocation lights a pixel again where a shadow filter was undecided, with a ray for each light that it is
 // undecided of (Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows").
 //
-// In: the list of pixels, the scene. Out: direct, W/(m2 sr), overwritten. Errs like the filter where that was decided:
-// blockers thinner than a texel are missed.
+// In: the list of pixels, the scene. Out: direct, W/(m2 sr), overwritten by the first pass, added to by others, each with
+// EDGE_LIGHTS further lights. Errs like the filter where that was decided: blockers thinner than a texel are missed.
 #import "gbuffer/seen.wgsl"
 #import "direct/lighting.wgsl"
 #import "environment/ambient.wgsl"
@@ -10,6 +10,15 @@
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read> edges: array<u32>;
 @group(1) @binding(13) var<storage, read> edge_groups: array<u32>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    first: u32,  // light
+}
+
+// Of one pass: drivers may cut the loops of an invocation and of those that run in step with it at 65535 iterations
+// (llvmpipe of Mesa 22), and a ray takes a hundred. Chosen.
+const EDGE_LIGHTS: u32 = 64u;
 
 const GROUP: u32 = 64u;
 // Rays stop short of a sample of an emitter by this share, so that they do not meet it.
@@ -24,9 +33,11 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let ray = pixel_ray(pixel);
         let s = surface_at(hit_on_triangle(ray, seen.x, seen.y), ray.direction);
         let r = receiver(s.position, s.normal, s.geometric_normal, surface_brdf(s), -ray.direction);
-        var sum = ambient_radiance(r.brdf, r.normal, -ray.direction);
+        let ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
+        var sum = select(direct[index].rgb, ambient, params.first == 0u);
         let count = load_light_count();
-        for (var number = 0u; number < count; number += 1u) {
+        let end = min(count, params.first + EDGE_LIGHTS);
+        for (var number = params.first; number < end; number += 1u) {
             let light = load_light(number);
             let incident = light_at(light, r.position);
             let radiance = reflected(r, incident);

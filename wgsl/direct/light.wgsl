@@ -1,8 +1,8 @@
-// One invocation adds up the light that a pixel's surface scatters once: L = sum_i f_r(w_o, w_i) E_i cos_i V_i, plus the
-// environment as if nothing stood before it.
+// One invocation adds up the light that a pixel's surface scatters once: L = sum_i f_r(w_o, w_i) E_i cos_i V_i, plus
+// the environment as if nothing stood before it.
 //
-// In: G-buffer, lights, shadow maps, prefiltered environment. Out: direct, W/(m2 sr), cleared before; the pixels where a shadow filter
-// is undecided, for `edges.wgsl`. Errs bright where the environment is occluded.
+// In: G-buffer, lights, shadow maps, prefiltered environment. Out: direct, W/(m2 sr), cleared before; the pixels where
+// a shadow filter is undecided, for `edges.wgsl`. Errs bright where the environment is occluded.
 #import "gbuffer/load.wgsl"
 #import "gbuffer/tiles.wgsl"
 #import "direct/lighting.wgsl"

@@ -1,5 +1,5 @@
-// One invocation gives a pixel that shows no surface what lies behind all; one workgroup lists its tile of 8x8 pixels if
-// some pixel shows a surface.
+// One invocation gives a pixel that shows no surface what lies behind all; one workgroup lists its tile of 8x8 pixels
+// if some pixel shows a surface.
 //
 // In: visibility, environment. Out, of pixels without a surface: an empty surface, distance 0, emission W/(m2 sr).
 #import "environment/picture.wgsl"

@@ -36,6 +36,7 @@ fn cube_face(v: vec3f) -> u32 {
 // Compiled out where there is none.
 override HAS_LAMPS: bool = true;   // points, spots, samples of emitters
 override HAS_SUNS: bool = true;
+override HAS_CUT_OUTS: bool = true;  // alpha-masked surfaces
 
 // Returns the view of a light, one of `count`, that holds a point, `offset` from the light.
 fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f) -> u32 {
@@ -104,10 +105,22 @@ fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f,
     return lit * 0.25;
 }
 
+// Returns the least and the greatest depth of the 2x2 texels from `corner` on, over the plane of the point.
+fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec2f {
+    // Gathered are the texels (0, 1), (1, 1), (1, 0), (0, 0).
+    let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
+    let depths = textureGather(shadow_atlas, gather_sampler, (corner + 1.0) * scale);
+    let from_point = corner + 0.5 - p.texel;
+    let above = depths - p.depth - slope.x * (from_point.x + vec4f(0.0, 1.0, 1.0, 0.0))
+        - slope.y * (from_point.y + vec4f(1.0, 1.0, 0.0, 0.0));
+    return vec2f(min(min(above.x, above.y), min(above.z, above.w)), max(max(above.x, above.y), max(above.z, above.w)));
+}
+
 const UNDECIDED: f32 = -1.0;
 
-// Returns 1 if the texels around the point all show its own plane, 0 if all of them show something well before it, else
-// UNDECIDED: a shadow's edge, a contact, or geometry finer than the texels.
+// Returns 1 if the 2x2 texels around the point all show its own plane, 0 if all of them show something well before it,
+// else UNDECIDED: a shadow's edge, a contact, or geometry finer than the texels. Cut-outs, such as leaves, are often so
+// fine that 4x4 texels are asked.
 //
 // Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
 // lamp near / (q . forward) = near (n_x q_x / q_z + n_y q_y / q_z + n_z) / k.
@@ -126,15 +139,18 @@ fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f
     let clear = CLEAR_OF_PLANE * steep + rounding;
 
     let corner = floor(p.texel - 0.5);
-    let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
-    // Gathered are the texels (0, 1), (1, 1), (1, 0), (0, 0) from the corner.
-    let depths = textureGather(shadow_atlas, gather_sampler, (corner + 1.0) * scale);
-    let from_point = corner + 0.5 - p.texel;
-    let plane = p.depth + slope.x * (from_point.x + vec4f(0.0, 1.0, 1.0, 0.0))
-        + slope.y * (from_point.y + vec4f(1.0, 1.0, 0.0, 0.0));
-    let above = depths - plane;
-    let is_own = all(abs(above) <= vec4f(own));
-    let is_clear = all(above > vec4f(clear));
+    var above: vec2f;
+    if (HAS_CUT_OUTS) {
+        let a = depths_above(p, slope, corner + vec2f(-1.0, -1.0));
+        let b = depths_above(p, slope, corner + vec2f(1.0, -1.0));
+        let c = depths_above(p, slope, corner + vec2f(-1.0, 1.0));
+        let d = depths_above(p, slope, corner + vec2f(1.0, 1.0));
+        above = vec2f(min(min(a.x, b.x), min(c.x, d.x)), max(max(a.y, b.y), max(c.y, d.y)));
+    } else {
+        above = depths_above(p, slope, corner);
+    }
+    let is_own = above.x >= -own && above.y <= own;
+    let is_clear = above.x > clear;
     let is_steep = abs(dot(normal, to_light)) < GRAZING;
     return select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_steep);
 }

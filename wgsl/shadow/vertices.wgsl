@@ -3,7 +3,7 @@
 #import "gbuffer/vertices.wgsl"
 #import "shadow/views.wgsl"
 
-const SLOT_BITS: u32 = 19u;
+override SLOT_BITS: u32 = 16u;  // enough for the slots; the more there are, the fewer views can be
 
 @group(1) @binding(26) var<storage, read> shadow_views: array<ShadowView>;
 
