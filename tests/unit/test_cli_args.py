@@ -108,7 +108,7 @@ def test_everything_is_passed_on(capsys):
         ("render --size 0x0", "0x0"),
         ("render --size 100000x100000", "100000x100000"),
         ("render --size 99999999999x1", "WIDTHxHEIGHT"),
-        ("render --gi magic", "invalid choice: 'magic'"),
+        ("render --gi magic", "not 'magic'"),
         ("render --bounces -1", "--bounces"),
         ("render --bounces many", "0, 1, 2 ... or unlimited"),
         ("render --spp 0", "spp"),

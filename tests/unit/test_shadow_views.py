@@ -385,13 +385,13 @@ def test_all_kinds_share_the_atlas():
     assert lights["view_count"].sum() == 0  # those passed in are left as they were
     assert result.atlas_size == 4096
     sides = result.records["size"][result.lights["first_view"], 0]
-    assert sides[0] == 2048 and (sides[1:17] >= 64).all() and sides[17] == 512
+    assert sides[0] == 2048 and (sides[1:17] >= 64).all() and sides[17] == 256
 
 
 def test_brighter_lights_get_finer_maps():
     lights = join(*(light(DIRECT_POINT, (0, 0, 5), color=(c, c, c)) for c in (1.0, 100.0, 6.0, 1e-5)))
     sides = lay_out(lights).records["size"][::6, 0]
-    assert sides.tolist() == [64, 512, 128, 64]
+    assert sides.tolist() == [32, 256, 64, 32]
 
 
 @pytest.mark.parametrize("atlas", [256, 512, 1024, 2048])

@@ -96,6 +96,8 @@ def declare_direct(
             reads={
                 **scene.surfaces,
                 **lights,
+                "surfaces": gbuffer.surfaces,
+                "distance": gbuffer.distance,
                 "visibility": gbuffer.visibility,
                 "edges": edges,
                 "edge_groups": edge_groups,

@@ -1,9 +1,11 @@
 // One invocation lights a pixel again where a shadow filter was undecided, with a ray for each light that it is
 // undecided of (Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows").
 //
-// In: the list of pixels, the scene. Out: direct, W/(m2 sr), overwritten by the first pass, added to by others, each with
-// EDGE_LIGHTS further lights. Errs like the filter where that was decided: blockers thinner than a texel are missed.
+// In: the list of pixels, the scene. Out: direct, W/(m2 sr): overwritten by the first pass, added to by others, each of
+// which goes on with EDGE_LIGHTS lights. Errs like the filter where that was decided: blockers thinner than a texel are
+// missed.
 #import "gbuffer/seen.wgsl"
+#import "gbuffer/read.wgsl"
 #import "direct/lighting.wgsl"
 #import "environment/ambient.wgsl"
 
@@ -32,7 +34,11 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let seen = load_visibility(pixel);
         let ray = pixel_ray(pixel);
         let s = surface_at(hit_on_triangle(ray, seen.x, seen.y), ray.direction);
-        let r = receiver(s.position, s.normal, s.geometric_normal, surface_brdf(s), -ray.direction);
+        // Lit as `light.wgsl` does, bit for bit; only rays start from the exact hit.
+        let surface = load_surface(pixel);
+        let r = receiver(
+            ray.origin + ray.direction * load_distance(pixel), surface.normal, surface.geometric_normal,
+            gbuffer_brdf(surface), -ray.direction);
         let ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
         var sum = select(direct[index].rgb, ambient, params.first == 0u);
         let count = load_light_count();
