@@ -18,6 +18,9 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # also where the package is not installed
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device

@@ -198,11 +198,12 @@ def path_curve(
     """
     points: list[PathPoint] = []
     timing, device = renderer.graph.timing, renderer.graph.device
-    renderer.settings = replace(_path_settings(settings, 1), seed=settings.seed ^ 1)
+    renderer.settings = _path_settings(settings, 1)
     renderer.run(show=tuple(LAYERS.values()), timings=True)  # warm-up: compiles
     while True:
         spp = 2 ** len(points)
-        renderer.settings = _path_settings(settings, spp)
+        # With a seed of its own, or it would go on with the samples of the picture before.
+        renderer.settings = replace(_path_settings(settings, spp), seed=settings.seed ^ spp)
         timing.clear()
         started = time.perf_counter()
         renderer.run(partial(report, f"path tracer, {spp} spp"), show=tuple(LAYERS.values()), timings=True)

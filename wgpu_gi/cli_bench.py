@@ -21,8 +21,7 @@ from .bench_results import Report, SceneReport
 from .camera import Camera
 from .cli_render import scene_from
 from .errors import GiError
-from .frame import TECHNIQUES, Settings
-from .renderer import check_size
+from .frame import TECHNIQUES, Settings, check_size
 from .scene.camera_files import choose_camera
 from .scene.load import NO_CAMERA_NOTE
 from .scene.scene import Scene
@@ -30,6 +29,14 @@ from .settings import QUALITIES, apply_quality, assign, describe, format_rows, v
 from .truth_cache import Progress, Truth, truth_by_path, truth_from_file
 
 DEFAULT_SIZE = (640, 360)
+# Settings that a measurement has of its own, and why, or what to use instead.
+OWN_SETTINGS = {
+    "gi": "use --gi",
+    "diffuse": "use --diffuse",
+    "spp": "a frame of the path tracer is one run; use --set path.samples_per_run",
+    "camera.jitter": "pictures are of the pixel centres, as the truth is",
+    "camera.frames": "pictures are of the pixel centres, so there is nothing to average",
+}
 TABLE_WIDTH = 140  # where the output is no terminal
 MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
 
@@ -73,6 +80,10 @@ def candidates_from(arguments: Namespace) -> list[Candidate]:
     for name in techniques:
         if name not in TECHNIQUES:
             raise GiError(f"--gi takes techniques out of {', '.join(TECHNIQUES)}, with commas between, not {name!r}")
+    for text in arguments.set:
+        name = text.partition("=")[0].strip()
+        if name in OWN_SETTINGS:
+            raise GiError(f"bench has its own {name}, so it does not take --set {text}: {OWN_SETTINGS[name]}")
     candidates = []
     for name in techniques:
         for quality in _split("--quality", arguments.quality):

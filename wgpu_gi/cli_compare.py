@@ -201,8 +201,6 @@ def json_report(
 def _load_layer(path: Path, layer: str | None) -> Array:
     try:
         values = load_image(path, layer)
-    except (ValueError, TypeError):  # text, such as metadata
-        raise GiError(f"{path}:{layer} holds no numbers; name a layer that is a picture") from None
     except GiError as error:
         hint = f"; name one as {path}:LAYER" if "holds no layer" in str(error) else ""
         raise GiError(f"{error}{hint}") from None

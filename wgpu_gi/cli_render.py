@@ -12,9 +12,9 @@ from pathlib import Path
 
 from . import __version__
 from .errors import GiError
-from .frame import TECHNIQUES, Settings, buffers_of, picture_count
+from .frame import TECHNIQUES, Settings, buffers_of, check_size, picture_count
 from .image import check_output, save_image
-from .renderer import Renderer, check_size
+from .renderer import Renderer
 from .scene.camera_files import choose_camera
 from .scene.environment_files import load_environment
 from .scene.load import NO_CAMERA_NOTE, load, parse_light
@@ -44,6 +44,8 @@ def render(arguments: Namespace) -> int:
     for note in scene.notes:
         if note != NO_CAMERA_NOTE or arguments.camera is None:
             print(f"note: {note}", file=sys.stderr)
+    for note in without_effect(settings):
+        print(f"note: {note}", file=sys.stderr)
 
     start = time.perf_counter()
     renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
@@ -84,6 +86,17 @@ def settings_from(arguments: Namespace) -> Settings:
         if text != "help":
             assign(settings, text)
     return settings
+
+
+def without_effect(settings: Settings) -> list[str]:
+    """Return a sentence for each setting that is not the default and that the technique has no use for."""
+    notes = []
+    gi, most = settings.gi, TECHNIQUES[settings.gi].bounces
+    if most is not None and (settings.bounces or 0) > most:
+        notes.append(f"--gi {gi} has at most {most} indirect bounces; bounces={settings.bounces} changes nothing")
+    if gi != "path" and settings.spp != Settings().spp:
+        notes.append(f"--gi {gi} averages frames, set by camera.frames; spp={settings.spp} changes nothing")
+    return notes
 
 
 def buffers_from(arguments: Namespace, settings: Settings) -> list[str]:

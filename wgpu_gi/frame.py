@@ -6,8 +6,11 @@ import math
 from dataclasses import dataclass, field
 from functools import cache
 
+from .errors import GiError
+from .gpu.device import Device
 from .gpu.graph import Graph
 from .gpu.handles import Buffer, Handle
+from .scene.sequences import GOLDEN, R2
 from .settings import setting
 from .techniques.composite import declare_display, declare_mean, declare_sum
 from .techniques.direct import DirectSettings, declare_direct
@@ -17,6 +20,10 @@ from .techniques.reference import PathSettings, declare_primary, declare_referen
 from .techniques.scene_inputs import SceneInputs
 from .techniques.shadow import ShadowDraws, declare_shadow_maps
 from .techniques.shadow_views import ShadowSettings
+
+MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
+MAX_PIXELS = 2**25  # 96 bytes of running means and results each: 3 GiB
+PIXEL_BYTES = 16  # of the largest buffer per pixel, array<vec4f>
 
 
 @dataclass(frozen=True)
@@ -105,8 +112,8 @@ def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
     A rank-1 lattice, so that every row and every column of the pixel's square has one point and their mean is exactly
     its centre; the order jumps about the square.
     """
-    index = (frame * _coprime(frames, 0.7548776662466927) + frames // 2) % frames
-    other = (index * _coprime(frames, 0.6180339887498949)) % frames
+    index = (frame * _coprime(frames, R2[0]) + frames // 2) % frames
+    other = (index * _coprime(frames, GOLDEN)) % frames
     return (index + 0.5) / frames, (other + 0.5) / frames
 
 
@@ -114,6 +121,27 @@ def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
 def _coprime(count: int, share: float) -> int:
     """Return the number nearest to a share of `count` that has no common divisor with it."""
     return min(range(1, count + 1), key=lambda k: (math.gcd(k, count) > 1, abs(k - share * count)))
+
+
+def check_size(width: int, height: int, device: Device | None = None) -> None:
+    """Raise GiError if a picture of this size cannot be rendered, at all or on a device."""
+    if width < 1 or height < 1:
+        raise GiError(f"size {width}x{height}: a picture has at least 1x1 pixels")
+    if width > MAX_SIDE or height > MAX_SIDE or width * height > MAX_PIXELS:
+        raise GiError(
+            f"size {width}x{height}: at most {MAX_SIDE} pixels a side and {MAX_PIXELS // 2**20} million in all;"
+            " make --size smaller"
+        )
+    if device is None:
+        return
+    needed, limit = width * height * PIXEL_BYTES, device.limits["max-storage-buffer-binding-size"]
+    if needed > limit:
+        scale = math.sqrt(limit / needed)
+        raise GiError(
+            f"size {width}x{height} needs buffers of {needed / 2**20:.0f} MiB, and {device.adapter_name} has at most"
+            f" {limit / 2**20:.0f} (max-storage-buffer-binding-size); make --size smaller,"
+            f" such as {max(int(width * scale), 1)}x{max(int(height * scale), 1)}"
+        )
 
 
 def declare_frame(

@@ -75,7 +75,10 @@ def load_image(path: str | Path, layer: str | None = None) -> Array:
         raise GiError(f"{path}: {suffix} holds one buffer, without a name; leave out {layer!r}")
     if not layers or (layer is not None and layer not in layers):
         raise GiError(f"{path}: holds no layer {layer or 'at all'}; it has: {', '.join(layers)}")
-    return np.ascontiguousarray(next(iter(layers.values())) if layer is None else layers[layer], np.float32)
+    name = next(iter(layers)) if layer is None else layer
+    if layers[name].dtype.kind not in "biuf":
+        raise GiError(f"{path}:{name} holds no numbers; name a layer that is a picture")
+    return np.ascontiguousarray(layers[name], np.float32)
 
 
 def srgb_from_linear(linear: ArrayLike) -> Array:

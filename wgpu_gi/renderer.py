@@ -19,6 +19,7 @@ from .frame import (
     Settings,
     Source,
     buffers_of,
+    check_size,
     declare_frame,
     picture_count,
     pixel_offset,
@@ -31,14 +32,12 @@ from .scene.fingerprint import Fingerprint
 from .scene.scene import Scene
 from .scene.upload import SceneUpload
 from .settings import apply_quality, validate
+from .techniques.composite import MEANS
 from .techniques.deferred_inputs import DeferredInputs
 from .techniques.reference import path_runs
 from .techniques.scene_inputs import SceneInputs, share_scene
 
-__all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "check_size", "render"]
-
-MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
-MAX_PIXELS = 2**25  # 96 bytes of running means and results each: 3 GiB
+__all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "render"]
 
 _TRACED = {"radiance", "direct", "indirect", "emission", "standard_error"}  # what the path tracer refines
 
@@ -47,7 +46,9 @@ class Renderer:
     """Renders a scene, once or many times.
 
     Change `scene`, `camera`, `settings` or `size` as you like; the next `run` sends what changed to the GPU and runs
-    the passes that it makes stale. Pictures are (height, width, 3) float32 linear radiance, row 0 on top.
+    the passes that it makes stale. Another exposure keeps the frames averaged so far, another `spp` the samples, if the
+    picture is bit for bit that of a new renderer. Pictures are (height, width, 3) float32 linear radiance, row 0 on
+    top.
     """
 
     def __init__(
@@ -64,8 +65,8 @@ class Renderer:
         self.size = size
         self.camera = camera or (scene.cameras[0] if scene.cameras else framing_camera(scene))
         self.settings = settings or Settings()
-        check_size(*size)
         self._device = open_device(adapter, large_buffers=True)
+        check_size(*size, self._device)
         self._graph = Graph(self._device)
         self._upload: SceneUpload | None = None
         self._deferred = DeferredInputs()
@@ -230,17 +231,31 @@ class Renderer:
         scene = Fingerprint(self.scene)
         camera = self.camera
         pose = (np.asarray(camera.world_from_view).tobytes(), camera.yfov, camera.orthographic_height)
-        inputs = (scene, pose, self.size, settings, show, self._extra_runs)
-        still = inputs == self._inputs and not force
-        if still and self._rested and self._frame + 1 >= picture_count(settings):
+        frames = picture_count(settings)
+        seen = (scene, pose, self.size, show, frames)
+        before = self._inputs or ()
+        still = not force and seen == before[: len(seen)]
+        same = still and (settings, self._extra_runs) == before[len(seen) :]
+        if same and self._rested and self._frame + 1 >= frames:
             return
         # One step without a change still has to say that nothing moves any more.
-        self._rested = still
-        self._frame = self._frame + 1 if still and self._frame + 1 < picture_count(settings) else self._frame * still
-        check_size(*self.size)
+        self._rested = same
+        check_size(*self.size, self._device)
         validate(settings)
+        inputs = (*seen, deepcopy(settings), self._extra_runs)
+        goes_on = same
+        if still and not same:
+            # Only settings differ: whether they matter to the frames averaged so far, the graph knows.
+            self._update(inputs)
+            goes_on = not any(name.startswith(MEANS) for name in self._graph.stale())
+        self._frame = min(self._frame + 1, frames - 1) if goes_on else 0
+        self._update(inputs)
+
+    def _update(self, inputs: tuple[Any, ...]) -> None:
+        """Bring what is on the GPU and what is declared up to date."""
+        scene, _, _, show, *_ = inputs
         self._send(scene)
-        self._inputs = (*inputs[:3], deepcopy(settings), *inputs[4:])
+        self._inputs = inputs
         self._declare(show)
 
     def _send(self, scene: Fingerprint) -> None:
@@ -317,14 +332,3 @@ def render(
     renderer = Renderer(scene, size=size, camera=camera, settings=chosen, adapter=adapter)
     renderer.run(progress, show=(show,))
     return renderer.read_back(show)
-
-
-def check_size(width: int, height: int) -> None:
-    """Raise GiError if a picture of this size cannot be rendered."""
-    if width < 1 or height < 1:
-        raise GiError(f"size {width}x{height}: a picture has at least 1x1 pixels")
-    if width > MAX_SIDE or height > MAX_SIDE or width * height > MAX_PIXELS:
-        raise GiError(
-            f"size {width}x{height}: at most {MAX_SIDE} pixels a side and {MAX_PIXELS // 2**20} million in all;"
-            " make it smaller"
-        )

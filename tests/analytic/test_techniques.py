@@ -221,7 +221,11 @@ def test_camera_close_to_a_surface(technique, name):
 
 @pytest.mark.parametrize("name", ["cornell", "cornell-point", "courtyard"])
 def test_camera_far_away(technique, name):
-    """From 1e5 scene radii away a telephoto lens shows what a parallel projection shows, and from 1e3 more exactly."""
+    """From far away a telephoto lens shows what a parallel projection shows.
+
+    From 1e5 scene radii, distances in float32 have steps of centimetres where the scene has metres: that shows beside
+    a light.
+    """
     scene = SCENES[name]()
     radius = float(np.linalg.norm(np.diff(scene.bounds(), axis=0))) / 2
     centre, pose = scene.bounds().mean(0), scene.cameras[0].world_from_view
@@ -234,8 +238,13 @@ def test_camera_far_away(technique, name):
 
     expected, camera = seen_from(10.0, radius)
     noise = noise_of(technique, expected, scene, camera=camera)
-    for distance, height, bound in ((1e3, None, 0.01), (1e5, None, 0.02), (1e5, radius, 0.02)):
-        assert_same(seen_from(distance, height)[0], expected, noise, mean=bound, pixel=0.02)
+    for distance, height, mean, pixel in (
+        (1e3, None, 0.01, 0.02),
+        (1e4, None, 0.01, 0.02),
+        (1e5, None, 0.02, 0.15),
+        (1e5, radius, 0.02, 0.15),
+    ):
+        assert_same(seen_from(distance, height)[0], expected, noise, mean=mean, pixel=pixel)
 
 
 @pytest.mark.parametrize("size", [1e3, 1e4, 1e5])

@@ -90,6 +90,18 @@ def test_without_bounces_is_without_gi():
     assert traced.sum() < picture(*arguments).sum()
 
 
+@pytest.mark.parametrize("gi", ["path", "none"])
+def test_exposure_by_flag_or_by_setting(gi):
+    def shown(*arguments):
+        assert main(["render", "-o", "p.png", "--gi", gi, *TINY, *arguments]) == 0
+        return load_image("p.png")
+
+    plain, brighter = shown(), shown("--exposure", "1.5")
+    assert brighter.mean() > 1.5 * plain.mean()
+    assert np.array_equal(shown("--set", "exposure=1.5"), brighter)
+    assert np.array_equal(shown("--exposure", "-3", "--set", "exposure=1.5"), brighter)
+
+
 def test_light_environment_and_camera_of_the_command_line(folder):
     Path("cam.json").write_text(json.dumps({"position": [0.1, 1.0, 3.0], "target": [0, 1, 0], "yfov_deg": 50}))
     plain = picture()

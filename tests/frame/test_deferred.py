@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 from helpers.medley import at, medley, named
+from helpers.memory import resident
 
 from wgpu_gi import renderer as renderer_module
 from wgpu_gi.__main__ import main
@@ -423,15 +424,6 @@ def test_bad_values_are_named_and_the_renderer_goes_on():
     assert np.array_equal(renderer.read_back(), first)
     with pytest.raises(GiError, match="no buffer 'standard_error'"):
         renderer.run(show=("standard_error",))
-
-
-def resident():
-    """MiB of this process in memory."""
-    try:
-        with open("/proc/self/statm") as file:
-            return int(file.read().split()[1]) * 4096 / 2**20
-    except OSError:
-        pytest.skip("no /proc to read memory from")
 
 
 @pytest.mark.parametrize("count", [40, pytest.param(200, marks=pytest.mark.slow)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.memory import resident
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
@@ -431,15 +432,6 @@ def test_bad_values_are_named_and_the_renderer_goes_on(change, message):
 
 
 # ------------------------------------------------------------------------------------------------ Memory
-
-
-def resident():
-    """MiB of this process in memory."""
-    try:
-        with open("/proc/self/statm") as file:
-            return int(file.read().split()[1]) * 4096 / 2**20
-    except OSError:
-        pytest.skip("no /proc to read memory from")
 
 
 @pytest.mark.parametrize("kind", ["fresh", "frames", "resized", "moved"])

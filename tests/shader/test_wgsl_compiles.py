@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import check_wgsl
 import pytest
 from check_wgsl import entry_shaders, find_chromium, naga_errors, tint_errors
@@ -63,3 +67,11 @@ def test_command_reports(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["check_wgsl.py", *entry_shaders()[:1]])
     assert check_wgsl.main() == 0
     assert "naga: 0 messages" in capsys.readouterr().out
+
+
+def test_command_runs_anywhere(tmp_path):
+    """Without PYTHONPATH; in this PATH there is no chromium, which takes long."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | {"PATH": str(tmp_path)}
+    command = [sys.executable, check_wgsl.__file__, "reference/resolve.wgsl"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "1 shaders, naga: 0 messages\n"), done.stderr

@@ -99,6 +99,23 @@ def test_everything_is_passed_on(capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        ("--gi none --bounces 2", ["--gi none has at most 0 indirect bounces; bounces=2 changes nothing"]),
+        ("--gi none --set bounces=1", ["--gi none has at most 0 indirect bounces; bounces=1 changes nothing"]),
+        ("--gi none --spp 7", ["--gi none averages frames, set by camera.frames; spp=7 changes nothing"]),
+        ("--gi none --bounces 0", []),
+        ("--gi none --bounces unlimited", []),
+        ("--bounces 2 --spp 7", []),
+    ],
+)
+def test_what_changes_nothing_is_noted(arguments, words, capsys):
+    assert main(["render", *arguments.split()]) == 0
+    notes = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")]
+    assert notes == ["note: a remark", *(f"note: {text}" for text in words)]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
         ("", "required"),
         ("paint", "invalid choice"),
         ("render --nonsense", "unrecognized arguments: --nonsense"),

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers.scene_dtypes import DTYPES
 
 from wgpu_gi.gpu.wgsl import load
 from wgpu_gi.image import linear_from_srgb
@@ -27,9 +28,6 @@ from wgpu_gi.scene.scene import (
 from wgpu_gi.scene.shapes import box, quad, sphere
 from wgpu_gi.scene.texture_lookup import look_up
 
-SHADER = load("scene/lights.wgsl")
-STRUCTS = {"nodes": "Node", "triangles": "Triangle", "vertices": "Vertex", "instances": "Instance"}
-DTYPES = {name: SHADER.struct_dtype(struct) for name, struct in STRUCTS.items()}
 VIEWS = load("shadow/views.wgsl")
 DIRECT_LIGHT = VIEWS.struct_dtype("DirectLight")
 

@@ -6,8 +6,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from helpers.medley import at
 
-from wgpu_gi.gpu.wgsl import load
 from wgpu_gi.scene import draws as draws_module
 from wgpu_gi.scene.draws import MANY_INSTANCES, build_draws, join_runs, own_first_vertices
 from wgpu_gi.scene.hierarchy import NONE, Hierarchy
@@ -16,13 +16,6 @@ from wgpu_gi.scene.scene import Instance, Material, Mesh
 from wgpu_gi.scene.shapes import box, grid, quad, sphere
 
 SLACK = 4e-6  # of the coordinates: how far rounding to float32 may take a triangle out of its box
-
-
-@pytest.fixture(scope="module")
-def dtypes():
-    shader = load("scene/lights.wgsl")
-    names = {"nodes": "Node", "triangles": "Triangle", "vertices": "Vertex", "instances": "Instance"}
-    return {name: shader.struct_dtype(struct) for name, struct in names.items()}
 
 
 # ------------------------------------------------------------------------------------------------ First vertices
@@ -79,15 +72,6 @@ def test_vertices_are_doubled_only_for_lack_of_free_ones():
 
 
 # ------------------------------------------------------------------------------------------------ Draws
-
-
-def at(x, y=0.0, z=0.0, scale=(1.0, 1.0, 1.0), turn=0.0):
-    """A matrix that scales, turns about Y and moves."""
-    matrix = np.eye(4)
-    c, s = np.cos(turn), np.sin(turn)
-    matrix[:3, :3] = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) * scale
-    matrix[:3, 3] = (x, y, z)
-    return matrix
 
 
 def half_masked(mesh):

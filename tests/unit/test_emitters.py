@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from helpers.scene_dtypes import DTYPES
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.gpu.wgsl import load
 from wgpu_gi.scene.emitters import (
     CDF_WIDTH,
     KIND_ENVIRONMENT,
@@ -34,18 +34,6 @@ from wgpu_gi.scene.scene import (
     Texture,
 )
 from wgpu_gi.scene.shapes import box, grid, quad, sphere
-
-SHADER = load("scene/lights.wgsl")
-DTYPES = {
-    name: SHADER.struct_dtype(struct)
-    for name, struct in {
-        "nodes": "Node",
-        "triangles": "Triangle",
-        "vertices": "Vertex",
-        "instances": "Instance",
-        "lights": "Light",
-    }.items()
-}
 
 
 def table_of(scene, hierarchy=None):

@@ -530,6 +530,27 @@ def test_more_settle_goes_on_and_a_change_starts_again(graph):
     assert progressive(0, gain=3.0) == [0]
 
 
+def test_progress_goes_on_with_a_value_that_would_have_changed_nothing(graph):
+    def progressive(gain, width, goes_on):
+        graph.begin((8, 8))
+        total = graph.buffer("total", dtype=VEC4, count=64)
+        params = {"gain": gain, "width": width}
+        p = graph.compute("sum", "sum.wgsl", over=total, writes={"total": total}, params=params, settle=3)
+        before = None if p.params_before is None else (float(p.params_before["gain"]), int(p.params_before["width"]))
+        if goes_on:
+            p.go_on_with("width")
+        graph.compile([total])
+        assert graph.stale() == ("sum",) and graph.run()
+        gain, index, _, width = params_of(graph, "sum")
+        return before, index, gain, width
+
+    assert progressive(1.0, 5, False) == (None, 0, 1.0, 5)
+    assert progressive(1.0, 6, True) == ((1.0, 5), 1, 1.0, 6)
+    assert progressive(1.0, 7, True) == ((1.0, 6), 2, 1.0, 7)
+    assert progressive(2.0, 8, True) == ((1.0, 7), 0, 2.0, 8)
+    assert progressive(2.0, 9, False) == ((2.0, 8), 0, 2.0, 9)
+
+
 def split(g, threads, chunk=64):
     g.begin((8, 8))
     total = g.buffer("total", dtype=VEC4, count=threads)

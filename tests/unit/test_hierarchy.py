@@ -6,9 +6,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from helpers.medley import at
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.gpu.wgsl import load
 from wgpu_gi.scene import hierarchy as hierarchy_module
 from wgpu_gi.scene.hierarchy import INSTANCE_FLAG, NONE, Hierarchy
 from wgpu_gi.scene.mesh_data import COLORED, HAS_TANGENTS, MASKED, SMOOTH, octahedral_encode, prepare_meshes
@@ -21,13 +21,6 @@ STACK_SIZE = 64  # of wgsl/scene/geometry.wgsl
 ALL = {"nodes", "triangles", "indices", "vertices", "instances"}
 
 
-@pytest.fixture(scope="module")
-def dtypes():
-    shader = load("scene/lights.wgsl")
-    names = {"nodes": "Node", "triangles": "Triangle", "vertices": "Vertex", "instances": "Instance"}
-    return {name: shader.struct_dtype(struct) for name, struct in names.items()}
-
-
 def material_index(instances):
     materials = {id(m): m for i in instances for m in i.mesh.materials}
     return {key: number for number, key in enumerate(materials)}
@@ -37,15 +30,6 @@ def update(hierarchy, instances):
     hierarchy.update(instances, material_index(instances))
     check(hierarchy, instances)
     return hierarchy.changed
-
-
-def at(x, y=0.0, z=0.0, scale=(1.0, 1.0, 1.0), turn=0.0):
-    """A matrix that scales, turns about Y and moves."""
-    matrix = np.eye(4)
-    c, s = np.cos(turn), np.sin(turn)
-    matrix[:3, :3] = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) * scale
-    matrix[:3, 3] = (x, y, z)
-    return matrix
 
 
 def check(hierarchy, instances):
@@ -284,6 +268,16 @@ def test_a_large_mesh_is_opened_where_others_overlap_it(dtypes):
     hierarchy, instances = Hierarchy(dtypes), [Instance(ball), Instance(box((0, 0, 0), (1, 1, 1)))]
     update(hierarchy, instances)
     assert hierarchy._subtrees is not None and len(hierarchy._subtrees[2]) > 100
+
+
+@pytest.mark.parametrize(("extent", "baked"), [(1e2, True), (1e5, False)])
+def test_a_mesh_too_fine_for_the_world_keeps_its_own_grid(dtypes, extent, baked):
+    """Where a step of the world's grid is as large as its triangles, boxes would overlap thousandfold."""
+    hierarchy, ball = Hierarchy(dtypes), sphere(radius=1.0, subdivisions=4)
+    floor = quad((-extent, 0, -extent), (0, 0, 2 * extent), (2 * extent, 0, 0))
+    update(hierarchy, [Instance(floor), Instance(ball)])
+    assert hierarchy.placement(floor).baked == 0
+    assert (hierarchy.placement(ball).baked == 1) == baked
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e3])

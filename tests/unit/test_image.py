@@ -50,6 +50,14 @@ def test_values_beyond_half_floats_and_not_finite_ones_survive(tmp_path, suffix)
     assert np.array_equal(load_image(path), values, equal_nan=True)
 
 
+def test_layer_of_text_is_refused(tmp_path):
+    np.savez(tmp_path / "p.npz", meta=np.array('{"spp": 4}'), one=np.ones((2, 3, 3)), seen=np.ones((2, 3), bool))
+    for layer in ("meta", None):
+        with pytest.raises(GiError, match=r"p\.npz:meta holds no numbers; name a layer"):
+            load_image(tmp_path / "p.npz", layer)
+    assert load_image(tmp_path / "p.npz", "seen").all()
+
+
 def test_npy_is_float32_height_width_3(tmp_path, layers):
     save_image(tmp_path / "p.npy", {"radiance": layers["radiance"].astype(np.float64)}, exposure=3.0)
     array = np.load(tmp_path / "p.npy")

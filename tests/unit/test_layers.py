@@ -27,7 +27,7 @@ RULES = [
     (r"compare_page", ("image", "metrics")),
     (r"atomic_file", ()),
     (r"gpu\.\w+", ("gpu.",)),
-    (r"scene\.upload", ("scene.", "gpu.", "camera", "settings")),
+    (r"scene\.upload(_materials)?", ("scene.", "gpu.", "camera", "settings")),
     (r"scene\.\w+", ("scene.", "camera", "settings", "image")),
     (r"techniques\.\w+", ("techniques.", "gpu.", "scene.", "settings", "camera")),
     (r"renderer|frame\w*", ("frame", "techniques.", "gpu.", "scene.", "settings", "camera", "image")),

@@ -16,6 +16,12 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SHADERS = sorted(p.relative_to(ROOT).as_posix() for p in (ROOT / "wgsl").rglob("*.wgsl"))
+# What the package has beside its modules.
+DATA = [
+    path.relative_to(ROOT).as_posix()
+    for path in (ROOT / "wgpu_gi").rglob("*")
+    if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
+]
 SCENES = sorted(p.relative_to(ROOT).as_posix() for p in (ROOT / "scenes").rglob("*") if p.is_file())
 
 pytestmark = pytest.mark.skipif(
@@ -46,7 +52,8 @@ def test_wheel_holds_everything(built):
     with zipfile.ZipFile(built[1]) as wheel:
         names = set(wheel.namelist())
         metadata = wheel.read(next(n for n in names if n.endswith("METADATA"))).decode()
-    assert names >= {f"wgpu_gi/{name}" for name in (*SHADERS, *SCENES, "py.typed", "__main__.py")}
+    assert names >= {f"wgpu_gi/{name}" for name in (*SHADERS, *SCENES, "__main__.py")}
+    assert {"wgpu_gi/py.typed", "wgpu_gi/compare_page.html"} <= set(DATA) <= names
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert not [name for name in names if name.startswith(("tests/", "tools/", "wgsl/"))]
     required = re.findall(r"^Requires-Dist: ([\w-]+)(?!.*extra ==)", metadata, re.M)

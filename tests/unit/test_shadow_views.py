@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.wgsl import load
 from wgpu_gi.scene.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN
 from wgpu_gi.settings import validate
+from wgpu_gi.techniques.shadow import ShadowDraws
 from wgpu_gi.techniques.shadow_atlas import LARGEST_ATLAS, SMALLEST
 from wgpu_gi.techniques.shadow_views import (
     ShadowSettings,
@@ -438,6 +440,17 @@ def test_more_lights_than_any_atlas_holds():
     limit = LARGEST_ATLAS**2 // (6 * SMALLEST**2)
     with pytest.raises(GiError, match=f"{limit + 1} lights do not fit into 8192 x 8192 texels; use fewer"):
         lay_out_unchecked(many_points(limit + 1), 4096)
+
+
+@pytest.mark.parametrize(("instances", "most"), [(2**19 + 1, 4096), (2**15 + 1, 65536)])
+def test_more_views_than_can_be_numbered(instances, most):
+    """A number of 32 bits tells both the view and the instance."""
+    draws = SimpleNamespace(slots=range(instances + 1), clusters=SimpleNamespace(boxes=np.zeros((0, 2, 3), np.float32)))
+    shadows = ShadowDraws()
+    with pytest.raises(GiError, match=f"{most + 1} shadow maps of a scene of {instances} instances .* use fewer"):
+        shadows.update(np.zeros(most + 1, np.uint8), draws)
+    shadows.update(np.zeros(most, np.uint8), draws)
+    assert len(shadows.views) == most
 
 
 # ------------------------------------------------------------------------------------------------ Culling

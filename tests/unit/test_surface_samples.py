@@ -5,18 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wgpu_gi.gpu.wgsl import load
 from wgpu_gi.scene.hierarchy import Hierarchy
 from wgpu_gi.scene.scene import Instance, Mesh
 from wgpu_gi.scene.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.surface_samples import sample_surfaces
-
-
-@pytest.fixture(scope="module")
-def dtypes():
-    shader = load("scene/lights.wgsl")
-    names = {"nodes": "Node", "triangles": "Triangle", "vertices": "Vertex", "instances": "Instance"}
-    return {name: shader.struct_dtype(struct) for name, struct in names.items()}
 
 
 def samples_of(dtypes, instances, **options):

@@ -13,10 +13,10 @@ from . import attachments, checks, values
 from .declare import Declarations
 from .handles import Buffer, Shared, Texture, View
 from .passes import Pass, RasterState, Use
-from .reflect import EntryPoint
 from .timing import Timing
 from .values import Over
 from .wgsl import ShaderSource, load
+from .wgsl_module import EntryPoint
 
 
 class PassDeclarations(Declarations):

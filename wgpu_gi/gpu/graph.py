@@ -100,7 +100,11 @@ class Graph(PassDeclarations):
     @property
     def at_rest(self) -> bool:
         """True if `run` would do nothing."""
-        return not schedule.stale_passes(self.order)
+        return not self.stale()
+
+    def stale(self) -> tuple[str, ...]:
+        """Return the names of the passes that `run` would run."""
+        return tuple(p.name for p in schedule.stale_passes(self.order))
 
     def settle_progress(self) -> float:
         """Return how far the settling passes are, from 0 to 1."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import GiError
-from .reflect import Member, Type
+from .wgsl_module import Member, Type
 
 SCALARS = {"f32": "<f4", "i32": "<i4", "u32": "<u4", "f16": "<f2"}
 SHORT = {"f": "f32", "i": "i32", "u": "u32", "h": "f16"}

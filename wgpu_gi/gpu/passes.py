@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from .handles import Buffer, Resource, Sampler, Slot, Uniform, View
-from .reflect import Binding, EntryPoint
 from .wgsl import ShaderSource
+from .wgsl_module import Binding, EntryPoint
 
 # Filled in by the executor where the params struct has them.
 SPECIAL_PARAMS = ("settle_index", "first_workgroup")
@@ -149,6 +149,21 @@ class Pass:
     def progresses(self) -> bool:
         """True if running it again with the same inputs changes what it writes."""
         return self.settle > 1 or self.reads_history
+
+    @property
+    def params_before(self) -> np.ndarray | None:
+        """The params struct of the last run, its special fields zero; None if there was none."""
+        if self.params is None or self.state.seen is None:
+            return None
+        return np.frombuffer(self.state.seen[0], self.params.dtype).reshape(())
+
+    def go_on_with(self, name: str) -> None:
+        """Say, of a pass that has run, that all it has done is the same for the new value of a field of its params."""
+        before = self.params_before
+        assert before is not None and self.params is not None and self.state.seen is not None
+        as_if = before.copy()
+        as_if[name] = self.params[name]
+        self.state.seen = (as_if.tobytes(), *self.state.seen[1:])
 
     def signature(self) -> tuple:
         """All that must stay the same for its contents and its run state to stay valid."""

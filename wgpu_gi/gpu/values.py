@@ -11,8 +11,8 @@ from ..errors import GiError
 from .checks import is_params, names_of
 from .handles import Buffer, Resource, Texture, Uniform, View
 from .passes import SPECIAL_PARAMS, Pass
-from .reflect import Binding, EntryPoint
 from .wgsl import ShaderSource
+from .wgsl_module import Binding, EntryPoint
 
 Over = Texture | Buffer | View | int | tuple[int, ...]
 MAX_GROUPS = 65535

@@ -14,8 +14,9 @@ import numpy as np
 from ..errors import GiError
 from ..resources import resource_dir
 from .layout import Layout, layout_of
-from .reflect import Binding, EntryPoint, Module, Type, parse
+from .reflect import parse
 from .tokens import ParseError
+from .wgsl_module import Binding, EntryPoint, Module, Type
 
 
 @dataclass(eq=False)

@@ -9,16 +9,13 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 
 import numpy as np
 
 from ..camera import Camera
 from ..errors import GiError
 from .scene import DirectionalLight, Environment, Instance, Light, Material, Mesh, PointLight, Scene, SpotLight
-from .shapes import box, grid, mesh, quad, sphere
-
-Point3 = tuple[float, float, float]
+from .shapes import Point3, arch, box, grid, prism, quad, quads, sphere
 
 
 def builtin_scene(name: str) -> Scene:
@@ -70,20 +67,6 @@ LARGE_BOX = ((4.23, 2.47), (4.72, 4.06), (3.14, 4.56), (2.65, 2.96))
 SMALL_BOX = ((1.3, 0.65), (2.9, 1.14), (2.4, 2.72), (0.82, 2.25))
 
 
-def _polygons(polygons: Sequence[Sequence[Point3]], material: Material, name: str) -> Mesh:
-    """Make a mesh of quads given by their four corners."""
-    triangles = [(4 * i + a, 4 * i + b, 4 * i + c) for i in range(len(polygons)) for a, b, c in ((0, 1, 2), (0, 2, 3))]
-    return mesh([corner for polygon in polygons for corner in polygon], triangles, material, name)
-
-
-def _prism(footprint: Sequence[tuple[float, float]], height: float, material: Material, name: str) -> Mesh:
-    """Raise four (x, z) corners to a block with top, sides and bottom."""
-    low = [(x, 0.0, z) for x, z in footprint]
-    top = [(x, height, z) for x, z in footprint]
-    sides = [[low[i], top[i], top[(i + 1) % 4], low[(i + 1) % 4]] for i in range(4)]
-    return _polygons([top[:1] + top[:0:-1], *sides, low[1:] + low[:1]], material, name)
-
-
 def _cornell_room(lights: Sequence[Light] = (), luminaire: bool = False) -> Scene:
     """Build the room with both boxes, the measured colours, and the camera in front of it."""
     materials = {
@@ -91,13 +74,13 @@ def _cornell_room(lights: Sequence[Light] = (), luminaire: bool = False) -> Scen
         "red": matte((0.63, 0.065, 0.05), "red"),
         "green": matte((0.14, 0.45, 0.091), "green"),
     }
-    meshes = [_polygons(polygons, materials[colour], name) for name, (colour, polygons) in CORNELL_WALLS.items()]
-    meshes.append(_prism(LARGE_BOX, 3.3, materials["white"], "largebox"))
-    meshes.append(_prism(SMALL_BOX, 1.65, materials["white"], "smallbox"))
+    meshes = [quads(polygons, materials[colour], name) for name, (colour, polygons) in CORNELL_WALLS.items()]
+    meshes.append(prism(LARGE_BOX, 3.3, materials["white"], "largebox"))
+    meshes.append(prism(SMALL_BOX, 1.65, materials["white"], "smallbox"))
     if luminaire:
         light = matte(0.78, "light", double_sided=False)
         light.emission = (17.0, 12.0, 4.0)
-        meshes.append(_polygons([CORNELL_LUMINAIRE], light, "luminaire"))
+        meshes.append(quads([CORNELL_LUMINAIRE], light, "luminaire"))
     camera = Camera.look_at((2.78, 2.73, -2.6), (2.78, 2.73, 0.0), yfov_deg=62.0, name="camera")
     return _scene(meshes, camera, lights)
 
@@ -271,22 +254,6 @@ COURTYARD_BLOCKS: dict[str, tuple[str, Point3, Point3]] = {
 }
 
 
-def _arch(low: Point3, high: Point3, material: Material, name: str, segments: int = 16) -> Mesh:
-    """Make a block between two corners, along x, out of which a half circle of its width is cut from below."""
-    (left, spring, back), (right, top, front) = low, high
-    radius, angles = (right - left) / 2, [math.pi * i / segments for i in range(segments + 1)]
-    curve = [(left + radius * (1 - math.cos(a)), spring + radius * math.sin(a)) for a in angles]
-    quads: list[list[Point3]] = []
-    for (xa, ya), (xb, yb) in pairwise(curve):
-        quads.append([(xa, ya, front), (xb, yb, front), (xb, top, front), (xa, top, front)])
-        quads.append([(xb, yb, back), (xa, ya, back), (xa, top, back), (xb, top, back)])
-        quads.append([(xa, ya, back), (xb, yb, back), (xb, yb, front), (xa, ya, front)])
-        quads.append([(xa, top, front), (xb, top, front), (xb, top, back), (xa, top, back)])
-    for end, near, far in ((left, back, front), (right, front, back)):
-        quads.append([(end, spring, near), (end, spring, far), (end, top, far), (end, top, near)])
-    return _polygons(quads, material, name)
-
-
 def courtyard(lux: float = 3.0) -> Scene:
     """A yard with a gate, a portico and a pole 6 cm thick under sun and sky, seen by a pedestrian; no closed form."""
     materials = {
@@ -298,7 +265,7 @@ def courtyard(lux: float = 3.0) -> Scene:
         "dark": matte(0.12, "dark"),
     }
     blocks = [box(low, high, materials[colour], name=name) for name, (colour, low, high) in COURTYARD_BLOCKS.items()]
-    blocks.append(_arch((-1.5, 2.1, -6.6), (1.5, 4.6, -6.0), materials["plaster"], "gate"))
+    blocks.append(arch((-1.5, 2.1, -6.6), (1.5, 4.6, -6.0), materials["plaster"], "gate"))
     blocks.append(grid(40.0, material=matte((0.4, 0.38, 0.33), "ground"), name="ground"))
     camera = Camera.look_at((2.6, 1.65, 3.4), (-1.4, 1.5, -3.5), name="pedestrian")
     scene = _scene(blocks, camera, [DirectionalLight((-0.7, -0.6, -0.25), lux, (1.0, 0.93, 0.8), name="sun")])

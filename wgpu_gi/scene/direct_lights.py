@@ -14,16 +14,13 @@ from numpy.typing import NDArray
 from .emitters import LUMINANCE, EmittingPart, emitting_parts, join_records, light_direction, spot_falloff
 from .hierarchy import Hierarchy
 from .scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
+from .sequences import GOLDEN, R2
 from .texture_lookup import look_up
 
 DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN, DIRECT_AREA = range(4)  # as wgsl/shadow/views.wgsl
 POINTS = 1 << 12  # on all emitters together, at least; chosen
 POINTS_PER_SAMPLE = 256  # at least: places on a grid of 16 x 16 about each sample; chosen
 TEXTURED = 8  # times as many points on pictured emitters, so that small bright spots are found; chosen
-GOLDEN = (5**0.5 - 1) / 2
-# The same for the plane, 1 / g and 1 / g^2 with g^3 = g + 1 (Roberts 2018, "The Unreasonable Effectiveness of
-# Quasirandom Sequences").
-R2 = np.array([0.7548776662466927, 0.5698402909980532])
 # The first of nearly equal lengths is chosen whatever rounding does to them.
 PREFER_FIRST = np.array([1.0, 0.991, 0.983])
 POINT = np.dtype(

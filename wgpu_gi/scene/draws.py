@@ -115,26 +115,52 @@ def own_first_vertices(triangles: NDArray[np.uint32], vertex_count: int) -> Rast
 def build_draws(instances: list[Instance], hierarchy: Hierarchy, known: MutableMapping[MeshData, RasterMesh]) -> Draws:
     """Lay out the scene for drawing; `known` keeps what has been made of each MeshData."""
     parts = [_Part(place, known) for place in hierarchy.placements()]
+    slots = _assign_slots(parts, instances)
+    vertices, sources = _lay_out_vertices(parts, hierarchy, instances)
+    indices, runs, clusters = _lay_out_indices(parts, hierarchy, slots)
+    clusters.place(hierarchy.instances["world_from_local"])
+    opaque, masked = (tuple(join_runs(np.array(runs[key], np.int64).reshape(-1, 4))) for key in (False, True))
+    return Draws(vertices, sources, indices, slots.astype(np.uint32), opaque, masked, clusters)
+
+
+def _assign_slots(parts: list[_Part], instances: list[Instance]) -> NDArray[np.int64]:
+    """Give each part that is not in world space its instances' slots; return the scene's instance of each slot."""
     users: dict[int, list[int]] = {}
     for number, instance in enumerate(instances):
         users.setdefault(id(instance.mesh), []).append(number)
     slots = [NONE]
-    vertices: list[NDArray[np.uint32]] = []
-    sources: list[NDArray[np.uint32]] = [np.zeros(0, np.uint32)]
-    first_vertex = 0
     for part in parts:
         if part.place.baked is None:
             part.first_slot, part.users = len(slots), users[id(part.place.data.mesh)]
             slots += part.users
+    return np.array(slots, np.int64)
+
+
+def _lay_out_vertices(
+    parts: list[_Part], hierarchy: Hierarchy, instances: list[Instance]
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """Give each part its first vertex; return the vertices and sources of all."""
+    if not parts:
+        return np.zeros((1, 4), np.uint32), np.zeros(1, np.uint32)
+    vertices: list[NDArray[np.uint32]] = []
+    sources: list[NDArray[np.uint32]] = []
+    first_vertex = 0
+    for part in parts:
         part.first_vertex = first_vertex
         vertices.append(part.vertices(hierarchy, instances))
         sources.append((part.raster.source + part.place.vertices.start).astype(np.uint32))
         first_vertex += len(vertices[-1])
+    return np.concatenate(vertices), np.concatenate(sources)
 
+
+def _lay_out_indices(
+    parts: list[_Part], hierarchy: Hierarchy, slots: NDArray[np.int64]
+) -> tuple[NDArray[np.uint32], dict[bool, list[Run]], Clusters]:
+    """Return the index buffer, its runs by whether they are masked, and their clusters, which have no place yet."""
     indices: list[NDArray[np.int64]] = []
     runs: dict[bool, list[Run]] = {False: [], True: []}
-    boxes: list[NDArray[np.float32]] = []
-    cluster_runs: list[NDArray[np.int64]] = []
+    boxes = [np.zeros((0, 2, 3), np.float32)]
+    cluster_runs = [np.zeros((0, 4), np.int64)]
     first = opaque_clusters = 0
     for masked in (False, True):
         # What lies in world space is drawn as one run.
@@ -151,24 +177,10 @@ def build_draws(instances: list[Instance], hierarchy: Hierarchy, known: MutableM
             first += len(chosen)
         if not masked:
             opaque_clusters = sum(map(len, cluster_runs))
-    no_boxes, no_runs = np.zeros((0, 2, 3), np.float32), np.zeros((0, 4), np.int64)
-    all_runs = np.concatenate([no_runs, *cluster_runs])
-    clusters = Clusters(
-        np.concatenate([no_boxes, *boxes]),
-        all_runs,
-        np.where(all_runs[:, 2] > 0, np.array(slots)[all_runs[:, 2]], -1),
-        opaque_clusters,
-    )
-    clusters.place(hierarchy.instances["world_from_local"])
-    return Draws(
-        np.concatenate(vertices) if vertices else np.zeros((1, 4), np.uint32),
-        np.concatenate(sources) if vertices else np.zeros(1, np.uint32),
-        (np.concatenate(indices) if indices else np.zeros((1, 3))).astype(np.uint32),
-        np.array(slots, np.uint32),
-        tuple(join_runs(np.array(runs[False], np.int64).reshape(-1, 4))),
-        tuple(join_runs(np.array(runs[True], np.int64).reshape(-1, 4))),
-        clusters,
-    )
+    all_indices = (np.concatenate(indices) if indices else np.zeros((1, 3))).astype(np.uint32)
+    all_runs = np.concatenate(cluster_runs)
+    placed_by = np.where(all_runs[:, 2] > 0, slots[all_runs[:, 2]], -1)
+    return all_indices, runs, Clusters(np.concatenate(boxes), all_runs, placed_by, opaque_clusters)
 
 
 class _Part:

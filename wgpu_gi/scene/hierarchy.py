@@ -25,6 +25,7 @@ INSTANCE_FLAG = 1 << 30
 TOP_DEPTH = 24  # with the 40 of a mesh's tree they fill the traversal's stack of 64
 OPEN_UP_TO = 2048  # subtrees in the top level; chosen, not tuned
 ROAM = 4.0  # radii that the scene's centre may be off the origin: coordinates are then 8 times as coarse, within PAD
+FINE = 4.0  # steps of the world's grid across a triangle; with fewer, rounding makes boxes overlap; chosen
 GROWTH = 1.5  # of a grid that something has left, so that what goes on moving outwards does not leave it each time
 
 
@@ -154,7 +155,7 @@ class Hierarchy:
         for key, place in self._places.items():
             self.vertices[place.vertices] = place.data.vertices
             first, *others = users[key]
-            if others or id(instances[first]) in self._moved:
+            if others or id(instances[first]) in self._moved or self._is_too_fine(place, matrices[first]):
                 self._write_local(place)
             else:
                 self._bake(place, first, matrices[first])
@@ -172,6 +173,12 @@ class Hierarchy:
             self.triangles["material"][place.triangles] = number
             self.triangles["flags"][place.triangles] = place.data.flags | MASKED * masked
         self.changed |= {"triangles"}
+
+    def _is_too_fine(self, place: Placement, world_from_local: NDArray[np.float64]) -> bool:
+        """Tell whether the world's grid is too coarse for a mesh's triangles; its own may not be."""
+        steps_per_unit = self.world.scale.min() * abs(np.linalg.det(world_from_local[:3, :3])) ** (1 / 3)
+        size = float(np.median(np.ptp(place.data.corners, axis=1).max(-1)))
+        return bool(size * steps_per_unit < FINE and steps_per_unit < place.grid.scale.min())
 
     def _bake(self, place: Placement, number: int, world_from_local: NDArray[np.float64]) -> None:
         """Put a mesh into the world's tree where its one instance stands."""

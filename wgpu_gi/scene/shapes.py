@@ -1,4 +1,4 @@
-"""Meshes of simple shapes for tests and built-in scenes: quad, box, sphere and grid, flat-shaded.
+"""Meshes of simple shapes for tests and built-in scenes, flat-shaded: quads, box, prism, arch, sphere and grid.
 
 Triangles are counter-clockwise seen from outside (from the tip of a quad's normal), so that emitters shine outwards;
 `inward` turns a closed shape into a room.
@@ -6,12 +6,16 @@ Triangles are counter-clockwise seen from outside (from the tip of a quad's norm
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .scene import Material, Mesh
+
+Point3 = tuple[float, float, float]
 
 
 def mesh(positions: object, triangles: object, material: Material | None = None, name: str = "") -> Mesh:
@@ -45,6 +49,36 @@ def box(
     sides = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
     triangles = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
     return mesh(corners, _facing(triangles, inward), material, name)
+
+
+def quads(corners: Sequence[Sequence[Point3]], material: Material, name: str) -> Mesh:
+    """Make a mesh of quads given by their four corners."""
+    triangles = [(4 * i + a, 4 * i + b, 4 * i + c) for i in range(len(corners)) for a, b, c in ((0, 1, 2), (0, 2, 3))]
+    return mesh([corner for four in corners for corner in four], triangles, material, name)
+
+
+def prism(footprint: Sequence[tuple[float, float]], height: float, material: Material, name: str) -> Mesh:
+    """Raise four (x, z) corners to a block with top, sides and bottom."""
+    low = [(x, 0.0, z) for x, z in footprint]
+    top = [(x, height, z) for x, z in footprint]
+    sides = [[low[i], top[i], top[(i + 1) % 4], low[(i + 1) % 4]] for i in range(4)]
+    return quads([top[:1] + top[:0:-1], *sides, low[1:] + low[:1]], material, name)
+
+
+def arch(low: Point3, high: Point3, material: Material, name: str, segments: int = 16) -> Mesh:
+    """Make a block between two corners, along x, out of which a half circle of its width is cut from below."""
+    (left, spring, back), (right, top, front) = low, high
+    radius, angles = (right - left) / 2, [math.pi * i / segments for i in range(segments + 1)]
+    curve = [(left + radius * (1 - math.cos(a)), spring + radius * math.sin(a)) for a in angles]
+    sides: list[list[Point3]] = []
+    for (xa, ya), (xb, yb) in pairwise(curve):
+        sides.append([(xa, ya, front), (xb, yb, front), (xb, top, front), (xa, top, front)])
+        sides.append([(xb, yb, back), (xa, ya, back), (xa, top, back), (xb, top, back)])
+        sides.append([(xa, ya, back), (xb, yb, back), (xb, yb, front), (xa, ya, front)])
+        sides.append([(xa, top, front), (xb, top, front), (xb, top, back), (xa, top, back)])
+    for end, near, far in ((left, back, front), (right, front, back)):
+        sides.append([(end, spring, near), (end, spring, far), (end, top, far), (end, top, near)])
+    return quads(sides, material, name)
 
 
 def sphere(

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from .hierarchy import Hierarchy
 from .scene import Instance
-
-GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])  # of the plane (Roberts 2018)
+from .sequences import R2
 
 
 def sample_surfaces(instances: list[Instance], hierarchy: Hierarchy, count: int = 4096) -> NDArray[np.float64]:
@@ -34,7 +33,7 @@ def sample_surfaces(instances: list[Instance], hierarchy: Hierarchy, count: int 
     weights = 0.5 / sums.sum() + 0.5 / (np.count_nonzero(sums) * np.where(sums > 0, sums, 1.0))
     total = np.cumsum(np.concatenate([np.zeros(1), *(a * w for a, w in zip(areas, weights, strict=True))]))
     chosen = np.searchsorted(total[1:], (np.arange(count) + 0.5) / count * total[-1])
-    u = np.outer(np.arange(count), GOLDEN) % 1.0
+    u = np.outer(np.arange(count), R2) % 1.0
     folded = np.where(u.sum(1, keepdims=True) > 1, 1 - u, u)
     corner = np.concatenate(parts)[np.minimum(chosen, len(total) - 2)]
     return corner[:, 0] + folded[:, :1] * (corner[:, 1] - corner[:, 0]) + folded[:, 1:] * (corner[:, 2] - corner[:, 0])

@@ -10,14 +10,13 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import wgpu
 from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import GiError
 from ..gpu.device import Device
 from ..gpu.wgsl import load
-from .atlas import MAX_PAGE, Atlas, pack_atlas
+from .atlas import MAX_PAGE
 from .check import check_camera, check_scene
 from .direct_lights import build_direct_lights
 from .draws import Draws, RasterMesh, build_draws
@@ -25,12 +24,10 @@ from .emitters import LightTable, build_light_table, environment_cdf
 from .gpu_resources import GpuResources
 from .hierarchy import Hierarchy
 from .mesh_data import MeshData
-from .scene import Image, Instance, Light, Material, Scene, Texture
+from .scene import Instance, Light, Material, Scene, Texture
 from .surface_samples import sample_surfaces
+from .upload_materials import MaterialUpload
 
-DOUBLE_SIDED, UNLIT, TEXTURED, COATED = 1, 2, 4, 8  # material flags, as wgsl/scene/materials.wgsl
-PRESENT, TEXCOORD_1, NEAREST = 1, 2, 4  # texture flags
-WRAP_CODES = {"repeat": 0, "clamp": 1, "mirror": 2}
 TABLES = ("nodes", "triangles", "vertices")  # are textures
 NEAR = 1e-9  # near plane over the scene's radius: of reversed float depth, it does not change the relative precision
 STRUCTS = {
@@ -51,14 +48,11 @@ class SceneUpload:
     """
 
     def __init__(self, device: Device, diffuse: bool = False) -> None:
-        self._gpu = device.gpu
         self.diffuse = diffuse
         shader = load("scene/lights.wgsl")
         self._dtypes = {name: shader.struct_dtype(struct) for name, struct in STRUCTS.items()}
         self._view_dtype = shader.struct_dtype("View")
         self._hierarchy = Hierarchy(self._dtypes)
-        self._images: dict[str, list[Image]] = {}
-        self._atlases: dict[str, Atlas] = {}
         self._environment: tuple[Any, Any] = (None, None)
         self._table: LightTable | None = None
         self._sources: object = None
@@ -72,6 +66,7 @@ class SceneUpload:
         self._samples: tuple[int, NDArray[np.float64]] | None = None
         self.draws: Draws | None = None
         self.resources = GpuResources(device.gpu, int(device.limits["max-storage-buffer-binding-size"]))
+        self._materials = MaterialUpload(self.resources, self._dtypes["materials"], diffuse)
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))
         self.features: dict[str, bool] = {}
 
@@ -98,7 +93,7 @@ class SceneUpload:
         self._unsent |= self._hierarchy.changed
         self._raster_stale |= bool(self._hierarchy.changed & {"triangles", "indices", "vertices"})
         self._geometry += bool(self._hierarchy.changed)
-        self._upload_atlases(materials)
+        self._materials.send_pictures(materials)
         self._upload_environment(scene)
         # Tabulating many emitters takes time, so only if one of them, or what places them, has changed.
         sources = (_light_values(scene.lights), _emission_values(materials), self.resources["environment_cdf"][1])
@@ -107,7 +102,7 @@ class SceneUpload:
             self._sources = sources
             self.resources.records("lights", self._table.lights)
         table = self._table
-        self.resources.records("materials", self._pack_materials(materials, table.material_pdf))
+        self._materials.send_records(materials, table.material_pdf)
         for name in ("nodes", "triangles", "vertices", "indices", "instances"):
             if name in self._unsent or name not in self.resources:
                 send = self.resources.table if name in TABLES else self.resources.buffer
@@ -116,7 +111,7 @@ class SceneUpload:
         self.features = {
             "HAS_INSTANCES": self._hierarchy.has_instances,
             "HAS_MASKS": any(m.alpha_mode == "mask" for m in materials),
-            "HAS_TEXTURES": any(self._images.values()),
+            "HAS_TEXTURES": self._materials.has_textures,
             "HAS_EMISSION_MAPS": any(m.emission_texture for m in materials),
             "HAS_ROUGHNESS_MAPS": not self.diffuse and any(m.metallic_roughness_texture for m in materials),
             "HAS_NORMAL_MAPS": not self.diffuse and any(m.normal_texture for m in materials),
@@ -213,54 +208,6 @@ class SceneUpload:
         shining = any(max(m.emission) > 0 for m in scene.materials)
         info["hittable_light"] = shining or bool(environment and max(environment.color) > 0)
 
-    def _pack_materials(self, materials: list[Material], pdf: dict[int, float]) -> NDArray[np.void]:
-        packed = np.zeros(max(len(materials), 1), self._dtypes["materials"])
-        for record, m in zip(packed, materials, strict=False):
-            record["base_color"], record["emission"] = m.base_color, m.emission
-            record["metallic"], record["roughness"], record["normal_scale"] = m.metallic, m.roughness, m.normal_scale
-            record["alpha_cutoff"] = m.alpha_cutoff if m.alpha_mode == "mask" else 0.0
-            record["emitter_pdf"] = pdf.get(id(m), 0.0)
-            flags = DOUBLE_SIDED * m.double_sided | UNLIT * m.unlit | COATED * (not self.diffuse)
-            for atlas, textures in self._textures(m).items():
-                for slot, texture in textures.items():
-                    flags |= TEXTURED
-                    _pack_texture(record["textures"][slot], texture, self._atlases[atlas])
-            record["flags"] = flags
-        return packed
-
-    def _textures(self, m: Material) -> dict[str, dict[int, Texture]]:
-        """Return the textures in use by the name of their atlas and their slot in the Material struct."""
-        slots: dict[str, dict[int, Texture | None]] = {
-            "atlas_srgb": {0: m.base_color_texture, 1: m.emission_texture},
-            "atlas_linear": {} if self.diffuse else {2: m.metallic_roughness_texture, 3: m.normal_texture},
-        }
-        return {atlas: {k: t for k, t in textures.items() if t is not None} for atlas, textures in slots.items()}
-
-    def _upload_atlases(self, materials: list[Material]) -> None:
-        for name, texture_format in (("atlas_srgb", "rgba8unorm-srgb"), ("atlas_linear", "rgba8unorm")):
-            used = [t.image for m in materials for t in self._textures(m)[name].values()]
-            images = list({id(i): i for i in used}.values())
-            if name in self._images and [id(i) for i in images] == [id(i) for i in self._images[name]]:
-                continue
-            self._images[name], atlas = images, pack_atlas(images)
-            self._atlases[name] = atlas
-            texture = self._gpu.create_texture(
-                label=f"scene/{name}",
-                size=(atlas.page, atlas.page, atlas.layers),
-                format=texture_format,
-                usage=wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST,
-            )
-            for image in images:
-                layer, x, y = atlas.places[id(image)]
-                height, width = image.pixels.shape[:2]
-                self._gpu.queue.write_texture(
-                    {"texture": texture, "origin": (x, y, layer)},
-                    np.ascontiguousarray(image.pixels),
-                    {"bytes_per_row": 4 * width, "rows_per_image": height},
-                    (width, height, 1),
-                )
-            self.resources.set(name, texture)
-
     def _upload_environment(self, scene: Scene) -> None:
         environment = scene.environment
         image = environment.image if environment else None
@@ -284,19 +231,6 @@ class SceneUpload:
             table = self._cdf if self._cdf is not None else np.ones((1, 2), np.float32)
             self.resources.texture("environment_cdf", "r32float", table[..., None])
         self._environment = (image, color)
-
-
-def _pack_texture(slot: NDArray[np.void], texture: Texture, atlas: Atlas) -> None:
-    """Fill a TextureSlot."""
-    layer, x, y = atlas.places[id(texture.image)]
-    height, width = texture.image.pixels.shape[:2]
-    slot["corner"], slot["size"], slot["layer"] = (x, y), (width, height), layer
-    wrap = WRAP_CODES[texture.wrap_u] << 4 | WRAP_CODES[texture.wrap_v] << 6
-    slot["flags"] = PRESENT | TEXCOORD_1 * texture.texcoord | NEAREST * (texture.filter == "nearest") | wrap
-    # KHR_texture_transform: uv' = translation * rotation * scale * uv
-    sine, cosine = np.sin(texture.rotation), np.cos(texture.rotation)
-    slot["transform_u"] = (cosine * texture.scale[0], sine * texture.scale[1], texture.offset[0])
-    slot["transform_v"] = (-sine * texture.scale[0], cosine * texture.scale[1], texture.offset[1])
 
 
 def _without_empty(scene: Scene) -> Scene:

@@ -6,6 +6,8 @@ from ..gpu.graph import Graph
 from ..gpu.handles import Buffer, Texture
 from .gbuffer import FOUR_FLOATS
 
+MEANS = "mean/"  # the names of passes that average frames begin so
+
 
 def declare_sum(graph: Graph, emission: Buffer, direct: Buffer, indirect: Buffer | None) -> Buffer:
     """Declare radiance = emission + direct + indirect, (r, g, b, 1) per pixel, W/(m2 sr)."""
@@ -30,9 +32,9 @@ def declare_sum(graph: Graph, emission: Buffer, direct: Buffer, indirect: Buffer
 
 def declare_mean(graph: Graph, name: str, layer: Buffer) -> Buffer:
     """Declare the mean of a layer over the jittered frames so far, `view.sample_index` + 1 of them."""
-    mean = graph.buffer(f"mean/{name}", dtype=FOUR_FLOATS, count=layer.count, width=graph.size[0], nonnegative=True)
+    mean = graph.buffer(MEANS + name, dtype=FOUR_FLOATS, count=layer.count, width=graph.size[0], nonnegative=True)
     graph.compute(
-        f"mean/{name}",
+        MEANS + name,
         "composite/accumulate.wgsl",
         over=graph.size,
         reads={"current": layer},

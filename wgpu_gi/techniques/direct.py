@@ -8,6 +8,7 @@ filter finds texels that see the light beside texels that do not.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from .environment import Ambient
 from .gbuffer import FOUR_FLOATS, Gbuffer
 from .scene_inputs import DirectInputs, SceneInputs
 
-TILE = 16  # pixels a side, as wgsl/direct/light.wgsl and tiles.wgsl
+TILE = int(load("direct/tile.wgsl").constants["TILE"])
 WRITTEN_OUT = 3  # lights that are not looped over
 EDGE_LIGHTS = int(load("direct/edges.wgsl").constants["EDGE_LIGHTS"])
 TILED_FROM = 8  # spots and lights with a range: with fewer, lists of lights cost more than they save; chosen
@@ -54,13 +55,10 @@ def declare_direct(
     traced = settings.edges and atlas is not None
     edges = graph.buffer("direct/edges", dtype=np.uint32, count=width * height if traced else 1)
     edge_groups = graph.buffer("direct/edge_groups", dtype=np.uint32, count=4)
-    tiled = settings.tiles and scene.direct.bounded >= TILED_FROM
-    tiles = _declare_tiles(graph, scene.direct, gbuffer) if tiled else graph.neutral("buffer")
-    if not tiled:
-        graph.skip(
-            "direct/tiles", f"fewer than {TILED_FROM} lights end somewhere" if settings.tiles else "direct.tiles is off"
-        )
-    lights = {
+    tiles = _declare_tiles(graph, settings, scene.direct, gbuffer)
+    inputs = {
+        "surfaces": gbuffer.surfaces,
+        "distance": gbuffer.distance,
         "light_table": scene.direct.lights,
         "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
         "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
@@ -69,47 +67,30 @@ def declare_direct(
     }
     shader = "direct/light.wgsl"
     few = scene.direct.count if scene.direct.count <= WRITTEN_OUT else 0
+    variant = {"TILED": tiles is not None, "EDGES": traced, "FEW": few}
     graph.compute(
         "direct/light",
         shader,
         indirect=gbuffer.tile_groups,
-        reads={
-            **lights,
-            **gbuffer.tiles,
-            "surfaces": gbuffer.surfaces,
-            "distance": gbuffer.distance,
-            "tile_lights": tiles,
-        },
+        reads={**inputs, **gbuffer.tiles, "tile_lights": tiles or graph.neutral("buffer")},
         writes={"direct": direct, "edges": edges, "edge_groups": edge_groups},
-        constants={**scene.constants(shader), **ambient.constants(shader), "TILED": tiled, "EDGES": traced, "FEW": few},
+        constants={**scene.constants(shader), **ambient.constants(shader), **variant},
         clear=[direct, edge_groups],
     )
-    if not traced:
+    if traced:
+        inputs_of_edges = {**inputs, "visibility": gbuffer.visibility, "edges": edges}
+        _declare_edges(graph, scene, ambient, inputs_of_edges, edge_groups, direct)
+    else:
         graph.skip("direct/edges", "no light casts shadows" if atlas is None else "direct.edges is off")
-        return direct
-    shader = "direct/edges.wgsl"
-    for first in range(0, scene.direct.count, EDGE_LIGHTS):
-        graph.compute(
-            f"direct/edges_{first}" if first else "direct/edges",
-            shader,
-            indirect=edge_groups,
-            reads={
-                **scene.surfaces,
-                **lights,
-                "surfaces": gbuffer.surfaces,
-                "distance": gbuffer.distance,
-                "visibility": gbuffer.visibility,
-                "edges": edges,
-                "edge_groups": edge_groups,
-            },
-            writes={"direct": direct},
-            params={"first": first},
-            constants={**scene.constants(shader), **ambient.constants(shader)},
-        )
     return direct
 
 
-def _declare_tiles(graph: Graph, lights: DirectInputs, gbuffer: Gbuffer) -> Buffer:
+def _declare_tiles(graph: Graph, settings: DirectSettings, lights: DirectInputs, gbuffer: Gbuffer) -> Buffer | None:
+    """Declare the lights that reach each tile, a bit for each; return None where that would cost more than it saves."""
+    if not settings.tiles or lights.bounded < TILED_FROM:
+        reason = f"fewer than {TILED_FROM} lights end somewhere" if settings.tiles else "direct.tiles is off"
+        graph.skip("direct/tiles", reason)
+        return None
     width, height = graph.size
     columns, rows = -(-width // TILE), -(-height // TILE)
     words = -(-lights.count // 32)
@@ -117,8 +98,26 @@ def _declare_tiles(graph: Graph, lights: DirectInputs, gbuffer: Gbuffer) -> Buff
     graph.compute(
         "direct/tiles",
         "direct/tiles.wgsl",
-        over=(columns * TILE, rows * TILE),
+        over=(width, height),
         reads={"light_table": lights.lights, "distance": gbuffer.distance},
         writes={"tile_lights": tiles},
     )
     return tiles
+
+
+def _declare_edges(
+    graph: Graph, scene: SceneInputs, ambient: Ambient, inputs: dict[str, Any], edge_groups: Buffer, direct: Buffer
+) -> None:
+    """Declare the passes that light listed pixels again, each by EDGE_LIGHTS more of the lights."""
+    assert scene.direct is not None
+    shader = "direct/edges.wgsl"
+    for first in range(0, scene.direct.count, EDGE_LIGHTS):
+        graph.compute(
+            f"direct/edges_{first}" if first else "direct/edges",
+            shader,
+            indirect=edge_groups,
+            reads={**scene.surfaces, **inputs, "edge_groups": edge_groups},
+            writes={"direct": direct},
+            params={"first": first},
+            constants={**scene.constants(shader), **ambient.constants(shader)},
+        )

@@ -65,32 +65,8 @@ def declare_gbuffer(
 def _declare_layer(
     graph: Graph, scene: SceneInputs, name: str, suffix: str, view: str, nearer: Texture | None
 ) -> Gbuffer:
+    visibility, depth = _declare_visibility(graph, scene, name, suffix, view, nearer)
     width, height = graph.size
-    # Without instances the second number is always 0, and so is what a one-channel texture gives for it.
-    ids = "rg32uint" if scene.features["HAS_INSTANCES"] else "r32uint"
-    visibility = graph.texture(f"{name}/visibility{suffix}", ids)
-    depth = graph.texture(f"{name}/depth{suffix}", "depth32float")
-    shader = "gbuffer/visibility.wgsl"
-    assert scene.draws is not None
-    behind = graph.neutral("texture_2d") if nearer is None else nearer
-    for part, masked in (("opaque", False), ("masked", True)):
-        runs = scene.draws.masked if masked else scene.draws.opaque
-        if masked and not runs:
-            graph.skip(f"{name}/masked{suffix}", "no alpha-masked material")
-            continue
-        graph.raster(
-            f"{name}/{part}{suffix}",
-            shader,
-            draw=scene.draw_all(masked),
-            index=scene.raster_indices,
-            color={"color": visibility},
-            depth=depth,
-            reads={**scene.surfaces, **scene.raster, "nearer": behind},
-            constants={**scene.constants(shader), "PEEL": nearer is not None},
-            uniforms={"view": view},
-            entry=("vertex_masked", "fragment_masked") if masked else ("vertex", "fragment"),
-            load=masked,
-        )
     surfaces = graph.buffer(f"{name}/surfaces{suffix}", dtype=SURFACE, count=width * height, width=width)
     emission = graph.buffer(
         f"{name}/emission{suffix}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
@@ -121,6 +97,38 @@ def _declare_layer(
         uniforms={"view": view},
     )
     return found
+
+
+def _declare_visibility(
+    graph: Graph, scene: SceneInputs, name: str, suffix: str, view: str, nearer: Texture | None
+) -> tuple[Texture, Texture]:
+    """Declare the raster passes of a layer, behind the depth `nearer` if given; return visibility and depth."""
+    assert scene.draws is not None
+    # Without instances the second number is always 0, and so is what a one-channel texture gives for it.
+    ids = "rg32uint" if scene.features["HAS_INSTANCES"] else "r32uint"
+    visibility = graph.texture(f"{name}/visibility{suffix}", ids)
+    depth = graph.texture(f"{name}/depth{suffix}", "depth32float")
+    shader = "gbuffer/visibility.wgsl"
+    behind = graph.neutral("texture_2d") if nearer is None else nearer
+    for part, masked in (("opaque", False), ("masked", True)):
+        runs = scene.draws.masked if masked else scene.draws.opaque
+        if masked and not runs:
+            graph.skip(f"{name}/masked{suffix}", "no alpha-masked material")
+            continue
+        graph.raster(
+            f"{name}/{part}{suffix}",
+            shader,
+            draw=scene.draw_all(masked),
+            index=scene.raster_indices,
+            color={"color": visibility},
+            depth=depth,
+            reads={**scene.surfaces, **scene.raster, "nearer": behind},
+            constants={**scene.constants(shader), "PEEL": nearer is not None},
+            uniforms={"view": view},
+            entry=("vertex_masked", "fragment_masked") if masked else ("vertex", "fragment"),
+            load=masked,
+        )
+    return visibility, depth
 
 
 def declare_motion(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer) -> Buffer:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
+from ..gpu.passes import Pass
 from ..settings import setting
 from .scene_inputs import SceneInputs
 
@@ -83,7 +84,7 @@ def declare_reference(
     layers = buffers("emission", "direct", "indirect", "deviation")
     results = buffers("radiance", "standard_error")
     tiles = -(-width // 8) * -(-height // 8)
-    graph.compute(
+    trace = graph.compute(
         "path/trace",
         "reference/path.wgsl",
         over=tiles * 64,
@@ -99,8 +100,26 @@ def declare_reference(
         settle=runs,
         split=True,
     )
-    graph.compute("path/resolve", "reference/resolve.wgsl", over=results["radiance"], reads=layers, writes=results)
+    _keep_full_runs(trace, spp)
+    graph.compute(
+        "path/resolve",
+        "reference/resolve.wgsl",
+        over=(width, height),
+        reads=layers,
+        writes=results,
+        params={"size": (width, height)},
+    )
     return Reference(layers["emission"], layers["direct"], layers["indirect"], **results)
+
+
+def _keep_full_runs(trace: Pass, spp: int) -> None:
+    """Go on with the samples that there are if only `spp` is another and no run has taken fewer for its sake.
+
+    Then all runs are those of a picture that had this `spp` from the start, and so is every bit of it.
+    """
+    before = trace.params_before
+    if before is not None and (trace.state.settle_index + 1) * before["samples"] <= min(spp, before["spp"]):
+        trace.go_on_with("spp")
 
 
 def declare_primary(graph: Graph, scene: SceneInputs) -> Primary:

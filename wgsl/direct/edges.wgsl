@@ -21,18 +21,14 @@ struct Params {
 // Of one pass: drivers may cut the loops of an invocation and of those that run in step with it at 65535 iterations
 // (llvmpipe of Mesa 22), and a ray takes a hundred. Chosen.
 const EDGE_LIGHTS: u32 = 64u;
-
-const GROUP: u32 = 64u;
 // Steps of rays after which an invocation filters what is left: lavapipe (Mesa 22.3) ends all loops of an invocation
 // after 65,535 iterations together, and light would be lost. Chosen, with room for neighbours that take longer.
 const STEP_BUDGET: u32 = 16000u;
-// Rays stop short of a sample of an emitter by this share, so that they do not meet it.
-const STOP_SHORT: f32 = 0.9999;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(EDGE_GROUP)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     var steps = 0u;
-    for (var slot = id.x; slot < edge_groups[3]; slot += groups.x * GROUP) {
+    for (var slot = id.x; slot < edge_groups[3]; slot += groups.x * EDGE_GROUP) {
         let index = edges[slot];
         let pixel = vec2u(index % view.size.x, index / view.size.x);
         let seen = load_visibility(pixel);

@@ -6,6 +6,7 @@
 #import "gbuffer/load.wgsl"
 #import "gbuffer/tiles.wgsl"
 #import "direct/lighting.wgsl"
+#import "direct/tile.wgsl"
 #import "environment/ambient.wgsl"
 
 override TILED: bool = false;  // lists of the lights that reach a tile
@@ -19,8 +20,6 @@ override EDGES: bool = true;   // list the undecided pixels
 
 // Workgroups of `edges.wgsl`; their threads go on with further pixels.
 const MAX_EDGE_GROUPS: u32 = 4096u;
-const EDGE_GROUP: u32 = 64u;
-const TILE: u32 = 16u;
 
 struct Sum {
     radiance: vec3f,

@@ -4,6 +4,8 @@
 #import "shadow/lookup.wgsl"
 #import "common/brdf.wgsl"
 
+const EDGE_GROUP: u32 = 64u;  // pixels that a workgroup of `edges.wgsl` takes at a time
+
 struct Incident {
     to_light: vec3f,    // metres; unit for suns
     direction: vec3f,   // unit

@@ -5,11 +5,11 @@
 // emitter. So the picture stays the same, bit for bit.
 #import "scene/info.wgsl"
 #import "shadow/table.wgsl"
+#import "direct/tile.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> tile_lights: array<u32>;
 @group(1) @binding(31) var distance: texture_2d<f32>;
 
-const TILE: u32 = 16u;
 const THREADS: u32 = TILE * TILE;
 // Of the box's coordinates: rounding between here and the lighting pass. Chosen.
 const ROUNDING: f32 = 1e-5;
@@ -46,7 +46,7 @@ fn reaches(light: DirectLight, centre: vec3f, half: vec3f) -> bool {
     return edge <= 0.0 || dot(offset, offset) <= radius * radius || aside * edge - along * sine <= radius;
 }
 
-@compute @workgroup_size(16, 16)
+@compute @workgroup_size(TILE, TILE)
 fn main(
     @builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) thread: u32

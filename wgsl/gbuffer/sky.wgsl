@@ -3,6 +3,7 @@
 //
 // In: visibility, environment. Out, of pixels without a surface: an empty surface, distance 0, emission W/(m2 sr).
 #import "environment/picture.wgsl"
+#import "gbuffer/tile_row.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> surfaces: array<vec4u>;
 @group(1) @binding(12) var<storage, read_write> emission: array<vec4f>;
@@ -10,8 +11,6 @@
 @group(1) @binding(14) var<storage, read_write> seen_tiles: array<u32>;
 @group(1) @binding(15) var<storage, read_write> tile_groups: array<atomic<u32>>;
 @group(1) @binding(33) var visibility: texture_2d<u32>;
-
-const TILE_ROW: u32 = 32768u;  // as in tiles.wgsl
 
 var<workgroup> is_seen: atomic<u32>;
 

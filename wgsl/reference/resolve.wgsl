@@ -3,19 +3,24 @@
 // standard_error = sqrt(sum (x - mean)^2 / ((n - 1) n)), per channel; one sample alone says nothing of its spread, so
 // then it is the value itself. Stratification makes the true error smaller (errs high). All in W/(m2 sr).
 
+struct Params {
+    size: vec2u,  // pixels
+}
+
 @group(1) @binding(0) var<storage, read> emission: array<vec4f>;   // a: number of samples
 @group(1) @binding(1) var<storage, read> direct: array<vec4f>;
 @group(1) @binding(2) var<storage, read> indirect: array<vec4f>;
 @group(1) @binding(3) var<storage, read> deviation: array<vec4f>;
 @group(1) @binding(4) var<storage, read_write> radiance: array<vec4f>;
 @group(1) @binding(5) var<storage, read_write> standard_error: array<vec4f>;
+@group(1) @binding(19) var<uniform> params: Params;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(64, 4)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let index = id.x;
-    if (index >= arrayLength(&radiance)) {
+    if (any(id.xy >= params.size)) {
         return;
     }
+    let index = id.y * params.size.x + id.x;
     let emitted = emission[index];
     let total = emitted.rgb + direct[index].rgb + indirect[index].rgb;
     let n = emitted.a;

@@ -49,9 +49,6 @@ struct LightRay {
     pdf: f32,             // with which `sample_light` draws its origin as seen from 1 m, 1/sr; likewise; 0 without area
 }
 
-// Shadow rays stop short of the emitter at this share of their length, so that they do not meet it. Chosen, not tuned:
-// far above the rounding of float32 (1e-7), and blockers within 0.01 % of the way before the light are missed.
-const STOP_SHORT: f32 = 0.9999;
 const INFINITELY_FAR: f32 = 1e30;
 
 fn environment_direction(uv: vec2f) -> vec3f {

@@ -1,4 +1,4 @@
-// Materials and their textures, as `scene/upload.py` packs them.
+// Materials and their textures, as `scene/upload_materials.py` packs them.
 #import "common/brdf.wgsl"
 
 // material flags

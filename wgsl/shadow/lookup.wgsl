@@ -1,9 +1,9 @@
 // How much of a light arrives at a point, by the shadow maps: percentage-closer filtering (Reeves et al. 1987), or a
 // verdict that leaves open what the maps cannot tell.
 //
-// Neither has a bias in metres. The filter moves the point off its surface by as much as its texels may lie below it; it
-// errs bright up to about three texels inside a shadow, and soft at its edge. The verdict compares with the
-// plane of the surface at each texel.
+// Neither has a bias in metres. The filter moves the point off its surface by as much as its texels may lie below it;
+// it errs bright up to about three texels inside a shadow, and soft at its edge. The verdict compares with the plane of
+// the surface at each texel.
 #import "shadow/table.wgsl"
 
 @group(1) @binding(27) var shadow_atlas: texture_depth_2d;

@@ -22,8 +22,8 @@ struct DirectLight {
 }
 
 // Faces of a point light: +X -X +Y -Y +Z -Z of the world. Of an area light, and of a spot wider than 60 degrees off its
-// axis: +Z, +X, -X, +Y, -Y (and -Z if both sides shine, or beyond 90 degrees) of `frame_from_normal(direction)`. Of five
-// faces the last four are halves, those above the light's plane. Every view is two texels wider than its face.
+// axis: +Z, +X, -X, +Y, -Y (and -Z if both sides shine, or beyond 90 degrees) of `frame_from_normal(direction)`. Of
+// five faces the last four are halves, those above the light's plane. Every view is two texels wider than its face.
 struct ShadowView {
     clip_from_world: mat4x4f,  // reversed depth: 1 nearest to the light; perspective: infinite, sun: 0 at the far end
     right: vec3f,              // its axes in the world

@@ -1,0 +1,8 @@
+"""The records of a scene's buffers and tables, as the shaders have them."""
+
+from __future__ import annotations
+
+from wgpu_gi.gpu.wgsl import load
+from wgpu_gi.scene.upload import STRUCTS
+
+DTYPES = {name: load("scene/lights.wgsl").struct_dtype(struct) for name, struct in STRUCTS.items()}
