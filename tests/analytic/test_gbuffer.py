@@ -9,13 +9,17 @@ from helpers.pictures import moved, scaling, shoot, translation
 from helpers.surfaces import read_surfaces, world_normals
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.errors import GiError
 from wgpu_gi.frame import picture_count, pixel_offset
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
+from wgpu_gi.scene import draws as draws_module
 from wgpu_gi.scene.scene import Image, Instance, Material, Scene, Texture
-from wgpu_gi.scene.shapes import quad, sphere
+from wgpu_gi.scene.shapes import grid, quad, sphere
 from wgpu_gi.scene.upload import SceneUpload
+from wgpu_gi.techniques import culling
+from wgpu_gi.techniques.culling import visible
 from wgpu_gi.techniques.gbuffer import declare_gbuffer
 from wgpu_gi.techniques.scene_inputs import share_scene
 
@@ -250,6 +254,174 @@ def test_second_camera_sees_what_it_would_see_alone():
     both.look("view_second", first)
     both.graph.run()
     assert {name.split("/")[0] for name in both.graph.last_run} == {"second"}
+
+
+# ------------------------------------------------------------------------------------------------ Culling
+
+RASTERED = ("visibility", "depth")
+
+
+def crowd():
+    """The medley with many tufts and balls, and a ground of many clusters, on all sides of its camera."""
+    scene = medley()
+    ball, sheet = named(scene, "left").mesh, scene.instances[6].mesh
+    scene.instances.append(Instance(grid(60.0, 40, Material("ground"))))
+    scene.instances[-1].world_from_local = at(0, -0.5, 0)
+    for k in range(60):
+        angle, far = 2.4 * k, 1.0 + 0.4 * k
+        scene.instances.append(Instance((ball, sheet)[k % 2], at(far * np.cos(angle), 0.4, far * np.sin(angle))))
+    return scene
+
+
+def orthographic(position, target, height):
+    camera = Camera.look_at(position, target)
+    camera.orthographic_height = height
+    return camera
+
+
+CROWD_VIEWS = {
+    "own": None,
+    "in a ball": Camera.look_at((-1.5, 0.9, 0.5), (4, 0.5, -3)),
+    "on the ground": Camera.look_at((2, -0.5, 1), (20, -0.5, 3), yfov_deg=90),
+    "down": Camera.look_at((3, 2, 1), (3, 0, 1)),
+    "wide": Camera.look_at((0, 1, 0), (-5, 0, 2), yfov_deg=150),
+    "narrow": Camera.look_at((30, 8, 20), (0, 0, 0), yfov_deg=3),
+    "parallel": orthographic((3, 3, 3), (0, 0.8, 0), 3.0),
+    "parallel, from within": orthographic((0, 0.3, 0), (5, 0, 2), 2.0),
+}
+
+
+@pytest.fixture
+def small_clusters(monkeypatch):
+    """Clusters and gaps so small that the scenes here have many."""
+    monkeypatch.setattr(draws_module, "CLUSTER", 40)
+    monkeypatch.setattr(draws_module, "MANY_INSTANCES", 4)
+    monkeypatch.setattr(draws_module, "SMALL_GAP", 45)
+
+
+def draw_everything(monkeypatch):
+    monkeypatch.setattr(culling, "visible", lambda views, boxes: np.ones((len(views), len(boxes)), bool))
+
+
+def drawn_share(renderer):
+    """The share of the triangles that the opaque pass draws."""
+    draw = next(p for p in renderer.graph.order if p.name == "gbuffer/opaque").raster.draw
+    runs, everything = draw.culling.runs(False)[0], renderer._upload.draws.opaque
+    return sum(r[1] * r[3] for r in runs) / sum(r[1] * r[3] for r in everything)
+
+
+def frames_of(camera, size):
+    """Pictures of a crowd: still and jittered, of a block that moves, and after a block joined the crowd."""
+    scene = crowd()
+    renderer = drawn(scene, size, camera, show=("emission",), jitter=True)
+    shares, pictures = [], []
+
+    def look():
+        pictures.append([renderer.graph.read_back(f"gbuffer/{name}") for name in RASTERED])
+        shares.append(drawn_share(renderer))
+
+    look()
+    renderer.step(show=("emission",))
+    look()
+    for place in (at(0, 0.5, 3), at(8, 0, 2), at(-2, 1, -1)):
+        named(scene, "block").world_from_local = place
+        named(scene, "left").world_from_local = place @ at(1, 0.5)
+        renderer.step(show=("emission",))
+        look()
+    scene.instances.append(Instance(named(scene, "block").mesh, at(1, 1, 2)))
+    renderer.step(show=("emission",))
+    look()
+    return pictures, shares
+
+
+@pytest.mark.parametrize("name", CROWD_VIEWS)
+def test_culling_changes_no_bit_of_the_picture(name, monkeypatch, small_clusters):
+    camera = CROWD_VIEWS[name]
+    got, shares = frames_of(camera, (97, 55))
+    draw_everything(monkeypatch)
+    expected, all_of_it = frames_of(camera, (97, 55))
+    assert max(shares) < 0.9 and set(all_of_it) == {1.0}
+    for k, (ours, theirs) in enumerate(zip(got, expected, strict=True)):
+        assert theirs[0].any()
+        for part, a, b in zip(RASTERED, ours, theirs, strict=True):
+            assert np.array_equal(a, b), (k, part)
+
+
+def test_culling_of_layers_and_of_a_second_camera(monkeypatch, small_clusters):
+    scene = crowd()
+
+    def layers_of_both():
+        bench = Bench(scene, (64, 40), scene.cameras[0])
+        bench.look("view_second", CROWD_VIEWS["parallel, from within"])
+        found = declare_gbuffer(bench.graph, bench.inputs, layers=3)
+        found += declare_gbuffer(bench.graph, bench.inputs, name="second", view="view_second", layers=2)
+        bench.run(*found)
+        return [bench.graph.read_back(handle) for g in found for handle in (g.visibility, g.depth)]
+
+    got = layers_of_both()
+    draw_everything(monkeypatch)
+    for a, b in zip(got, layers_of_both(), strict=True):
+        assert b.any() and np.array_equal(a, b)
+
+
+def test_a_moving_camera_declares_nothing_anew_and_a_still_one_costs_nothing(monkeypatch):
+    scene, calls = crowd(), []
+    renderer = drawn(scene)
+    monkeypatch.setattr(culling, "visible", lambda *a: calls.append(len(a[0])) or visible(*a))
+    declared = dict(renderer.graph.passes)
+    first = renderer.graph.read_back("gbuffer/visibility")
+    for k in range(1, 4):
+        renderer.camera = Camera.look_at((0.3 + k, 2.3, 6), (0, 0.9, 0), yfov_deg=50)
+        renderer.step(show=SHOW)
+        assert all(renderer.graph.passes[name] is p for name, p in declared.items())
+        assert calls.count(1) == k  # once for all passes of the camera
+    assert not np.array_equal(renderer.graph.read_back("gbuffer/visibility"), first)
+    renderer.run(show=SHOW)
+    before = len(calls)
+    assert not renderer.step(show=SHOW) and len(calls) == before
+    # A light is no concern of the camera.
+    scene.lights[0].intensity *= 2
+    renderer.step(show=SHOW)
+    assert calls.count(1) == 3
+
+
+def test_nothing_in_view(monkeypatch):
+    """What was there before is cleared, and is there again when the camera turns back."""
+    renderer = drawn(crowd())
+    first, camera = renderer.graph.read_back("gbuffer/visibility"), renderer.camera
+    declared = dict(renderer.graph.passes)
+    renderer.camera = Camera.look_at((0, 2, 40), (0, 3, 80))
+    renderer.step(show=SHOW)
+    assert drawn_share(renderer) == 0
+    assert {"gbuffer/opaque", "gbuffer/masked"} <= renderer.graph.last_run.keys()
+    assert not any(renderer.graph.read_back(f"gbuffer/{name}").any() for name in (*RASTERED, "distance"))
+    assert np.allclose(renderer.read_back("emission"), (0.2, 0.3, 0.4))
+    renderer.camera = camera
+    renderer.step(show=SHOW)
+    assert all(renderer.graph.passes[name] is p for name, p in declared.items())
+    assert np.array_equal(renderer.graph.read_back("gbuffer/visibility"), first)
+
+
+def test_another_scene_of_as_many_triangles(small_clusters):
+    """The declaration stays, what is in view does not."""
+    scene = crowd()
+    renderer = drawn(scene)
+    declared = renderer.graph.passes["gbuffer/opaque"]
+    assert len(scene.instances[12].mesh.positions) == 41 * 41
+    moved_ground = grid(60.0, 40, Material("ground"))
+    moved_ground.positions = moved_ground.positions[:, [1, 0, 2]]  # a wall
+    scene.instances[12].mesh = moved_ground
+    renderer.step(show=SHOW)
+    assert renderer.graph.passes["gbuffer/opaque"] is declared
+    fresh = drawn(scene)
+    for name in RASTERED:
+        assert np.array_equal(*(r.graph.read_back(f"gbuffer/{name}") for r in (renderer, fresh)))
+
+
+def test_unknown_view():
+    bench = Bench(plates(), (8, 8), Camera())
+    with pytest.raises(GiError, match="G-buffer 'gbuffer': there is no shared uniform 'view_third'"):
+        declare_gbuffer(bench.graph, bench.inputs, view="view_third")
 
 
 # ------------------------------------------------------------------------------------------------ Motion

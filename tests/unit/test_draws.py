@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from helpers.medley import at
 
 from wgpu_gi.scene import draws as draws_module
-from wgpu_gi.scene.draws import MANY_INSTANCES, build_draws, join_runs, own_first_vertices
+from wgpu_gi.scene.draws import MANY_INSTANCES, SMALL_GAP, build_draws, fill_gaps, join_runs, own_first_vertices
 from wgpu_gi.scene.hierarchy import NONE, Hierarchy
 from wgpu_gi.scene.mesh_data import MASKED
 from wgpu_gi.scene.scene import Instance, Material, Mesh
@@ -248,6 +249,21 @@ def test_clusters_go_with_their_instances(dtypes):
     assert 0 in draws.slots
 
 
+def test_boxes_hold_what_shaders_round(dtypes):
+    """Of meshes far from their own origin, too, whose vertices are placed by sums of large terms."""
+    ball = sphere(subdivisions=2)
+    ball.positions = ball.positions + np.float32((3000, -5000, 2000))
+    place = at(0, 0, 0, (0.01, 0.02, 0.01), 0.7)
+    place[:3, 3] = -place[:3, :3] @ (3000, -5000, 2000)
+    draws, hierarchy, _ = build(dtypes, [Instance(ball, at(k) @ place) for k in (0, 1)])
+    for run, (low, high), instance in zip(draws.clusters.runs, draws.clusters.boxes, (0, 1), strict=True):
+        corners = draws.indices[run[0] // 3 : (run[0] + run[1]) // 3]
+        p = draws.vertices[corners, :3].copy().view(np.float32).reshape(-1, 3)
+        m = hierarchy.instances["world_from_local"][instance, :, :3]
+        p = ((p[:, :1] * m[0] + p[:, 1:2] * m[1]) + p[:, 2:] * m[2]) + m[3]
+        assert p.dtype == np.float32 and (p >= low).all() and (p <= high).all()
+
+
 def test_materials_become_masked(dtypes):
     instances = some_instances()
     _, hierarchy, known = build(dtypes, instances)
@@ -277,12 +293,42 @@ def test_adjoining_runs_are_joined():
     assert join_runs(runs[::-1]) == [tuple(run) for run in runs[::-1].tolist()]
 
 
+def test_runs_of_the_same_in_adjoining_instances_are_joined():
+    whole = np.array([(0, 6, 1, 1), (0, 6, 2, 1), (0, 6, 3, 2), (0, 6, 6, 1), (6, 6, 7, 1), (6, 3, 8, 1)])
+    assert join_runs(whole) == [(0, 6, 1, 4), (0, 6, 6, 1), (6, 6, 7, 1), (6, 3, 8, 1)]
+    # Of instances in clusters, those that are shown whole; triangles are drawn in the same order as before.
+    parts = np.array([(0, 6, 1, 1), (6, 3, 1, 1), (0, 6, 2, 1), (6, 3, 2, 1), (6, 3, 3, 1)])
+    assert join_runs(parts) == [(0, 9, 1, 2), (6, 3, 3, 1)]
+
+
 @pytest.mark.parametrize("seed", range(5))
-def test_visible_clusters_draw_just_what_is_shown(dtypes, seed):
+def test_visible_clusters_draw_what_is_shown_in_order(dtypes, seed, monkeypatch):
+    """And besides only small gaps, by fewer draws."""
     draws, _, _ = build(dtypes, some_instances())
     clusters = draws.clusters
     shown = np.random.default_rng(seed).random(len(clusters.runs)) < 0.5
     for masked, part in ((False, slice(clusters.opaque_count)), (True, slice(clusters.opaque_count, None))):
-        runs = clusters.visible(shown, masked)
-        assert Counter(drawn_by(draws, runs)) == Counter(drawn_by(draws, clusters.runs[part][shown[part]]))
-        assert all(isinstance(value, int) for run in runs for value in run)
+        everything = drawn_by(draws, draws.masked if masked else draws.opaque)
+        found = {}
+        for gap in (0, 20, 10**6):
+            monkeypatch.setattr(draws_module, "SMALL_GAP", gap)
+            runs = draws.visible(shown, masked)
+            found[gap] = set(drawn_by(draws, runs))
+            assert drawn_by(draws, runs) == [pair for pair in everything if pair in found[gap]]
+            assert all(type(value) is int for run in runs for value in run)
+        assert found[0] == set(drawn_by(draws, clusters.runs[part][shown[part]])) <= found[20] <= found[10**6]
+    assert draws.visible(np.ones_like(shown), False) == list(draws.opaque)
+    assert draws.visible(np.zeros_like(shown), False) == draws.visible(np.zeros_like(shown), True) == []
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_gaps(seed):
+    rng = np.random.default_rng(seed)
+    shown, sizes = rng.random(40) < 0.4, rng.integers(1, SMALL_GAP, 40)
+    expected, at = shown.copy(), np.flatnonzero(shown)
+    for one, next_ in pairwise(at):
+        if sizes[one + 1 : next_].sum() <= SMALL_GAP:
+            expected[one:next_] = True
+    assert np.array_equal(fill_gaps(shown, 3 * sizes), expected)
+    for few in (0, 1):
+        assert np.array_equal(fill_gaps(shown[:few], sizes[:few]), shown[:few])

@@ -14,14 +14,13 @@ from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.wgsl import load
 from wgpu_gi.scene.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN
 from wgpu_gi.settings import validate
+from wgpu_gi.techniques.culling import frustum_planes, visible
 from wgpu_gi.techniques.shadow import ShadowDraws
 from wgpu_gi.techniques.shadow_atlas import LARGEST_ATLAS, SMALLEST
 from wgpu_gi.techniques.shadow_views import (
     ShadowSettings,
     build_shadow_views,
     frames_from_normals,
-    frustum_planes,
-    visible,
 )
 
 DIRECT_LIGHT = load("shadow/views.wgsl").struct_dtype("DirectLight")
@@ -450,7 +449,7 @@ def test_more_views_than_can_be_numbered(instances, most):
     with pytest.raises(GiError, match=f"{most + 1} shadow maps of a scene of {instances} instances .* use fewer"):
         shadows.update(np.zeros(most + 1, np.uint8), draws)
     shadows.update(np.zeros(most, np.uint8), draws)
-    assert len(shadows.views) == most
+    assert len(shadows.culling.views) == most
 
 
 # ------------------------------------------------------------------------------------------------ Culling
@@ -477,7 +476,7 @@ def test_culling_keeps_every_box_that_a_view_sees():
 
 def test_planes_bound_what_is_inside():
     for one in (light(DIRECT_POINT, (1, 2, 0)), light(DIRECT_SUN, direction=(0.3, -0.8, 0.5)), spot(0.5)):
-        for record, planes in zip(*(lambda r: (r, frustum_planes(r)))(lay_out(one).records), strict=True):
+        for record, planes in zip(*(lambda r: (r, frustum_planes(r)[0]))(lay_out(one).records), strict=True):
             points = points_in(3 * BOX, 3000)
             expected = inside(record, points, 0.0)
             held = (np.c_[points, np.ones(3000)] @ planes.T >= 0).all(1)

@@ -18,6 +18,8 @@ from .scene import Instance
 
 CLUSTER = 512  # triangles that are culled together; chosen
 MANY_INSTANCES = 8  # meshes with more instances are culled whole; chosen
+ROUNDING = 5e-7  # of sums of four terms in float32, and of boxes
+SMALL_GAP = 64  # hidden triangles that take about as long as another draw call; on llvmpipe 70 do
 
 Run = tuple[int, int, int, int]  # first index, indices, first instance slot, instances
 
@@ -48,6 +50,12 @@ class Draws:
     masked: tuple[Run, ...] = ()
     clusters: Clusters = field(default_factory=lambda: Clusters())
 
+    def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[Run]:
+        """Return runs that show the clusters that `shown` (c,) selects; see `Clusters.visible`."""
+        if shown.all():
+            return list(self.masked if masked else self.opaque)
+        return self.clusters.visible(shown, masked)
+
 
 @dataclass
 class Clusters:
@@ -72,23 +80,48 @@ class Clusters:
         low, high = self.local[placed, 0], self.local[placed, 1]
         middle = np.einsum("ci,cij->cj", (low + high) / 2, m[:, :3]) + m[:, 3]
         reach = np.einsum("ci,cij->cj", (high - low) / 2, np.abs(m[:, :3]))
+        # What shaders round is relative to the terms of the sum, which may be far larger than itself.
+        largest = np.maximum(np.abs(low), np.abs(high))
+        reach += ROUNDING * (np.einsum("ci,cij->cj", largest, np.abs(m[:, :3])) + np.abs(m[:, 3]))
         self.boxes[placed] = np.stack([middle - reach, middle + reach], 1)
 
     def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[Run]:
-        """Return the runs of the clusters that `shown` (c,) selects, adjoining ones joined."""
-        first, last = (self.opaque_count, len(self.runs)) if masked else (0, self.opaque_count)
-        return join_runs(self.runs[first:last][shown[first:last]])
+        """Return the runs of the clusters that `shown` (c,) selects, joined, small gaps between them filled."""
+        part = slice(self.opaque_count, None) if masked else slice(self.opaque_count)
+        return join_runs(self.runs[part][fill_gaps(shown[part], self.runs[part, 1])])
+
+
+def fill_gaps(shown: NDArray[np.bool_], indices: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return `shown` with the hidden clusters between shown ones that are too small to be worth another draw."""
+    at = np.flatnonzero(shown)
+    ends = np.cumsum(indices)
+    gaps = ends[at[1:] - 1] - ends[at[:-1]]
+    small = np.flatnonzero((gaps > 0) & (gaps <= 3 * SMALL_GAP))
+    if not len(small):
+        return shown
+    change = np.zeros(len(shown), np.int8)
+    change[at[small] + 1], change[at[small + 1]] = 1, -1
+    return shown | (np.cumsum(change) > 0)
 
 
 def join_runs(runs: NDArray[np.int64]) -> list[Run]:
-    """Join runs of which each goes on where the one before ends, in the same instance."""
+    """Join runs of which each goes on where the one before ends, in the same instance; then instances of the same."""
     if not len(runs):
         return []
-    begins, counts, slots = runs[:, 0], runs[:, 1], runs[:, 2]
-    goes_on = (begins[1:] == begins[:-1] + counts[:-1]) & (slots[1:] == slots[:-1]) & (runs[1:, 3] == runs[:-1, 3])
-    starts = np.concatenate([[0], np.flatnonzero(~goes_on) + 1])
-    totals = np.add.reduceat(counts, starts)
-    return [(int(begins[s]), int(n), int(slots[s]), int(runs[s, 3])) for s, n in zip(starts, totals, strict=True)]
+    first, count, slot, instances = runs.T
+    same = (slot[1:] == slot[:-1]) & (instances[1:] == instances[:-1])
+    starts = _starts(same & (first[1:] == first[:-1] + count[:-1]))
+    first, slot, instances = first[starts], slot[starts], instances[starts]
+    count = np.add.reduceat(count, starts)
+    same = (first[1:] == first[:-1]) & (count[1:] == count[:-1])
+    starts = _starts(same & (slot[1:] == slot[:-1] + instances[:-1]))
+    joined = [first[starts], count[starts], slot[starts], np.add.reduceat(instances, starts)]
+    return list(zip(*(column.tolist() for column in joined), strict=True))
+
+
+def _starts(goes_on: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return where runs begin that do not go on from the one before."""
+    return np.concatenate([[0], np.flatnonzero(~goes_on) + 1])
 
 
 def own_first_vertices(triangles: NDArray[np.uint32], vertex_count: int) -> RasterMesh:

@@ -4,9 +4,12 @@ Burns and Hunt 2013, "The Visibility Buffer". Depth peeling: Everitt 2001, "Inte
 Departure: the resolve intersects the pixel's ray with the triangle instead of interpolating, so that a surface is
 exactly what the path tracer sees.
 
+Only clusters that the camera may see are drawn, as `culling` finds them.
+
 28 bytes per pixel (44 with emission; 4 more with instances). On llvmpipe, Sponza at 640x360, CPU time over two cores:
-this takes 25 + 7 ms to rasterise and 31 ms to resolve; one raster pass that writes a packed surface and emission,
-textured, 117 + 8 ms.
+this takes 24 + 7 ms to rasterise and 31 ms to resolve; one raster pass that writes a packed surface and emission,
+textured, 117 + 8 ms. Across the aisle, where 8 % of the clusters are in view, it takes 7 + 5 ms to rasterise; without
+culling, 11 + 6 ms.
 """
 
 from __future__ import annotations
@@ -15,8 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import GiError
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer, Texture
+from .culling import CameraDraws, ViewCulling
 from .scene_inputs import SceneInputs
 
 SURFACE = np.dtype((np.uint32, 4))
@@ -54,18 +59,27 @@ def declare_gbuffer(
 
     Further `layers` hold what lies behind the ones before.
     """
+    if view not in graph.uniforms:
+        raise GiError(f"G-buffer {name!r}: there is no shared uniform {view!r}")
+    culling = ViewCulling()
     found: list[Gbuffer] = []
     for layer in range(layers):
         suffix = f"_{layer}" if layer else ""
         nearer = found[-1].depth if found else None
-        found.append(_declare_layer(graph, scene, name, suffix, view, nearer))
+        found.append(_declare_layer(graph, scene, name, suffix, view, culling, nearer))
     return found
 
 
 def _declare_layer(
-    graph: Graph, scene: SceneInputs, name: str, suffix: str, view: str, nearer: Texture | None
+    graph: Graph,
+    scene: SceneInputs,
+    name: str,
+    suffix: str,
+    view: str,
+    culling: ViewCulling,
+    nearer: Texture | None,
 ) -> Gbuffer:
-    visibility, depth = _declare_visibility(graph, scene, name, suffix, view, nearer)
+    visibility, depth = _declare_visibility(graph, scene, name, suffix, view, culling, nearer)
     width, height = graph.size
     surfaces = graph.buffer(f"{name}/surfaces{suffix}", dtype=SURFACE, count=width * height, width=width)
     emission = graph.buffer(
@@ -100,7 +114,13 @@ def _declare_layer(
 
 
 def _declare_visibility(
-    graph: Graph, scene: SceneInputs, name: str, suffix: str, view: str, nearer: Texture | None
+    graph: Graph,
+    scene: SceneInputs,
+    name: str,
+    suffix: str,
+    view: str,
+    culling: ViewCulling,
+    nearer: Texture | None,
 ) -> tuple[Texture, Texture]:
     """Declare the raster passes of a layer, behind the depth `nearer` if given; return visibility and depth."""
     assert scene.draws is not None
@@ -118,7 +138,7 @@ def _declare_visibility(
         graph.raster(
             f"{name}/{part}{suffix}",
             shader,
-            draw=scene.draw_all(masked),
+            draw=CameraDraws(graph.uniforms[view], scene.upload, masked, culling),
             index=scene.raster_indices,
             color={"color": visibility},
             depth=depth,

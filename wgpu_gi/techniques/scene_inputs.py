@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from ..gpu.graph import Graph
 from ..gpu.handles import Shared
 from ..gpu.wgsl import load
-from ..scene.draws import Draws, Run
+from ..scene.draws import Draws
 from ..scene.upload import SceneUpload
 
 SURFACE_INPUTS = ("materials", "atlas_srgb", "atlas_linear", "nodes", "triangles", "indices", "vertices", "instances")
 LIGHT_INPUTS = ("lights", "environment", "environment_cdf")
 RASTER_INPUTS = ("raster_vertices", "raster_sources", "raster_slots")
-
-
-@dataclass(frozen=True)
-class DrawRuns:
-    """Draws runs of the index buffer; runs that are the same draw the same."""
-
-    runs: tuple[Run, ...]
-
-    def __call__(self, encoder: Any) -> None:
-        """Record the draws."""
-        for first, count, slot, instances in self.runs:
-            encoder.draw_indexed(count, instances, first, 0, slot)
 
 
 @dataclass
@@ -42,6 +29,16 @@ class DirectInputs:
 
 
 @dataclass
+class VplInputs:
+    """Where points go on the surfaces, and how reflective shadow maps are shared out; `rsm_texels` in all."""
+
+    area_instances: Shared
+    area_cdf: Shared
+    rsm_lights: Shared
+    rsm_texels: int
+
+
+@dataclass
 class SceneInputs:
     """`surfaces` is what rays need to hit and shade, `lights` what light sampling needs; both go into `reads=`.
 
@@ -55,7 +52,9 @@ class SceneInputs:
     raster: dict[str, Shared]
     raster_indices: Shared | None
     draws: Draws | None
+    upload: SceneUpload  # what all this comes from; its draws and their places may change under a declaration
     direct: DirectInputs | None = None
+    vpl: VplInputs | None = None  # of many-light
 
     def constants(self, shader: str) -> dict[str, bool]:
         """Return the HAS_ constants that `shader` declares: code for what the scene lacks is compiled out."""
@@ -73,12 +72,8 @@ class SceneInputs:
                 self.direct.atlas_size,
                 tuple(self.direct.features.items()),
             )
-        return (tuple(self.features.items()), runs, lights)
-
-    def draw_all(self, masked: bool) -> DrawRuns:
-        """Return what draws all opaque, or all alpha-masked triangles."""
-        assert self.draws is not None
-        return DrawRuns(self.draws.masked if masked else self.draws.opaque)
+        texels = self.vpl.rsm_texels if self.vpl is not None else 0
+        return (tuple(self.features.items()), runs, lights, texels, self.upload)
 
 
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:
@@ -95,4 +90,5 @@ def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:
         share(RASTER_INPUTS) if drawn else {},
         share(("raster_indices",))["raster_indices"] if drawn else None,
         upload.draws,
+        upload,
     )

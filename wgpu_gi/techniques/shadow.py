@@ -15,8 +15,8 @@ from ..errors import GiError
 from ..gpu.graph import Graph
 from ..gpu.handles import Texture
 from ..scene.draws import Draws
+from .culling import ViewCulling
 from .scene_inputs import SceneInputs
-from .shadow_views import visible
 
 Viewport = tuple[float, ...]  # x, y, width, height; least and greatest depth
 Call = tuple[int, ...]  # of draw_indexed
@@ -31,10 +31,7 @@ class ShadowDraws:
     """Draws into each view the clusters that it may see; `update` tells which views and what."""
 
     def __init__(self) -> None:
-        self.views: NDArray = np.zeros(0)
-        self.draws: Draws | None = None
-        self._boxes: NDArray[np.float32] = np.zeros((0, 2, 3), np.float32)
-        self._shown: NDArray[np.bool_] | None = None
+        self.culling = ViewCulling()
         self._calls: dict[bool, list[tuple[Viewport, list[Call]]]] = {}
 
     def update(self, views: NDArray[np.void], draws: Draws) -> None:
@@ -47,10 +44,8 @@ class ShadowDraws:
                 f"{len(views)} shadow maps of a scene of {len(draws.slots) - 1} instances are more than can be"
                 " numbered; use fewer lights or samples of emitters"
             )
-        boxes = draws.clusters.boxes
-        same = draws is self.draws and np.array_equal(boxes, self._boxes)
-        if not same or views.tobytes() != self.views.tobytes():
-            self.views, self.draws, self._boxes, self._shown, self._calls = views, draws, boxes, None, {}
+        if self.culling.update(views, draws):
+            self._calls = {}
 
     def record(self, encoder: Any, masked: bool) -> None:
         """Record the draws of all views."""
@@ -63,16 +58,10 @@ class ShadowDraws:
 
     def _find_calls(self, masked: bool) -> list[tuple[Viewport, list[Call]]]:
         """Return what to draw where, for the views that see anything."""
-        assert self.draws is not None
-        clusters = self.draws.clusters
-        if self._shown is None:
-            self._shown = visible(self.views, self._boxes)
-        everything = self.draws.masked if masked else self.draws.opaque
-        bits = slot_bits(self.draws)
+        assert self.culling.draws is not None
+        bits = slot_bits(self.culling.draws)
         found: list[tuple[Viewport, list[Call]]] = []
-        for number, view in enumerate(self.views):
-            shown = self._shown[number]
-            runs = list(everything) if shown.all() else clusters.visible(shown, masked)
+        for number, (view, runs) in enumerate(zip(self.culling.views, self.culling.runs(masked), strict=True)):
             if runs:
                 numbered = ((n, instances, first, 0, number << bits | slot) for first, n, slot, instances in runs)
                 found.append(((*view["corner"].tolist(), *view["size"].tolist(), 0.0, 1.0), list(numbered)))

@@ -30,7 +30,6 @@ WIDEST_COSINE = 0.5  # of a spot with a single view: half of it is at most 60 de
 DIMMEST_SIDE = 1 / 8  # of the side that the most important light of its kind gets; chosen
 PROBES = 64  # surface points at which lights are compared; chosen
 ROUNDING = 1e-6  # of cosines in float32
-SLACK = 4e-6  # of coordinates, for sums of seven terms in float32
 
 # Forward and up of a cube's faces, in the order of wgsl/shadow/views.wgsl: of the world, and of a light's own frame.
 WORLD_FACES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
@@ -166,28 +165,6 @@ def build_shadow_views(
     lights = lights.copy()
     lights["first_view"], lights["view_count"] = first, counts
     return ShadowViews(records, lights, atlas_size)
-
-
-def frustum_planes(records: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return the planes (v, 6, 4) that bound the views: what lies in a view has plane . (x, y, z, 1) >= 0 for each."""
-    x, y, z, w = records["clip_from_world"].astype(np.float64).transpose(2, 0, 1)
-    return np.stack([w + x, w - x, w + y, w - y, z, w - z], 1)
-
-
-def visible(records: NDArray[np.void], boxes: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Tell which boxes (c, 2, 3) a view may see, (v, c); some that lie outside near an edge are kept."""
-    planes = frustum_planes(records)
-    low, high = boxes[:, 0].astype(np.float64), boxes[:, 1].astype(np.float64)
-    # How far the corner that is farthest along a plane's normal lies on its inner side. The sums are of float32 for
-    # speed; rounding must not hide a box.
-    reach = (high - low) / 2 + SLACK * np.maximum(np.abs(low), np.abs(high))
-    corners = np.concatenate([(low + high) / 2, reach, np.ones((len(boxes), 1))], 1).astype(np.float32).T
-    offset = planes[..., 3:] + SLACK * np.abs(planes[..., 3:])
-    terms = np.concatenate([planes[..., :3], np.abs(planes[..., :3]), offset], 2).astype(np.float32)
-    shown = terms[:, 0] @ corners >= 0
-    for k in range(1, planes.shape[1]):
-        shown &= terms[:, k] @ corners >= 0
-    return shown
 
 
 def frames_from_normals(normals: NDArray[np.float64]) -> NDArray[np.float64]:
