@@ -92,7 +92,7 @@ def shown(renderer):
 
 # ------------------------------------------------------------------------------------------------ What changes
 
-BAKED = {"nodes", "triangles", "indices", "instances"}  # a mesh is taken out of the world's tree
+BAKED = {"nodes", "triangles", "instances"}  # a mesh is taken out of the world's tree
 ALL_GEOMETRY = BAKED | {"vertices"}
 
 

@@ -128,7 +128,7 @@ def check(draws, hierarchy, instances):
             triangle = hierarchy.triangles[number]
             assert bool(triangle["flags"] & MASKED) == masked
             # The sources are entries of the table of vertices: those of that triangle, turned on or over.
-            assert sorted(draws.sources[index]) == sorted(hierarchy.indices[number])
+            assert sorted(draws.sources[index]) == sorted(hierarchy.triangles["corners"][number])
             instance = int(draws.slots[slot]) if triangle["instance"] == NONE else int(triangle["instance"])
             assert (draws.slots[slot] == NONE) == (triangle["instance"] != NONE)
             found[instance, number] += 1
@@ -234,7 +234,7 @@ def test_clusters_go_with_their_instances(dtypes):
     instances[1].world_from_local = at(-4, 3, 0, (1, 2, 3), 1.2)
     instances[6].world_from_local = at(-9, 1, 0, (1, -1, 1), 2.0)
     hierarchy.update(instances, material_index(instances))
-    assert not hierarchy.changed & {"triangles", "indices", "vertices"}  # else they would be laid out anew
+    assert not hierarchy.changed & {"triangles", "vertices"}  # else they would be laid out anew
     before = draws.clusters.boxes.copy()
     draws.clusters.place(hierarchy.instances["world_from_local"])
     check(draws, hierarchy, instances)

@@ -18,7 +18,7 @@ from wgpu_gi.scene.shapes import box, quad, sphere
 
 LEAF = 1 << 31
 STACK_SIZE = 64  # of wgsl/scene/geometry.wgsl
-ALL = {"nodes", "triangles", "indices", "vertices", "instances"}
+ALL = {"nodes", "triangles", "vertices", "instances"}
 
 
 def material_index(instances):
@@ -50,7 +50,8 @@ def check(hierarchy, instances):
         local = mesh.positions.astype(np.float64)
         world = local @ matrix[:3, :3].T + matrix[:3, 3]
         # Stored corners are those of the stored indices, which tell the vertices' attributes.
-        record, ids = hierarchy.triangles[slots], hierarchy.indices[slots] - place.vertices.start
+        record = hierarchy.triangles[slots]
+        ids = record["corners"] - place.vertices.start
         assert np.array_equal(np.sort(ids, 1), np.sort(indices, 1))
         assert (record["instance"] == (NONE if entered else number)).all()
         size = np.abs(world).max()

@@ -51,7 +51,7 @@ Subtrees = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]  #
 
 
 class Hierarchy:
-    """Nodes, triangles, indices, vertices and instance records of a scene, in coordinates relative to `origin`.
+    """Nodes, triangles, vertices and instance records of a scene, in coordinates relative to `origin`.
 
     `update` brings them up to date; `changed` then names the arrays with new contents.
     """
@@ -144,7 +144,6 @@ class Hierarchy:
             self._places[id(mesh)] = place
         self.nodes = np.zeros(node, self.dtypes["nodes"])
         self.triangles = np.zeros(max(triangle, 1), self.dtypes["triangles"])
-        self.indices = np.zeros((max(triangle, 1), 3), np.uint32)
         self.vertices = np.zeros(max(vertex, 1), self.dtypes["vertices"])
         self.world = self._home = NodeGrid.around(bounds - self.origin)
         self._subtrees = self._materials = None
@@ -159,7 +158,7 @@ class Hierarchy:
                 self._write_local(place)
             else:
                 self._bake(place, first, matrices[first])
-        self.changed = {"nodes", "triangles", "indices", "vertices"}
+        self.changed = {"nodes", "triangles", "vertices"}
 
     def _number_materials(self, meshes: list[Mesh], material_index: dict[int, int]) -> None:
         """Write the triangles' material numbers, and the flag of those that may be cut out."""
@@ -204,7 +203,7 @@ class Hierarchy:
         triangles["edge1"] = corners[:, 1] - corners[:, 0]
         triangles["edge2"] = corners[:, 2] - corners[:, 0]
         triangles["instance"] = instance
-        self.indices[place.triangles] = indices + np.uint32(place.vertices.start)
+        triangles["corners"] = indices + np.uint32(place.vertices.start)
 
     def _write_nodes(self, place: Placement, nodes: NDArray[np.void], grid: NodeGrid) -> None:
         self.nodes[place.nodes] = grid.quantize(nodes, self.dtypes["nodes"], place.nodes.start, place.triangles.start)
@@ -217,7 +216,7 @@ class Hierarchy:
                 self._moved.add(id(instances[number]))
                 self._write_local(place)
                 self._subtrees = None
-                self.changed |= {"nodes", "triangles", "indices"}
+                self.changed |= {"nodes", "triangles"}
 
     def _place(
         self,

@@ -16,6 +16,7 @@ from ..camera import Camera
 from ..errors import GiError
 from ..gpu.device import Device
 from ..gpu.wgsl import load
+from .area_table import AreaTable
 from .atlas import MAX_PAGE
 from .check import check_camera, check_scene
 from .direct_lights import build_direct_lights
@@ -80,6 +81,17 @@ class SceneUpload:
         """Lower and upper corner of the scene's bounds relative to the origin, (2, 3) metres."""
         return self._hierarchy.box
 
+    @property
+    def geometry(self) -> int:
+        """Grows when meshes or transforms change."""
+        return self._geometry
+
+    @property
+    def light_table(self) -> tuple[NDArray[np.void], int]:
+        """The records that light sampling draws from, and how many of them count."""
+        assert self._table is not None
+        return self._table.lights, self._table.count
+
     def update(self, scene: Scene) -> None:
         """Send what changed since the last call.
 
@@ -91,7 +103,7 @@ class SceneUpload:
         materials = scene.materials
         self._hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(materials)})
         self._unsent |= self._hierarchy.changed
-        self._raster_stale |= bool(self._hierarchy.changed & {"triangles", "indices", "vertices"})
+        self._raster_stale |= bool(self._hierarchy.changed & {"triangles", "vertices"})
         self._geometry += bool(self._hierarchy.changed)
         self._materials.send_pictures(materials)
         self._upload_environment(scene)
@@ -103,7 +115,7 @@ class SceneUpload:
             self.resources.records("lights", self._table.lights)
         table = self._table
         self._materials.send_records(materials, table.material_pdf)
-        for name in ("nodes", "triangles", "vertices", "indices", "instances"):
+        for name in ("nodes", "triangles", "vertices", "instances"):
             if name in self._unsent or name not in self.resources:
                 send = self.resources.table if name in TABLES else self.resources.buffer
                 send(name, getattr(self._hierarchy, name))
@@ -117,6 +129,7 @@ class SceneUpload:
             "HAS_NORMAL_MAPS": not self.diffuse and any(m.normal_texture for m in materials),
             "HAS_VERTEX_COLORS": any(mesh.colors is not None for mesh in scene.meshes),
             "HAS_COATS": not self.diffuse,
+            "HAS_EMISSION": any(max(m.emission) > 0 or m.unlit for m in materials),
             "HAS_EMITTERS": any(max(m.emission) > 0 for m in materials),
             "HAS_ENVIRONMENT": bool(scene.environment and max(scene.environment.color) > 0),
             "HAS_PICTURED_ENVIRONMENT": bool(scene.environment and scene.environment.image is not None),
@@ -148,6 +161,10 @@ class SceneUpload:
         if self._samples is None or self._samples[0] != self._geometry:
             self._samples = (self._geometry, sample_surfaces(_without_empty(scene).instances, self._hierarchy))
         return self._samples[1]
+
+    def update_areas(self, scene: Scene, table: AreaTable) -> None:
+        """Bring a table of areas up to date; call it after `update`."""
+        table.update(_without_empty(scene).instances, self._hierarchy)
 
     def update_motion(self, scene: Scene) -> None:
         """Send where each instance was at the last call; call it after `update`."""

@@ -10,7 +10,7 @@ from ..gpu.wgsl import load
 from ..scene.draws import Draws
 from ..scene.upload import SceneUpload
 
-SURFACE_INPUTS = ("materials", "atlas_srgb", "atlas_linear", "nodes", "triangles", "indices", "vertices", "instances")
+SURFACE_INPUTS = ("materials", "atlas_srgb", "atlas_linear", "nodes", "triangles", "vertices", "instances")
 LIGHT_INPUTS = ("lights", "environment", "environment_cdf")
 RASTER_INPUTS = ("raster_vertices", "raster_sources", "raster_slots")
 

@@ -33,7 +33,8 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let pixel = vec2u(index % view.size.x, index / view.size.x);
         let seen = load_visibility(pixel);
         let ray = pixel_ray(pixel);
-        let s = surface_at(hit_on_triangle(ray, seen.x, seen.y), ray.direction);
+        let triangle = load_triangle(seen.x);
+        let s = surface_on(triangle, hit_on_triangle(ray, triangle, seen.x, seen.y), ray.direction);
         // Lit as `light.wgsl` does, bit for bit; only rays start from the exact hit.
         let surface = load_surface(pixel);
         let r = receiver(

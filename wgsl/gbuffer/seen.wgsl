@@ -5,7 +5,7 @@
 
 // Returns where a ray meets the plane of a triangle, brought inside the triangle: the coverage of rasterisation and the
 // rounding of the ray differ at its edges.
-fn hit_on_triangle(ray: Ray, triangle: u32, instance: u32) -> Hit {
+fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
     var origin = ray.origin;
     var direction = ray.direction;
     if (HAS_INSTANCES && instance != NONE) {
@@ -13,7 +13,6 @@ fn hit_on_triangle(ray: Ray, triangle: u32, instance: u32) -> Hit {
         origin = local_from_world * vec4f(origin, 1.0);
         direction = local_from_world * vec4f(direction, 0.0);
     }
-    let t = load_triangle(triangle);
     let p = cross(direction, t.edge2);
     let inverse = 1.0 / dot(t.edge1, p);
     let s = origin - t.v0;

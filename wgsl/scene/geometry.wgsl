@@ -33,6 +33,7 @@ struct Triangle {
     instance: u32,  // of a mesh that lies in the world's tree, else NONE
     edge2: vec3f,
     flags: u32,
+    corners: vec3u,  // entries of the table of vertices
 }
 
 struct Vertex {
@@ -52,11 +53,10 @@ struct Instance {
     pad: u32,
 }
 
-// Texels in rows of TABLE_WIDTH: 2 for a Node, 3 for a Triangle, 2 for a Vertex.
+// Texels in rows of TABLE_WIDTH: 2 for a Node, 4 for a Triangle, 2 for a Vertex.
 @group(1) @binding(3) var nodes: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(4) var triangles: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(5) var vertices: texture_storage_2d<rgba32uint, read>;
-@group(1) @binding(6) var<storage, read> indices: array<u32>;
 @group(1) @binding(7) var<storage, read> instances: array<Instance>;
 
 const TABLE_WIDTH: u32 = 4096u;
@@ -72,10 +72,11 @@ fn load_node(index: u32) -> Node {
 }
 
 fn load_triangle(index: u32) -> Triangle {
-    let a = textureLoad(triangles, table_texel(3u * index));
-    let b = textureLoad(triangles, table_texel(3u * index + 1u));
-    let c = textureLoad(triangles, table_texel(3u * index + 2u));
-    return Triangle(bitcast<vec3f>(a.xyz), a.w, bitcast<vec3f>(b.xyz), b.w, bitcast<vec3f>(c.xyz), c.w);
+    let a = textureLoad(triangles, table_texel(4u * index));
+    let b = textureLoad(triangles, table_texel(4u * index + 1u));
+    let c = textureLoad(triangles, table_texel(4u * index + 2u));
+    let d = textureLoad(triangles, table_texel(4u * index + 3u));
+    return Triangle(bitcast<vec3f>(a.xyz), a.w, bitcast<vec3f>(b.xyz), b.w, bitcast<vec3f>(c.xyz), c.w, d.xyz);
 }
 
 fn load_vertex(index: u32) -> Vertex {
@@ -238,7 +239,7 @@ fn trace_all(rays: Rays) -> Found {
                 let distance = dot(t.edge2, q) * inverse;
                 // Written so that a NaN of an edge-on triangle fails.
                 if (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance > 0.0 && distance < nearest) {
-                    if (HAS_MASKS && (t.flags & MASKED) != 0u && is_cut_out(index, t.material, vec2f(u, v))) {
+                    if (HAS_MASKS && (t.flags & MASKED) != 0u && is_cut_out(t, vec2f(u, v))) {
                         continue;
                     }
                     nearest = distance;
@@ -280,10 +281,9 @@ struct Corners {
     weights: vec3f,
 }
 
-fn load_corners(triangle: u32, barycentric: vec2f) -> Corners {
+fn load_corners(triangle: Triangle, barycentric: vec2f) -> Corners {
     return Corners(
-        load_vertex(indices[3u * triangle]), load_vertex(indices[3u * triangle + 1u]),
-        load_vertex(indices[3u * triangle + 2u]),
+        load_vertex(triangle.corners.x), load_vertex(triangle.corners.y), load_vertex(triangle.corners.z),
         vec3f(1.0 - barycentric.x - barycentric.y, barycentric));
 }
 
@@ -314,7 +314,8 @@ fn base_alpha(material: u32, vertex_alpha: f32, texcoord0: vec2f, texcoord1: vec
 }
 
 // Returns whether the base colour's alpha is below its material's cutoff at a point of a triangle.
-fn is_cut_out(triangle: u32, material: u32, barycentric: vec2f) -> bool {
+fn is_cut_out(triangle: Triangle, barycentric: vec2f) -> bool {
     let k = load_corners(triangle, barycentric);
-    return base_alpha(material, color_at(k).a, texcoord0_at(k), texcoord1_at(k)) < materials[material].alpha_cutoff;
+    return base_alpha(triangle.material, color_at(k).a, texcoord0_at(k), texcoord1_at(k))
+        < materials[triangle.material].alpha_cutoff;
 }

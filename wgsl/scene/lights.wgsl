@@ -140,15 +140,15 @@ fn sample_environment(u: vec2f) -> vec4f {
 fn triangle_emission(light: Light, weights: vec2f) -> vec3f {
     if (HAS_MASKS) {
         let t = load_triangle(light.triangle);
-        if ((t.flags & MASKED) != 0u && is_cut_out(light.triangle, t.material, weights)) {
+        if ((t.flags & MASKED) != 0u && is_cut_out(t, weights)) {
             return vec3f(0.0);
         }
     }
     if (HAS_TEXTURES) {
-        let material = load_triangle(light.triangle).material;
-        if (has_texture(material, EMISSION_SLOT)) {
-            let k = load_corners(light.triangle, weights);
-            return light.color * sample_texture(material, EMISSION_SLOT, texcoord0_at(k), texcoord1_at(k)).rgb;
+        let t = load_triangle(light.triangle);
+        if (has_texture(t.material, EMISSION_SLOT)) {
+            let k = load_corners(t, weights);
+            return light.color * sample_texture(t.material, EMISSION_SLOT, texcoord0_at(k), texcoord1_at(k)).rgb;
         }
     }
     return light.color;
@@ -248,7 +248,11 @@ fn sample_light(from_position: vec3f, choice: f32, u: vec2f) -> LightSample {
 
 // Draws a light and a ray that leaves it. `choices.x` picks the light, `choices.y` an emitter's side.
 fn sample_light_ray(choices: vec2f, u_point: vec2f, u_direction: vec2f) -> LightRay {
-    let light = pick_light(choices.x);
+    return sample_ray_of(pick_light(choices.x), choices.y, u_point, u_direction);
+}
+
+// Draws a ray that leaves a light; its flux is over the probability of the light, too.
+fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) -> LightRay {
     if (light.kind == KIND_SUN || (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT)) {
         // From a disc that covers the scene as the light sees it.
         var drawn = vec4f(-light.edge1, 0.0);
@@ -271,7 +275,7 @@ fn sample_light_ray(choices: vec2f, u_point: vec2f, u_direction: vec2f) -> Light
         let normal = cross(light.edge1, light.edge2);
         let twice_area = max(length(normal), 1e-37);
         let both_sides = light.sides == 3u;
-        let flip = light.sides == 2u || (both_sides && choices.y < 0.5);
+        let flip = light.sides == 2u || (both_sides && choice < 0.5);
         let outward = normal * (select(1.0, -1.0, flip) / twice_area);
         let local = sample_cosine_hemisphere(u_direction);
         let position = light.position + weights.x * light.edge1 + weights.y * light.edge2;

@@ -55,19 +55,24 @@ override HAS_COATS: bool = true;  // materials that are not purely Lambert
 @group(1) @binding(1) var atlas_srgb: texture_2d_array<f32>;
 @group(1) @binding(2) var atlas_linear: texture_2d_array<f32>;
 
-// Returns `coordinate` brought into 0 .. size - 1.
-fn wrap(coordinate: i32, size: i32, mode: u32) -> i32 {
-    if (mode == WRAP_CLAMP) {
-        return clamp(coordinate, 0, size - 1);
-    }
+// Returns the texels (x, y) and (x + 1, y + 1), brought into 0 .. size - 1 on each axis by its mode.
+fn wrap(corner: vec2i, size: vec2i, mode: vec2u) -> vec4i {
+    let mirrors = mode == vec2u(WRAP_MIRROR);
     // By a quotient in floats, which CPU drivers divide much faster than integers. All values are below 2^24, so exact,
     // and the quotient's rounding may put the remainder one period off.
-    let period = select(size, 2 * size, mode == WRAP_MIRROR);
-    let quotient = floor(f32(coordinate) / f32(period));
-    var c = i32(f32(coordinate) - quotient * f32(period));
-    c = select(c, c + period, c < 0);
-    c = select(c, c - period, c >= period);
-    return select(c, period - 1 - c, c >= size);
+    let period = select(size, 2 * size, mirrors);
+    let quotient = floor(vec2f(corner) / vec2f(period));
+    var first = vec2i(vec2f(corner) - quotient * vec2f(period));
+    first = select(first, first + period, first < vec2i(0));
+    first = select(first, first - period, first >= period);
+    var second = select(first + 1, vec2i(0), first + 1 >= period);
+    // The second half of a period runs backwards; without mirrors there is none.
+    first = select(first, period - 1 - first, first >= size);
+    second = select(second, period - 1 - second, second >= size);
+    let clamps = mode == vec2u(WRAP_CLAMP);
+    let low = clamp(corner, vec2i(0), size - 1);
+    let high = clamp(corner + 1, vec2i(0), size - 1);
+    return vec4i(select(first, low, clamps), select(second, high, clamps));
 }
 
 fn load_texel(srgb: bool, x: i32, y: i32, layer: i32) -> vec4f {
@@ -80,27 +85,21 @@ fn load_texel(srgb: bool, x: i32, y: i32, layer: i32) -> vec4f {
 // Returns the picture in a slot, bilinear or nearest, without mip levels (aliases in the distance; unbiased under
 // jitter).
 fn sample_texture(material: u32, slot: u32, uv0: vec2f, uv1: vec2f) -> vec4f {
-    let flags = materials[material].textures[slot].flags;
-    let uv_raw = vec3f(select(uv0, uv1, (flags & TEXCOORD_1) != 0u), 1.0);
-    let uv = vec2f(
-        dot(materials[material].textures[slot].transform_u, uv_raw),
-        dot(materials[material].textures[slot].transform_v, uv_raw));
-    let size = vec2i(materials[material].textures[slot].size);
+    let t = materials[material].textures[slot];
+    let uv_raw = vec3f(select(uv0, uv1, (t.flags & TEXCOORD_1) != 0u), 1.0);
+    let uv = vec2f(dot(t.transform_u, uv_raw), dot(t.transform_v, uv_raw));
+    let size = vec2i(t.size);
     // Coordinates beyond 2^24 texels have no fraction left; keep the integers in range.
-    let nearest = (flags & NEAREST) != 0u;
+    let nearest = (t.flags & NEAREST) != 0u;
     let texel = clamp(uv * vec2f(size), vec2f(-1.6e7), vec2f(1.6e7)) - select(vec2f(0.5), vec2f(0.0), nearest);
-    let base = vec2i(floor(texel));
-    let fraction = select(texel - floor(texel), vec2f(0.0), nearest);
-    let mode = vec2u(flags >> WRAP_U_SHIFT, flags >> WRAP_V_SHIFT) & vec2u(3u);
-    let corner = vec2i(materials[material].textures[slot].corner);
-    let x0 = corner.x + wrap(base.x, size.x, mode.x);
-    let x1 = corner.x + wrap(base.x + 1, size.x, mode.x);
-    let y0 = corner.y + wrap(base.y, size.y, mode.y);
-    let y1 = corner.y + wrap(base.y + 1, size.y, mode.y);
-    let layer = i32(materials[material].textures[slot].layer);
+    let base = floor(texel);
+    let fraction = select(texel - base, vec2f(0.0), nearest);
+    let mode = vec2u(t.flags >> WRAP_U_SHIFT, t.flags >> WRAP_V_SHIFT) & vec2u(3u);
+    let place = vec4i(vec2i(t.corner), vec2i(t.corner)) + wrap(vec2i(base), size, mode);
+    let layer = i32(t.layer);
     let srgb = slot <= EMISSION_SLOT;
-    let top = mix(load_texel(srgb, x0, y0, layer), load_texel(srgb, x1, y0, layer), fraction.x);
-    let bottom = mix(load_texel(srgb, x0, y1, layer), load_texel(srgb, x1, y1, layer), fraction.x);
+    let top = mix(load_texel(srgb, place.x, place.y, layer), load_texel(srgb, place.z, place.y, layer), fraction.x);
+    let bottom = mix(load_texel(srgb, place.x, place.w, layer), load_texel(srgb, place.z, place.w, layer), fraction.x);
     return mix(top, bottom, fraction.y);
 }
 

@@ -29,7 +29,11 @@ fn unpack_normal(code: u32) -> vec3f {
 
 // Evaluates the surface at a hit, as seen against `direction`.
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
-    let triangle = load_triangle(hit.triangle);
+    return surface_on(load_triangle(hit.triangle), hit, direction);
+}
+
+// The same, of the triangle that was hit.
+fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
     let weights = hit.barycentric;
     var position = triangle.v0 + weights.x * triangle.edge1 + weights.y * triangle.edge2;
     // Scaling keeps the cross product of tiny or huge edges in range.
@@ -43,7 +47,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     s.flags = materials[material].flags;
     let textured = HAS_TEXTURES && (s.flags & TEXTURED) != 0u;
     if ((triangle.flags & (SMOOTH | COLORED)) != 0u || textured) {
-        corners = load_corners(hit.triangle, weights);
+        corners = load_corners(triangle, weights);
     }
     var normal = geometric;
     let smooth_normal = (triangle.flags & SMOOTH) != 0u;
@@ -52,7 +56,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
             + corners.weights.x * unpack_normal(corners.a.normal);
     }
     // Vertex normals are local; positions and edges are local only where the mesh is entered through an instance.
-    let is_local = triangle.instance == NONE;
+    let is_local = HAS_INSTANCES && triangle.instance == NONE;
     if (is_local || smooth_normal) {
         let m = instances[hit.instance].local_from_world;
         let normal_matrix = transpose(mat3x3f(m[0], m[1], m[2]));

@@ -1,0 +1,131 @@
+"""Virtual point lights: drawn from all places where light was found to be reflected, by how much it may matter.
+
+Keller 1997, "Instant Radiosity"; Linke 2016, section 3.2. Departures: lights are drawn by flux and by what they may
+give to the view, instead of from a regular grid, so none is spent on an empty texel; paths give the light of emitters,
+of the environment, and of further bounces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..gpu.graph import Graph
+from ..gpu.handles import Buffer, Texture
+from ..gpu.wgsl import load
+from ..settings import setting
+from .gbuffer import Gbuffer
+from .points import Points
+from .rsm import CANDIDATE, Rsm
+from .scene_inputs import SceneInputs
+
+VIEW_POINTS = 64  # pixels that stand for the view; chosen
+TABLE_WIDTH = int(load("vpl/table.wgsl").constants["VPL_TABLE_WIDTH"])
+BLOCK = int(load("vpl/weigh.wgsl").constants["BLOCK"])
+
+
+@dataclass
+class VplSettings:
+    """Virtual point lights."""
+
+    count: int = setting(1024, "Virtual point lights.", "lights", range=(64, 16384), presets={"low": 256, "high": 4096})
+    importance: str = setting(
+        "flux", "Draw lights by flux alone, or by flux and what they may give to the view.", choices=("flux", "view")
+    )
+    paths: int = setting(
+        8192,
+        "Paths that light walks from emitters and the environment, and for more than one bounce.",
+        "paths",
+        range=(64, 1 << 16),
+        presets={"low": 2048, "high": 32768},
+    )
+    vertices: int = setting(8, "Bounces that a path of light has at most.", "bounces", range=(1, 32))
+
+
+@dataclass
+class Vpls:
+    """The table of virtual point lights as `wgsl/vpl/table.wgsl` has it, and how many slots it has."""
+
+    table: Texture
+    count: int
+
+
+def declare_walk(
+    graph: Graph, settings: VplSettings, scene: SceneInputs, points: Points, bounces: int | None, seed: int
+) -> tuple[Buffer, int] | None:
+    """Declare the paths of light; return their candidates and how many there are, or None if none is needed."""
+    assert scene.vpl is not None
+    vertices = min(settings.vertices, bounces or settings.vertices)
+    has_sky, has_emitters = scene.features["HAS_ENVIRONMENT"], scene.features["HAS_EMITTERS"]
+    if not has_sky and not has_emitters and vertices == 1:
+        graph.skip("vpl/walk", "the reflective shadow maps hold all light of one bounce")
+        return None
+    others = has_emitters or (scene.vpl.rsm_texels > 0 and vertices > 1)
+    sky_paths = (settings.paths // 2 if others else settings.paths) if has_sky else 0
+    count = settings.paths * vertices
+    walk = graph.buffer("vpl/walk", dtype=CANDIDATE, count=2 * count)
+    shader = "vpl/walk.wgsl"
+    graph.compute(
+        "vpl/walk",
+        shader,
+        over=settings.paths,
+        reads={**scene.surfaces, **scene.lights, "points": points.buffer},
+        writes={"walk": walk},
+        params={"paths": settings.paths, "sky_paths": sky_paths, "seed": seed},
+        constants={**scene.constants(shader), "VERTICES": vertices},
+    )
+    return walk, count
+
+
+def declare_vpls(
+    graph: Graph,
+    settings: VplSettings,
+    rsm: Rsm | None,
+    walk: tuple[Buffer, int] | None,
+    gbuffer: Gbuffer,
+    seed: int,
+) -> Vpls:
+    """Declare the choice of virtual point lights among the texels of the maps and the vertices of the paths."""
+    count = settings.count
+    texels = rsm.count if rsm is not None else 0
+    candidates = texels + (walk[1] if walk is not None else 0)
+    found = {
+        "rsm": rsm.buffer if rsm is not None else graph.neutral("buffer"),
+        "walk": walk[0] if walk is not None else graph.neutral("buffer"),
+    }
+    by_view = settings.importance == "view"
+    if by_view:
+        view_points = graph.buffer("vpl/view_points", dtype=np.dtype((np.float32, 8)), count=VIEW_POINTS)
+        graph.compute(
+            "vpl/view_points",
+            "vpl/view_points.wgsl",
+            over=VIEW_POINTS,
+            reads={"surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
+            writes={"view_points": view_points},
+        )
+    else:
+        graph.skip("vpl/view_points", "vpl.importance is flux")
+    blocks = graph.buffer("vpl/blocks", count=-(-candidates // BLOCK))
+    cumulative = graph.buffer("vpl/cumulative", count=candidates)
+    graph.compute(
+        "vpl/weigh",
+        "vpl/weigh.wgsl",
+        over=candidates,
+        reads={**found, "view_points": view_points if by_view else graph.neutral("buffer")},
+        writes={"cumulative": cumulative, "blocks": blocks},
+        params={"texels": texels, "candidates": candidates},
+        constants={"VIEW": by_view},
+    )
+    totals = graph.buffer("vpl/totals", count=blocks.count)
+    graph.compute("vpl/total", "vpl/total.wgsl", over=1, reads={"blocks": blocks}, writes={"totals": totals})
+    table = graph.texture("vpl/table", "rgba32uint", size=(TABLE_WIDTH, -(-2 * count // TABLE_WIDTH)))
+    graph.compute(
+        "vpl/select",
+        "vpl/select.wgsl",
+        over=count,
+        reads={**found, "cumulative": cumulative, "totals": totals},
+        writes={"vpls": table},
+        params={"texels": texels, "candidates": candidates, "count": count, "seed": seed},
+    )
+    return Vpls(table, count)
