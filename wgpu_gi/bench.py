@@ -19,7 +19,7 @@ from . import __version__
 from .bench_results import CASES, Case, Measurement, PathPoint, Reference, Stats
 from .camera import Camera
 from .errors import GiError
-from .frame import TECHNIQUES, CameraSettings, Settings
+from .frame import TECHNIQUES, CameraSettings, Settings, picture_count
 from .gpu.device import open_device
 from .metrics import Errors, measure
 from .renderer import Renderer
@@ -123,17 +123,24 @@ def _measure_technique(
     renderer: Renderer, candidate: Candidate, truth: Truth, bounces: int | None, frames: int, report: Progress
 ) -> Measurement:
     name = f"{candidate.gi}, {candidate.quality}"
-    renderer.run(partial(report, f"{name}: picture"), show=tuple(LAYERS.values()))
-    pictures = {layer: renderer.read_back(buffer) for layer, buffer in LAYERS.items()}
-    try:
-        errors = layer_errors(pictures, truth)
-    except GiError as error:
-        raise GiError(f"{name}: {error}") from None
+
+    def picture(frames: int) -> dict[str, Errors | None]:
+        camera = replace(candidate.settings.camera, frames=frames)
+        renderer.settings = replace(candidate.settings, camera=camera)
+        renderer.run(partial(report, f"{name}: picture"), show=tuple(LAYERS.values()))
+        try:
+            return layer_errors({layer: renderer.read_back(buffer) for layer, buffer in LAYERS.items()}, truth)
+        except GiError as error:
+            raise GiError(f"{name}: {error}") from None
+
+    errors = picture(1)
+    settled_frames = picture_count(candidate.settings)
+    settled = picture(settled_frames) if settled_frames > 1 else errors
     cases = {
         case: measure_case(renderer, case, frames, partial(report, f"{name}: {what}")) for case, what in CASES.items()
     }
     allocated = sum(int(resource.bytes) for resource in renderer.graph.resources.values() if resource.gpu)
-    return Measurement(candidate.gi, candidate.quality, bounces, errors, cases, allocated)
+    return Measurement(candidate.gi, candidate.quality, bounces, errors, settled, settled_frames, cases, allocated)
 
 
 def layer_errors(pictures: dict[str, NDArray[np.float32]], truth: Truth) -> dict[str, Errors | None]:

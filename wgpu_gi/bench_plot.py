@@ -29,7 +29,8 @@ def require_matplotlib() -> None:
 def save_plot(path: str | Path, report: Report) -> None:
     """Draw a row of two panels, full image and indirect part, for each scene; write .png, .svg or .pdf.
 
-    x is the time of a frame in which all is moving, or of a whole picture of the path tracer. Both axes are
+    x is the time of a frame in which all is moving, or of a whole picture of the path tracer, or (hollow) of all frames
+    that a still picture of a technique with random numbers averages. Both axes are
     logarithmic, so that a point is left out where an error is not positive: it is lost in the noise of the truth.
     """
     require_matplotlib()
@@ -69,6 +70,7 @@ def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, st
     for name, color in colors.items():
         points = [(m, *_point(m, layer)) for m in scene.techniques if m.gi == name]
         _draw_technique(panel, name, color, [(m, x, y) for m, x, y in points if x > 0 and y > 0])
+        _draw_settled(panel, color, layer, [m for m in scene.techniques if m.gi == name and m.settled_frames > 1])
     if not panel.lines:
         panel.text(0.5, 0.5, "nothing to measure: the truth is black", ha="center", transform=panel.transAxes)
 
@@ -98,6 +100,17 @@ def _draw_technique(panel: Any, name: str, color: str, points: list[tuple[Measur
         panel.plot(x, y, color=color, marker=MARKERS[m.quality], linestyle="-", label=label)
         if len(points) > 1:
             _annotate(panel, m.quality, x, y, color)
+
+
+def _draw_settled(panel: Any, color: str, layer: str, measurements: list[Measurement]) -> None:
+    """Draw hollow marks where still pictures come to, after the time of all their frames."""
+    for m in measurements:
+        (x, y), errors = _point(m, layer), m.settled[layer]
+        if errors is not None and errors.relmse > 0 and x > 0 and y > 0:
+            after = m.settled_frames * x
+            panel.plot((x, after), (y, errors.relmse), color=color, linestyle=":", linewidth=1)
+            panel.plot(after, errors.relmse, color=color, marker=MARKERS[m.quality], markerfacecolor="white")
+            _annotate(panel, f"{m.settled_frames} frames", after, errors.relmse, color)
 
 
 def _annotate(panel: Any, text: str, x: float, y: float, color: str) -> None:

@@ -20,7 +20,7 @@ from .bench_results import CASES, Case, Measurement, PathPoint, Reference, Repor
 from .errors import GiError
 from .metrics import Errors
 
-SCHEMA, VERSION = "wgpu_gi.bench", 1
+SCHEMA, VERSION = "wgpu_gi.bench", 2
 LAYER_TITLES = {"full": "full image", "direct": "direct", "indirect": "indirect"}
 MISSING = "-"
 
@@ -53,7 +53,14 @@ def load_json(path: str | Path) -> Report:
 
 def _scene(d: Mapping[str, Any]) -> SceneReport:
     techniques = [
-        Measurement(**{**m, "errors": _errors(m["errors"]), "cases": {n: _case(c) for n, c in m["cases"].items()}})
+        Measurement(
+            **{
+                **m,
+                "errors": _errors(m["errors"]),
+                "settled": _errors(m["settled"]),
+                "cases": {n: _case(c) for n, c in m["cases"].items()},
+            }
+        )
         for m in d["techniques"]
     ]
     references = [
@@ -92,9 +99,12 @@ def _error_table(scene: SceneReport) -> tuple[str, Table]:
     for heading in ("relMSE", "noise floor", "bias", "99.9 %"):
         table.add_column(heading, justify="right")
     for m in scene.techniques:
-        for layer, title in LAYER_TITLES.items():
-            first = f"{m.gi}, {m.quality}" if layer == "full" else ""
-            table.add_row(first, title, *_error_cells(m.errors[layer]))
+        rows = [(f"{m.gi}, {m.quality}", m.errors)]
+        if m.settled_frames > 1:
+            rows.append((f"  {m.settled_frames} frames", m.settled))
+        for name, errors in rows:
+            for layer, title in LAYER_TITLES.items():
+                table.add_row(name if layer == "full" else "", title, *_error_cells(errors[layer]))
     return f"{_title(scene)}: error, truth {truths}", table
 
 

@@ -36,13 +36,17 @@ class Case:
 class Measurement:
     """A technique measured: errors by layer (None: the truth is black or unknown), times by case, bytes of its graph.
 
-    `bounces` are the indirect bounces of the truth that it is held against, None for all.
+    `bounces` are the indirect bounces of the truth that it is held against, None for all. `errors` are those of a
+    single frame, `settled` those of the mean that a still picture comes to after `settled_frames`; without random
+    numbers these are one.
     """
 
     gi: str
     quality: str
     bounces: int | None
     errors: dict[str, Errors | None]
+    settled: dict[str, Errors | None]
+    settled_frames: int
     cases: dict[str, Case]
     bytes: int
 

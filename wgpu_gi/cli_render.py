@@ -12,7 +12,7 @@ from pathlib import Path
 
 from . import __version__
 from .errors import GiError
-from .frame import TECHNIQUES, Settings, buffers_of, check_size, picture_count
+from .frame import TECHNIQUES, Settings, buffers_of, check_size, picture_count, views_of
 from .image import check_output, save_image
 from .renderer import Renderer
 from .scene.camera_files import choose_camera
@@ -32,7 +32,7 @@ def render(arguments: Namespace) -> int:
         print(format_rows(describe(settings)))
         return 0
     if "help" in arguments.show:
-        print(*buffers_of(settings.gi))
+        print(*buffers_of(settings.gi), *views_of(settings.gi))
         return 0
     # Refuse what cannot work before any time is spent on it.
     shown = buffers_from(arguments, settings)
@@ -102,7 +102,7 @@ def without_effect(settings: Settings) -> list[str]:
 def buffers_from(arguments: Namespace, settings: Settings) -> list[str]:
     """Return the buffers to write, each once, in the order given."""
     shown = list(dict.fromkeys(arguments.show or ["radiance"]))
-    known = buffers_of(settings.gi)
+    known = (*buffers_of(settings.gi), *views_of(settings.gi))
     for name in shown:
         if name not in known:
             raise GiError(f"with --gi {settings.gi}, --show takes one of {', '.join(known)}, not {name!r}")

@@ -13,13 +13,22 @@ from .gpu.handles import Buffer, Handle
 from .scene.sequences import GOLDEN, R2
 from .settings import setting
 from .techniques.composite import declare_display, declare_mean, declare_sum
+from .techniques.debug import declare_list_view, declare_rsm_views, declare_vpl_view
+from .techniques.denoise import DenoiseSettings, declare_denoise
 from .techniques.direct import DirectSettings, declare_direct
 from .techniques.environment import EnvironmentSettings, declare_environment
-from .techniques.gbuffer import declare_gbuffer, declare_motion
+from .techniques.gather import GatherSettings, declare_gather
+from .techniques.gbuffer import Gbuffer, declare_gbuffer, declare_motion
+from .techniques.ism import IsmSettings, declare_ism
+from .techniques.points import declare_points
 from .techniques.reference import PathSettings, declare_primary, declare_reference, path_runs
+from .techniques.rsm import RsmSettings, declare_rsm
 from .techniques.scene_inputs import SceneInputs
 from .techniques.shadow import ShadowDraws, declare_shadow_maps
 from .techniques.shadow_views import ShadowSettings
+from .techniques.sky import declare_sky_occlusion
+from .techniques.temporal import TemporalSettings, declare_temporal
+from .techniques.vpl import VplSettings, declare_vpls, declare_walk
 
 MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
 MAX_PIXELS = 2**25  # 96 bytes of running means and results each: 3 GiB
@@ -28,16 +37,23 @@ PIXEL_BYTES = 16  # of the largest buffer per pixel, array<vec4f>
 
 @dataclass(frozen=True)
 class Technique:
-    """What a technique promises: `bounces` of indirect light at most (None: as many as are asked for)."""
+    """What a technique promises: `bounces` of indirect light at most (None: as many as are asked for).
+
+    If it draws random numbers, each frame of a still picture draws others, and their mean settles.
+    """
 
     sentence: str
     bounces: int | None
+    is_random: bool
 
+
+POINTS = 1 << 17  # on all surfaces, for many-light; chosen
 
 # Everything that takes any technique (the command line, benchmarks, tests of invariance) reads this list.
 TECHNIQUES = {
-    "path": Technique("progressive path tracer, the truth", None),
-    "none": Technique("direct light only, deferred", 0),
+    "path": Technique("progressive path tracer, the truth", None, True),
+    "none": Technique("direct light only, deferred", 0, False),
+    "many-light": Technique("virtual point lights with imperfect shadow maps", None, True),
 }
 
 # What can be read back and shown. All but the last two are there for every technique.
@@ -55,6 +71,15 @@ BUFFERS = (
 )
 
 
+# What a technique works with, shown over the whole picture when asked for by name.
+VIEWS = {"many-light": ("rsm/position", "rsm/normal", "rsm/flux", "vpl/flux", "gather/lists")}
+
+
+def views_of(gi: str) -> tuple[str, ...]:
+    """Return the names of the debug views of a technique."""
+    return VIEWS.get(gi, ())
+
+
 def buffers_of(gi: str) -> tuple[str, ...]:
     """Return the names of what a technique can show."""
     missing = "motion" if gi == "path" else "standard_error"
@@ -68,7 +93,7 @@ class CameraSettings:
     jitter: bool = setting(True, "Average over the pixel's square (box filter) instead of sampling its centre.")
     frames: int = setting(
         16,
-        "Jittered frames that a still picture averages; not of the path tracer, which jitters every sample.",
+        "Frames that a still picture averages; not of the path tracer, which averages samples.",
         "frames",
         range=(1, 65536),
         presets={"low": 4, "high": 64},
@@ -79,7 +104,11 @@ class CameraSettings:
 class Settings:
     """What to render and how well. Sections are reached as `section.name` by `--set`."""
 
-    gi: str = setting("path", "Technique for light: path (path tracer) or none (direct only).", choices=(*TECHNIQUES,))
+    gi: str = setting(
+        "path",
+        "Technique for light: path (path tracer), none (direct only) or many-light.",
+        choices=(*TECHNIQUES,),
+    )
     bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
     spp: int = setting(64, "Samples per pixel of the path tracer.", "samples", range=(1, 10_000_000))
     seed: int = setting(0, "Seed of all random numbers.", range=(0, 2**32 - 1))
@@ -90,6 +119,12 @@ class Settings:
     direct: DirectSettings = field(default_factory=DirectSettings)
     shadow: ShadowSettings = field(default_factory=ShadowSettings)
     environment: EnvironmentSettings = field(default_factory=EnvironmentSettings)
+    rsm: RsmSettings = field(default_factory=RsmSettings)
+    vpl: VplSettings = field(default_factory=VplSettings)
+    ism: IsmSettings = field(default_factory=IsmSettings)
+    gather: GatherSettings = field(default_factory=GatherSettings)
+    temporal: TemporalSettings = field(default_factory=TemporalSettings)
+    denoise: DenoiseSettings = field(default_factory=DenoiseSettings)
 
 
 @dataclass(frozen=True)
@@ -102,8 +137,9 @@ class Source:
 
 
 def picture_count(settings: Settings) -> int:
-    """Return how many jittered frames make a picture."""
-    return settings.camera.frames if settings.camera.jitter and settings.gi != "path" else 1
+    """Return how many frames make a still picture; of the path tracer, which averages samples itself, one."""
+    several = settings.camera.jitter or TECHNIQUES[settings.gi].is_random
+    return settings.camera.frames if several and settings.gi != "path" else 1
 
 
 def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
@@ -183,10 +219,37 @@ def _declare_deferred(
     motion = declare_motion(graph, scene, gbuffer)
     ambient = declare_environment(graph, settings.environment, scene)
     atlas = declare_shadow_maps(graph, scene, shadows)
-    direct = declare_direct(graph, settings.direct, scene, gbuffer, atlas, ambient)
+    sky: Buffer | None = None
+    if settings.gi != "none":
+        sky = declare_sky_occlusion(graph, settings.environment, scene, gbuffer, settings.seed)
+    direct = declare_direct(graph, settings.direct, scene, gbuffer, atlas, ambient, sky)
     indirect: Buffer | None = None
+    views: dict[str, Buffer] = {}
+    if settings.gi == "many-light" and settings.bounces != 0:
+        indirect, views = _declare_many_light(graph, settings, scene, gbuffer, motion)
     radiance = declare_sum(graph, gbuffer.emission, direct, indirect)
     layers = {"radiance": radiance, "direct": direct, "indirect": indirect, "emission": gbuffer.emission}
     if picture_count(settings) > 1:
         layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}
-    return {name: Source(layer) for name, layer in layers.items()} | {"motion": Source(motion)}
+    shown = layers | {"motion": motion} | {name: views.get(name) for name in views_of(settings.gi)}
+    return {name: Source(layer) for name, layer in shown.items()}
+
+
+def _declare_many_light(
+    graph: Graph, settings: Settings, scene: SceneInputs, gbuffer: Gbuffer, motion: Buffer
+) -> tuple[Buffer | None, dict[str, Buffer]]:
+    """Declare light from virtual point lights (Linke 2016), None where none can be reflected; and its debug views."""
+    points = declare_points(graph, scene, POINTS)
+    rsm = declare_rsm(graph, settings.rsm, scene, settings.seed)
+    walk = declare_walk(graph, settings.vpl, scene, points, settings.bounces, settings.seed)
+    if rsm is None and walk is None:
+        return None, {}
+    vpls = declare_vpls(graph, settings.vpl, rsm, walk, gbuffer, settings.seed)
+    ism = declare_ism(graph, settings.ism, scene, points, vpls) if settings.gather.visibility == "ism" else None
+    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism)
+    views = declare_vpl_view(graph, vpls) | declare_list_view(graph, settings.gather, gbuffer, gathered.clusters, vpls)
+    if rsm is not None:
+        views |= declare_rsm_views(graph, scene, rsm)
+    if settings.temporal.frames > 1:
+        gathered = declare_temporal(graph, settings.temporal, scene, gbuffer, motion, gathered).gathered
+    return declare_denoise(graph, settings.denoise, gbuffer, gathered), views

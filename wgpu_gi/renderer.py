@@ -23,6 +23,7 @@ from .frame import (
     declare_frame,
     picture_count,
     pixel_offset,
+    views_of,
 )
 from .gpu.describe import table
 from .gpu.device import open_device
@@ -36,6 +37,7 @@ from .techniques.composite import MEANS
 from .techniques.deferred_inputs import DeferredInputs
 from .techniques.reference import path_runs
 from .techniques.scene_inputs import SceneInputs, share_scene
+from .techniques.vpl_inputs import ManyLightInputs
 
 __all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "render"]
 
@@ -70,6 +72,7 @@ class Renderer:
         self._graph = Graph(self._device)
         self._upload: SceneUpload | None = None
         self._deferred = DeferredInputs()
+        self._many_light = ManyLightInputs()
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
         self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
@@ -106,6 +109,7 @@ class Renderer:
             self._upload.release()
         self._graph, self._upload, self._declared, self._inputs = Graph(self._device), None, None, None
         self._deferred = DeferredInputs()
+        self._many_light = ManyLightInputs()
 
     def __del__(self) -> None:
         """Textures and buffers of wgpu linger until destroyed."""
@@ -272,9 +276,12 @@ class Renderer:
         view = upload.view(self.camera, self.size, settings.camera.jitter and settings.gi == "path")
         if settings.gi != "path":
             self._deferred.update(upload, self.scene, view, settings.direct, settings.shadow)
-            view = upload.view(self.camera, self.size, False, pixel_offset(self._frame, picture_count(settings)))
+            jittered = picture_count(settings) if settings.camera.jitter else 1
+            view = upload.view(self.camera, self.size, False, pixel_offset(self._frame, jittered))
             view["sample_index"] = self._frame
             self._deferred.note_motion(upload, self.scene, graph, view)
+        if settings.gi == "many-light":
+            self._many_light.update(upload, self.scene, settings.rsm)
         graph.uniform("scene", upload.info)
         graph.uniform("view", view)
 
@@ -297,11 +304,15 @@ class Renderer:
     def _share(self) -> SceneInputs:
         assert self._upload is not None
         inputs = share_scene(self._graph, self._upload)
-        return inputs if self.settings.gi == "path" else self._deferred.share(self._graph, self._upload, inputs)
+        if self.settings.gi != "path":
+            inputs = self._deferred.share(self._graph, self._upload, inputs)
+        if self.settings.gi == "many-light":
+            inputs = self._many_light.share(self._graph, self._upload, inputs, self._frame)
+        return inputs
 
     def _check_buffers(self, names: Iterable[str]) -> None:
         for name in names:
-            if name not in self.buffers and name != "display":
+            if name not in (*self.buffers, *views_of(self.settings.gi), "display"):
                 raise GiError(f"--gi {self.settings.gi} has no buffer {name!r}; it has {', '.join(self.buffers)}")
 
 

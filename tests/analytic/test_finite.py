@@ -174,11 +174,16 @@ def test_every_setting_at_its_ends(technique):
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [0, 1])
 def test_all_settings_at_one_end(technique, end):
-    """All at the least, or all at the most: 4,096 sample lights and maps of 8,192 texels, the atlas as large."""
+    """All at the least, or all at the most: 4,096 sample lights and maps of 8,192 texels, the atlas as large.
+
+    But no texture holds as many imperfect shadow maps as that of as many texels, and points fall into each of them.
+    """
     settings = make_settings(technique)
     for row in describe(settings):
         if row.range is not None:
             assign(settings, f"{row.name}={row.range[end]}")
+    if end == 1:
+        settings.ism.resolution, settings.ism.points = 32, 64
     step(Renderer(scene_for_settings(), size=(7, 5), settings=settings))
 
 

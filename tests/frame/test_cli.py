@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from wgpu_gi.__main__ import main
+from wgpu_gi.frame import TECHNIQUES
 from wgpu_gi.image import load_image
 
 TINY = ["--size", "32x18", "--spp", "2"]
@@ -90,7 +91,7 @@ def test_without_bounces_is_without_gi():
     assert traced.sum() < picture(*arguments).sum()
 
 
-@pytest.mark.parametrize("gi", ["path", "none"])
+@pytest.mark.parametrize("gi", TECHNIQUES)
 def test_exposure_by_flag_or_by_setting(gi):
     def shown(*arguments):
         assert main(["render", "-o", "p.png", "--gi", gi, *TINY, *arguments]) == 0

@@ -14,7 +14,7 @@ from wgpu_gi import renderer as renderer_module
 from wgpu_gi.__main__ import main
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.frame import BUFFERS, buffers_of, pixel_offset
+from wgpu_gi.frame import BUFFERS, TECHNIQUES, buffers_of, pixel_offset
 from wgpu_gi.image import load_image
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene import builtin
@@ -364,14 +364,15 @@ def test_edges_of_the_mean_are_smooth():
 def test_techniques_take_turns():
     """Each gives in turn what it gives alone."""
     scene = medley()
-    chosen = {gi: Settings(gi=gi, spp=2, bounces=1, camera=CameraSettings(jitter=False)) for gi in ("path", "none")}
+    camera = CameraSettings(jitter=False, frames=2)
+    chosen = {gi: Settings(gi=gi, spp=2, bounces=1, camera=camera) for gi in TECHNIQUES}
     alone = {}
     for gi, fields in chosen.items():
         renderer = Renderer(scene, size=SIZE, settings=fields)
         renderer.run(show=("radiance", "albedo"))
         alone[gi] = renderer.read_back()
     renderer = Renderer(scene, size=SIZE, settings=chosen["path"])
-    for gi in ("path", "none", "path", "none", "none"):
+    for gi in (*TECHNIQUES, *TECHNIQUES, "none", "none", "many-light", "none"):
         renderer.settings = chosen[gi]
         renderer.run(show=("radiance", "albedo"))
         assert np.array_equal(renderer.read_back(), alone[gi]), gi

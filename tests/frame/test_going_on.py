@@ -9,7 +9,7 @@ from helpers.medley import at, medley
 from wgpu_gi import renderer as renderer_module
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.frame import MAX_PIXELS, MAX_SIDE, CameraSettings, PathSettings, Settings
+from wgpu_gi.frame import MAX_PIXELS, MAX_SIDE, TECHNIQUES, CameraSettings, PathSettings, Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene import builtin
 from wgpu_gi.scene.scene import DirectionalLight, Instance, Scene
@@ -239,7 +239,7 @@ class Declared(Exception):
     """The frame is declared."""
 
 
-@pytest.mark.parametrize("gi", ["path", "none"])
+@pytest.mark.parametrize("gi", TECHNIQUES)
 @pytest.mark.parametrize("size", [(MAX_SIDE, MAX_PIXELS // MAX_SIDE), (MAX_PIXELS // MAX_SIDE, MAX_SIDE)])
 def test_every_dispatch_reaches_the_largest_picture(gi, size, monkeypatch):
     """As far as declarations know; such a picture itself would take gigabytes."""

@@ -13,7 +13,10 @@ from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene.builtin import BUILTIN_SCENES, matte
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
 from wgpu_gi.scene.shapes import grid, quad, sphere
+from wgpu_gi.techniques.ism import IsmSettings
+from wgpu_gi.techniques.rsm import RsmSettings
 from wgpu_gi.techniques.shadow_views import ShadowSettings
+from wgpu_gi.techniques.vpl import VplSettings
 
 from .medley import medley
 from .pictures import moved, scaling
@@ -26,18 +29,25 @@ SIZE = (32, 18)
 SPP = 16  # of the path tracer
 # Small pictures need no fine maps, and checking them would take most of the time.
 SHADOWS = ShadowSettings(atlas=2048, sun=1024, spot=256, point=256, area=64)
+# Few virtual point lights, for the same reason; as many of all sorts that their classes of pixels are not empty.
+VPLS = VplSettings(count=128, paths=1024)
+RSM = RsmSettings(texels=1024)
+MAPS = IsmSettings(resolution=32)
 # Of deterministic layers, over the mean radiance: a pixel whose ray or shadow ray passes an edge by less than float32
 # can tell may see either side, all others are the same but for rounding.
 SAME_PIXEL = 2e-3
 SAME_MEAN = 1e-3
 PARTED = 0.02  # share of pixels at such edges
 SIGMAS = 5.0  # of noisy layers' means; chosen
+# Of techniques whose pixels see the same random lights, so that their noise does not average out over the picture.
+OTHER_SEEDS = {"many-light": 4}
 
 
 def make_settings(technique: str, frames: int = 1, **fields: object) -> Settings:
     """Return settings of a technique: rays through pixel centres, or through all of a pixel for several frames."""
     camera = CameraSettings(jitter=frames > 1, frames=frames)
-    return Settings(gi=technique, camera=camera, **{"spp": SPP, "shadow": replace(SHADOWS), **fields})
+    small = {"shadow": replace(SHADOWS), "vpl": replace(VPLS), "rsm": replace(RSM), "ism": replace(MAPS)}
+    return Settings(gi=technique, camera=camera, **{"spp": SPP, **small, **fields})
 
 
 def picture(
@@ -70,11 +80,23 @@ def read_all(renderer: Renderer) -> Layers:
 
 
 def noise_of(technique: str, layers: Layers, scene: Scene, size: tuple[int, int] = SIZE, **arguments: object) -> Layers:
-    """Return by how much another seed changes each layer: nothing if the technique is deterministic."""
+    """Return by how much other seeds change each layer, (seeds, height, width, 3): nothing if it is deterministic."""
     if not is_noisy(technique):
-        return {name: np.zeros_like(layers[name]) for name in LAYERS}
-    other = picture(technique, scene, size, seed=1, **arguments)
-    return {name: np.abs(other[name] - layers[name]) for name in LAYERS}
+        return {name: np.zeros_like(layers[name])[None] for name in LAYERS}
+    seeds = range(1, 1 + OTHER_SEEDS.get(technique, 1))
+    others = [picture(technique, scene, size, seed=seed, **arguments) for seed in seeds]
+    return {name: np.stack([other[name] - layers[name] for other in others]) for name in LAYERS}
+
+
+def sigma_of(noise: np.ndarray) -> np.ndarray:
+    """Return the standard deviation of a layer's mean against that of another picture, of each channel, by its noise.
+
+    The difference of two seeds has twice the variance of one, and so has that of the two pictures.
+    """
+    apart = np.sqrt((noise**2).sum((1, 2)).mean(0)) / noise[0, ..., 0].size
+    # One other seed would tell too little of what pixels have in common.
+    common = np.sqrt((noise.mean((1, 2)) ** 2).mean(0)) if len(noise) > 1 else 0.0
+    return np.maximum(apart, common)
 
 
 @cache
@@ -101,8 +123,7 @@ def assert_same(
     scale = max(float(expected["radiance"].mean()), 1e-300)
     for name in LAYERS:
         off = (got[name] - expected[name]) / scale
-        # The difference of two seeds has twice the variance of one, and so has that of the two pictures.
-        sigma = np.sqrt((noise[name] ** 2).sum((0, 1))) / noise[name][..., 0].size / scale
+        sigma = sigma_of(noise[name]) / scale
         assert (np.abs(off.mean((0, 1))) <= mean + SIGMAS * sigma).all(), (name, off.mean((0, 1)), sigma)
         if not noise[name].any():
             parted = (np.abs(off).max(-1) > pixel).mean()

@@ -17,10 +17,13 @@ def case(ms: float, *names: str) -> Case:
     return Case(len(names), Stats(ms + 1, ms + 2), Stats(ms, 2 * ms), passes)
 
 
-def measurement(gi: str = "none", quality: str = "medium", ms: float = 4.0, relmse: float = 0.2) -> Measurement:
+def measurement(
+    gi: str = "none", quality: str = "medium", ms: float = 4.0, relmse: float = 0.2, frames: int = 1
+) -> Measurement:
     cases = {"still": case(0.0), "camera": case(ms / 2, "shade"), "all": case(ms, "maps", "shade")}
     layers = {"full": errors(relmse), "direct": errors(relmse / 100), "indirect": None}
-    return Measurement(gi, quality, None, layers, cases, 3 * 2**20)
+    settled = {"full": errors(relmse / frames), "direct": errors(relmse / 100), "indirect": None}
+    return Measurement(gi, quality, None, layers, settled, frames, cases, 3 * 2**20)
 
 
 def scene_report(*techniques: Measurement, scene: str = "cornell", size: tuple[int, int] = (64, 36)) -> SceneReport:

@@ -28,11 +28,11 @@ def text_of(*shown) -> str:
 
 
 def test_json_round_trip(tmp_path):
-    written = report(scene_report(measurement(), measurement("ism", "high")), scene_report(scene="b.glb"))
+    written = report(scene_report(measurement(), measurement("ism", "high", frames=64)), scene_report(scene="b.glb"))
     save_json(tmp_path / "a.json", written)
     assert load_json(tmp_path / "a.json") == written
     document = json.loads((tmp_path / "a.json").read_text())
-    assert (document["schema"], document["version"]) == ("wgpu_gi.bench", 1)
+    assert (document["schema"], document["version"]) == ("wgpu_gi.bench", 2)
     technique = document["scenes"][0]["techniques"][0]
     assert technique["cases"]["all"]["passes"]["maps"] == {"median": 2.0, "p95": 4.0}
     assert technique["errors"]["indirect"] is None
@@ -48,9 +48,9 @@ def test_json_round_trip(tmp_path):
         ('{"hello": 1}', "not a report"),
         ('{"schema": "another", "version": 1}', "not a report"),
         ('{"schema": "wgpu_gi.bench", "version": 99}', "version 99"),
-        ('{"schema": "wgpu_gi.bench", "version": 1, "machine": {}}', "not a report"),
+        ('{"schema": "wgpu_gi.bench", "version": 2, "machine": {}}', "not a report"),
         (
-            '{"schema": "wgpu_gi.bench", "version": 1, "machine": {}, "frames": 1, "warm_up": 1, "scenes": [{}]}',
+            '{"schema": "wgpu_gi.bench", "version": 2, "machine": {}, "frames": 1, "warm_up": 1, "scenes": [{}]}',
             "not a report",
         ),
         ("\x00\xff", "not a report"),
@@ -80,6 +80,12 @@ def test_tables_show_errors_times_and_the_path_tracer():
         assert words in shown, words
     (line,) = [line for line in shown.splitlines() if line.split()[:1] == ["indirect"]]
     assert line.split()[1:] == ["-"] * 4
+
+
+def test_settled_pictures_have_rows_of_their_own():
+    shown = text_of(*(part for titled in tables(report(scene_report(measurement(frames=16)))) for part in titled))
+    assert "16 frames" in shown and "0.0125" in shown and "0.2" in shown
+    assert "16 frames" not in text_of(*(part for titled in tables(report()) for part in titled))
 
 
 def test_ratios_are_now_to_then():

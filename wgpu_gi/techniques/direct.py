@@ -47,8 +47,12 @@ def declare_direct(
     gbuffer: Gbuffer,
     atlas: Texture | None,
     ambient: Ambient,
+    sky: Buffer | None = None,
 ) -> Buffer:
-    """Declare the light scattered once towards the eye: (r, g, b, 1) per pixel, W/(m2 sr)."""
+    """Declare the light scattered once towards the eye: (r, g, b, 1) per pixel, W/(m2 sr).
+
+    `sky` is the share of the environment that each pixel's surface sees, (r, g, b, -); without it, that is all.
+    """
     assert scene.direct is not None
     width, height = graph.size
     direct = graph.buffer("direct/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
@@ -63,11 +67,13 @@ def declare_direct(
         "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
         "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
         "gather_sampler": graph.sampler("nearest"),
+        "sky": sky or graph.neutral("buffer"),
         **ambient.reads,
     }
     shader = "direct/light.wgsl"
     few = scene.direct.count if scene.direct.count <= WRITTEN_OUT else 0
-    variant = {"TILED": tiles is not None, "EDGES": traced, "FEW": few}
+    occluded = {"SKY": sky is not None}
+    variant = {"TILED": tiles is not None, "EDGES": traced, "FEW": few, **occluded}
     graph.compute(
         "direct/light",
         shader,
@@ -79,7 +85,8 @@ def declare_direct(
     )
     if traced:
         inputs_of_edges = {**inputs, "visibility": gbuffer.visibility, "edges": edges}
-        _declare_edges(graph, scene, ambient, inputs_of_edges, edge_groups, direct)
+        constants = {**ambient.constants("direct/edges.wgsl"), **occluded}
+        _declare_edges(graph, scene, constants, inputs_of_edges, edge_groups, direct)
     else:
         graph.skip("direct/edges", "no light casts shadows" if atlas is None else "direct.edges is off")
     return direct
@@ -106,7 +113,12 @@ def _declare_tiles(graph: Graph, settings: DirectSettings, lights: DirectInputs,
 
 
 def _declare_edges(
-    graph: Graph, scene: SceneInputs, ambient: Ambient, inputs: dict[str, Any], edge_groups: Buffer, direct: Buffer
+    graph: Graph,
+    scene: SceneInputs,
+    ambient: dict[str, bool],
+    inputs: dict[str, Any],
+    edge_groups: Buffer,
+    direct: Buffer,
 ) -> None:
     """Declare the passes that light listed pixels again, each by EDGE_LIGHTS more of the lights."""
     assert scene.direct is not None
@@ -119,5 +131,5 @@ def _declare_edges(
             reads={**scene.surfaces, **inputs, "edge_groups": edge_groups},
             writes={"direct": direct},
             params={"first": first},
-            constants={**scene.constants(shader), **ambient.constants(shader)},
+            constants={**scene.constants(shader), **ambient},
         )

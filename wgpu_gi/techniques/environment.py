@@ -23,7 +23,14 @@ TABLE_SIZE = (64, 64)
 class EnvironmentSettings:
     """How the environment lights surfaces."""
 
-    ambient: bool = setting(True, "Light surfaces by the environment as if nothing occluded it.")
+    ambient: bool = setting(True, "Light surfaces by the environment.")
+    rays: int = setting(
+        1,
+        "Rays per pixel and frame that tell how much of the environment is hidden, 0 for none; not with --gi none.",
+        "rays",
+        range=(0, 64),
+        presets={"high": 4},
+    )
 
 
 @dataclass

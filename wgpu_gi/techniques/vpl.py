@@ -29,9 +29,12 @@ BLOCK = int(load("vpl/weigh.wgsl").constants["BLOCK"])
 class VplSettings:
     """Virtual point lights."""
 
-    count: int = setting(1024, "Virtual point lights.", "lights", range=(64, 16384), presets={"low": 256, "high": 4096})
+    count: int = setting(1024, "Virtual point lights.", "lights", range=(64, 16384), presets={"low": 256})
     importance: str = setting(
-        "flux", "Draw lights by flux alone, or by flux and what they may give to the view.", choices=("flux", "view")
+        "flux",
+        "Draw lights by flux, so that they stay while the camera moves, or also by what they may give to the view.",
+        choices=("flux", "view"),
+        presets={"low": "view"},
     )
     paths: int = setting(
         8192,
@@ -40,7 +43,7 @@ class VplSettings:
         range=(64, 1 << 16),
         presets={"low": 2048, "high": 32768},
     )
-    vertices: int = setting(8, "Bounces that a path of light has at most.", "bounces", range=(1, 32))
+    vertices: int = setting(12, "Bounces that a path of light has at most.", "bounces", range=(1, 32))
 
 
 @dataclass

@@ -30,7 +30,8 @@ class ManyLightInputs:
 
     def update(self, upload: SceneUpload, scene: Scene, rsm: RsmSettings) -> None:
         """Send what changed; `upload` is up to date with `scene`."""
-        if self._geometry != upload.geometry:
+        # An upload of another kind of materials begins anew.
+        if self._geometry != upload.geometry or NAMES[0] not in upload.resources:
             self._geometry = upload.geometry
             upload.update_areas(scene, self._table)
             upload.resources.records("area_instances", self._table.instances)

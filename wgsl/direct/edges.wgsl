@@ -12,7 +12,10 @@
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read> edges: array<u32>;
 @group(1) @binding(13) var<storage, read> edge_groups: array<u32>;
+@group(1) @binding(15) var<storage, read> sky: array<vec4f>;  // share of the environment that is not occluded
 @group(1) @binding(19) var<uniform> params: Params;
+
+override SKY: bool = false;  // the environment is occluded
 
 struct Params {
     first: u32,  // light
@@ -40,7 +43,10 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let r = receiver(
             ray.origin + ray.direction * load_distance(pixel), surface.normal, surface.geometric_normal,
             gbuffer_brdf(surface), -ray.direction);
-        let ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
+        var ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
+        if (SKY) {
+            ambient *= sky[index].rgb;
+        }
         var sum = select(direct[index].rgb, ambient, params.first == 0u);
         let count = load_light_count();
         let end = min(count, params.first + EDGE_LIGHTS);

@@ -12,11 +12,13 @@
 override TILED: bool = false;  // lists of the lights that reach a tile
 override FEW: u32 = 0u;          // number of lights where it is at most 3, else 0
 override EDGES: bool = true;   // list the undecided pixels
+override SKY: bool = false;    // the environment is occluded
 
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> edges: array<u32>;                // pixels, by their index
 @group(1) @binding(13) var<storage, read_write> edge_groups: array<atomic<u32>>;  // x, y, z workgroups; pixels
 @group(1) @binding(14) var<storage, read> tile_lights: array<u32>;                // a bit for each light, by tile
+@group(1) @binding(15) var<storage, read> sky: array<vec4f>;                      // share that is not occluded
 
 // Workgroups of `edges.wgsl`; their threads go on with further pixels.
 const MAX_EDGE_GROUPS: u32 = 4096u;
@@ -60,7 +62,11 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let r = receiver(
         ray.origin + ray.direction * distance_seen, surface.normal, surface.geometric_normal, gbuffer_brdf(surface),
         -ray.direction);
-    var sum = Sum(ambient_radiance(r.brdf, r.normal, -ray.direction), false);
+    var ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
+    if (SKY) {
+        ambient *= sky[index].rgb;
+    }
+    var sum = Sum(ambient, false);
     let count = load_light_count();
     if (TILED) {
         let tile = (pixel.y / TILE) * ((view.size.x + TILE - 1u) / TILE) + pixel.x / TILE;

@@ -45,7 +45,8 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     let placed = area_instances[low];
     let inside = (choice - (placed.cumulative - placed.share)) / max(placed.share, 1e-30);
     low = placed.first;
-    high = placed.first + placed.count - 1u;
+    // A scene without a triangle has one instance of none.
+    high = placed.first + max(placed.count, 1u) - 1u;
     while (low < high) {
         let middle = (low + high) / 2u;
         if (area_cdf[middle] > inside) {

@@ -5,14 +5,10 @@
 // texels are needed. So a point light has one map instead of six, and every texel of a light stands for an equal solid
 // angle, or for an equal area across a sun's rays: flux = power in the texel * reflectance. The numbers of texels run
 // along a Morton curve over the map, so that neighbours in the list are neighbours on the map.
+#import "rsm/layout.wgsl"
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
 #import "vpl/reflect.wgsl"
-
-struct RsmLight {
-    first: u32,   // texel
-    level: u32,   // log2 of texels a side
-}
 
 @group(1) @binding(11) var<storage, read> rsm_lights: array<RsmLight>;  // in the order of `lights`
 @group(1) @binding(12) var<storage, read_write> rsm: array<vec4u>;      // packed as virtual point lights
@@ -22,15 +18,6 @@ struct Params {
     texels: u32,
     jitter: u32,  // 1: through a random point of each texel, else through its centre
     seed: u32,
-}
-
-// Returns the even bits of a Morton code, brought together.
-fn even_bits(code: u32) -> u32 {
-    var x = code & 0x55555555u;
-    x = (x | (x >> 1u)) & 0x33333333u;
-    x = (x | (x >> 2u)) & 0x0f0f0f0fu;
-    x = (x | (x >> 4u)) & 0x00ff00ffu;
-    return (x | (x >> 8u)) & 0x0000ffffu;
 }
 
 @compute @workgroup_size(64)

@@ -1,0 +1,159 @@
+"""Gathering light from VPLs against closed forms, and what must not change the picture: culling, interleaving."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.vpls import Gatherer, vpl_texels
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.gpu.wgsl import load
+from wgpu_gi.scene.builtin import closed_box, courtyard, matte, plane_point, sphere_light
+from wgpu_gi.scene.scene import Instance, Material, Scene
+from wgpu_gi.scene.shapes import quad
+
+SIZE = (70, 45)  # no multiple of any tile
+BOUND_SHARE = float(load("gather/gather.wgsl").constants["BOUND_SHARE"])  # of a VPL's area
+
+
+def many(count, seed=0, low=(-2, 0, -2), high=(2, 2, 2)):
+    """VPLs at random places, every fourth black."""
+    rng = np.random.default_rng(seed)
+    normal = rng.normal(size=(count, 3))
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    flux = rng.random((count, 3)) * (np.arange(count) % 4 > 0)[:, None]
+    return vpl_texels(rng.uniform(low, high, (count, 3)), normal, flux, rng.uniform(0.001, 0.1, count))
+
+
+def floor_points(size, height=4.0):
+    """Positions that `plane_point` shows, (h, w, 3): its camera is orthographic, 4 m high."""
+    w, h = size
+    x = ((np.arange(w) + 0.5) / w * 2 - 1) * height / 2 * w / h
+    z = ((np.arange(h) + 0.5) / h * 2 - 1) * height / 2
+    return np.stack(np.broadcast_arrays(x[None, :], 0.0, z[:, None]), -1)
+
+
+@pytest.mark.parametrize("clamping", ["disc", "none"])
+def test_one_vpl_over_a_floor(clamping):
+    """L = rho / pi Phi / pi cos cos / (d^2 + share A / pi), or without A."""
+    gatherer = Gatherer(plane_point(albedo=0.5), SIZE)
+    place, normal, area = np.array((0.4, 0.7, -0.3)), np.array((0.6, -0.8, 0.0)), 0.3
+    flux = np.array((1.0, 2.0, 4.0))
+    origin = gatherer.upload.origin
+    table = vpl_texels([place - origin], [normal], [flux], [area])
+    way = floor_points(SIZE) - place
+    squared = (way**2).sum(-1)
+    cosines = np.maximum(way @ normal, 0) * -way[..., 1] / squared
+    bound = BOUND_SHARE * area / np.pi if clamping == "disc" else 0.0
+    expected = 0.5 / np.pi**2 * (cosines / (squared + bound))[..., None] * flux
+    got = gatherer(table, 1, interleave=1, clamping=clamping)
+    # Colours of the G-buffer are square roots of 10 bits, normals 16 bits.
+    assert np.allclose(got, expected, rtol=3e-3, atol=1e-4 * expected.max())
+
+
+@pytest.mark.parametrize("scene", [plane_point, courtyard])
+@pytest.mark.parametrize("interleave", [1, 3, 4, 8])
+def test_culling_changes_no_bit(scene, interleave):
+    gatherer = Gatherer(scene(), SIZE)
+    low, high = gatherer.upload.box
+    table = many(200, low=low, high=high + 0.1)
+    pictures = [gatherer(table, 200, interleave=interleave, culling=c) for c in ("none", "tiled", "clustered")]
+    assert pictures[0].any()
+    assert np.array_equal(pictures[0], pictures[1])
+    assert np.array_equal(pictures[0], pictures[2])
+
+
+@pytest.mark.parametrize("interleave", [2, 4, 8])
+def test_blur_removes_the_pattern_of_a_plane_exactly(interleave):
+    """Each class sees a VPL of its own, far away: all of a flat floor, borders too, has their mean."""
+    count = interleave**2
+    rng = np.random.default_rng(1)
+    far = 1e4
+    flux = rng.random((count, 3))
+    table = vpl_texels([(0, far, 0)] * count, [(0, -1, 0)] * count, flux, [0.1] * count)
+    perspective = Camera.look_at((0, 1, 2), (0, 0, 1), yfov_deg=40)
+    for camera in (None, perspective):
+        gatherer = Gatherer(plane_point(size=100.0), SIZE, camera)
+        apart, together = (gatherer(table, count, interleave=n) for n in (interleave, 1))
+        raw = gatherer(table, count, interleave=interleave, blur=False)
+        assert np.abs(raw / together - 1).max() > 0.1
+        assert np.allclose(apart, together, rtol=2e-5)
+
+
+def test_blur_keeps_edges():
+    """A VPL between the planes of two squares lights the far one only, and none of it gets to the near one."""
+    near = quad((-2, 0, 0), (2, 0, 0), (0, 2, 0), matte(0.5))
+    far = quad((0, 0, -0.3), (2, 0, 0), (0, 2, 0), matte(0.5))
+    gatherer = Gatherer(Scene([Instance(near), Instance(far)]), (64, 36), Camera.look_at((0, 1, 3), (0, 1, 0)))
+    place = np.array((0.1, 1.0, -0.15)) - gatherer.upload.origin
+    table = vpl_texels([place] * 16, [(0, 0, -1)] * 16, [(1 / 16,) * 3] * 16, [0.01] * 16)
+    sharp, blurred = (gatherer(table, 16, interleave=n) for n in (1, 4))
+    lit = sharp.max(-1) > 0
+    assert 0.1 < lit.mean() < 0.5
+    assert np.array_equal(blurred.max(-1) > 0, lit)
+
+
+@pytest.mark.parametrize("scene", [closed_box, sphere_light])
+def test_rays_from_all_over_a_convex_room_meet_nothing(scene):
+    room = scene()
+    gatherer = Gatherer(room, (48, 27))
+    mesh = room.instances[0].mesh
+    corners = mesh.positions[mesh.triangles].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    count = min(len(corners), 64)
+    chosen = np.random.default_rng(0).permutation(len(corners))[:count]
+    places = corners[chosen].mean(1) - gatherer.upload.origin
+    table = vpl_texels(places, normals[chosen], np.ones((count, 3)), np.full(count, 0.1))
+    exact, free = (gatherer(table, count, interleave=2, visibility=v) for v in ("exact", "none"))
+    assert free.min() > 0
+    assert np.abs(exact - free).sum() < 1e-4 * free.sum()
+
+
+def test_rays_find_what_stands_between():
+    """A board between a VPL and a floor: its shadow is the board's central projection."""
+    scene = plane_point()
+    scene.instances.append(Instance(quad((-0.5, 0.5, -0.5), (0, 0, 1), (1, 0, 0), matte(0.5))))
+    # The board hides a part of the floor from the camera, too: look from below it.
+    camera = Camera.look_at((0, 0.4, 1.9), (0, 0, 0), yfov_deg=50)
+    gatherer = Gatherer(scene, SIZE, camera)
+    table = vpl_texels([(0, 1, 0) - gatherer.upload.origin], [(0, -1, 0)], [(1, 1, 1)], [0.001])
+    lit = gatherer(table, 1, interleave=1)
+    exact = gatherer(table, 1, interleave=1, visibility="exact")
+    hit = exact.max(-1) > 0
+    assert np.array_equal(exact[hit], lit[hit])
+    assert 0.2 < hit[lit.max(-1) > 0].mean() < 0.9
+
+
+def test_a_vpl_at_a_pixel_is_finite():
+    gatherer = Gatherer(plane_point(), (9, 9))
+    points = floor_points((9, 9)).reshape(-1, 3) - gatherer.upload.origin
+    up, down = (np.tile((0, y, 0), (81, 1)) for y in (1, -1))
+    for clamping in ("disc", "none"):
+        for normal in (up, down):
+            table = vpl_texels(points, normal, np.ones((81, 3)), np.zeros(81))
+            assert np.isfinite(gatherer(table, 81, interleave=1, clamping=clamping)).all()
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.1, 0.5])
+def test_a_mirrored_vpl_is_at_most_as_bright_as_its_disc(roughness):
+    """A metal floor below a VPL: no pixel shines more than the disc, Phi / (pi A), does."""
+    metal = Material(base_color=(1, 1, 1, 1), metallic=1.0, roughness=roughness)
+    scene = plane_point()
+    scene.instances = [Instance(quad((-4, 0, 4), (8, 0, 0), (0, 0, -8), metal))]
+    gatherer = Gatherer(scene, SIZE, Camera.look_at((0, 1, 2), (0, 0, 0)), diffuse=False)
+    table = vpl_texels([(0, 1, -2) - gatherer.upload.origin], [(0, -(0.5**0.5), 0.5**0.5)], [(1, 1, 1)], [0.02])
+    got = gatherer(table, 1, interleave=1)
+    disc = 1 / (np.pi * 0.02)
+    assert got.max() <= 1.01 * disc
+    # The highlight of a mirror is about as wide as a pixel.
+    assert got.max() > {0.0: 0.1, 0.1: 0.1, 0.5: 0.001}[roughness] * disc
+
+
+def test_interleaving_keeps_the_mean_of_a_coat():
+    scene = plane_point()
+    scene.instances[0].mesh.materials[0] = Material(base_color=(0.5, 0.4, 0.3, 1), metallic=0.0, roughness=0.6)
+    gatherer = Gatherer(scene, SIZE, diffuse=False)
+    table = many(64, low=(-1, 1, -1))
+    apart, together = (gatherer(table, 64, interleave=n) for n in (4, 1))
+    assert np.allclose(apart.mean((0, 1)), together.mean((0, 1)), rtol=0.05)

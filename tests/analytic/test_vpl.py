@@ -1,0 +1,113 @@
+"""Virtual point lights against closed forms: their flux adds up to what the surfaces reflect."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helpers.skies import gradient_sky
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.renderer import Renderer, Settings
+from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
+from wgpu_gi.scene.shapes import box, quad
+
+
+def drawn(scene, bounces, **fields):
+    """Return positions (n, 3) relative to the scene's origin, flux (n, 3) in W and areas (n,) of the lights."""
+    settings = Settings(gi="many-light", bounces=bounces, diffuse=True)
+    for name, value in fields.items():
+        setattr(settings.vpl, name, value)
+    settings.camera.jitter = False
+    camera = scene.cameras[0] if scene.cameras else Camera.look_at((0.5, 0.4, 0.3), (0, 0.1, 0))
+    renderer = Renderer(scene, size=(16, 16), camera=camera, settings=settings)
+    renderer.run(show=("indirect",), check=True)
+    table = renderer.graph.read_back("vpl/table").reshape(-1, 2, 4)[: settings.vpl.count].copy()
+    values = table.view(np.float32).astype(np.float64)
+    return values[:, 0, :3], values[:, 1, :3], values[:, 1, 3]
+
+
+def closed_box(albedo=0.5, lights=(), emission=0.0):
+    walls = box((-1, -1, -1), (1, 1, 1), matte(albedo, emission=emission, double_sided=True))
+    return Scene([Instance(walls)], list(lights))
+
+
+def test_point_light_in_a_closed_box():
+    """All of 4 pi I W is reflected once, by the albedo; colours stay apart."""
+    scene = closed_box((0.2, 0.5, 0.8), [PointLight((0.3, -0.2, 0.1), 3.0, (1.0, 0.5, 0.25))])
+    _, flux, area = drawn(scene, 1)
+    expected = 4 * math.pi * 3.0 * np.array([1.0, 0.5, 0.25]) * (0.2, 0.5, 0.8)
+    assert np.allclose(flux.sum(0), expected, rtol=2e-3)
+    # Together they stand for the walls, on which they lie.
+    assert area.sum() == pytest.approx(24, rel=0.05)
+
+
+def test_every_bounce_in_a_closed_box():
+    """rho + rho^2 + ... of the light; paths end after 32 bounces here."""
+    scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])
+    for bounces, expected in ((1, 0.5), (2, 0.75), (3, 0.875), (None, 1.0)):
+        _, flux, _ = drawn(scene, bounces, vertices=32, paths=16384)
+        assert flux.sum(0) == pytest.approx([4 * math.pi * 3.0 * expected] * 3, rel=0.02)
+
+
+def test_spot_and_sun():
+    """A spot's whole cone falls on the floor; of a sun it takes lux times area."""
+    floor = Instance(quad((-2, 0, -2), (0, 0, 4), (4, 0, 0), matte(0.6)))
+    half = 0.4
+    spot = SpotLight((0, 1, 0), (0, -1, 0), half, half + 1e-4, 5.0)
+    _, flux, _ = drawn(Scene([floor], [spot]), 1)
+    assert flux.sum(0) == pytest.approx([0.6 * 5.0 * 2 * math.pi * (1 - math.cos(half))] * 3, rel=0.01)
+    sun = DirectionalLight((0.6, -0.8, 0.0), 10.0)
+    _, flux, _ = drawn(Scene([floor], [sun]), 1)
+    assert flux.sum(0) == pytest.approx([0.6 * 10.0 * 0.8 * 16] * 3, rel=0.01)
+
+
+def test_emitter():
+    """A closed box that shines to the inside: pi L A W from all walls, reflected once."""
+    _, flux, _ = drawn(closed_box(0.5, emission=2.0), 1, paths=16384)
+    # Double-sided: half of the light leaves outwards and is lost.
+    assert flux.sum(0) == pytest.approx([0.5 * math.pi * 2.0 * 24] * 3, rel=0.02)
+
+
+@pytest.mark.parametrize("pictured", [False, True])
+def test_environment(pictured):
+    """A floor that sees all of a sky on both sides: irradiance pi L of a constant one; above and below of a picture."""
+    floor = Instance(quad((-2, 0, -2), (0, 0, 4), (4, 0, 0), matte(0.6)))
+    sky = Environment((1.0, 2.0, 3.0), gradient_sky(16, 5.0) if pictured else None)
+    position, flux, _ = drawn(Scene([floor], environment=sky), 1, paths=16384)
+    assert len(np.unique(position, axis=0)) > 500
+    if not pictured:
+        assert np.allclose(flux.sum(0), 2 * 0.6 * math.pi * 16 * np.array([1.0, 2.0, 3.0]), rtol=0.01)
+        return
+    image = np.asarray(sky.image, np.float64)
+    theta = (np.arange(image.shape[0]) + 0.5) / image.shape[0] * math.pi
+    weight = np.abs(np.cos(theta)) * np.sin(theta) * (math.pi / image.shape[0]) * (2 * math.pi / image.shape[1])
+    irradiance = (image * weight[:, None, None]).sum((0, 1)) * (1.0, 2.0, 3.0)
+    assert np.allclose(flux.sum(0), 0.6 * 16 * irradiance, rtol=0.03)
+
+
+@pytest.mark.parametrize("importance", ["flux", "view"])
+def test_importance_keeps_the_flux(importance):
+    """Only its share among lights changes: more of them where the view is, each with less."""
+    scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])
+    _, flux, _ = drawn(scene, 1, importance=importance)
+    assert flux.sum(0) == pytest.approx([0.5 * 4 * math.pi * 3.0] * 3, rel=0.03)
+    spread = flux[:, 0].std() / flux[:, 0].mean()
+    assert spread < 1e-3 if importance == "flux" else spread > 0.05
+
+
+def test_every_nth_light_is_a_sample_of_all():
+    scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])
+    position, flux, _ = drawn(scene, 1)
+    mean = (flux[:, :1] * position).sum(0) / flux[:, 0].sum()
+    for first in range(16):
+        part = slice(first, None, 16)
+        assert flux[part].sum() == pytest.approx(flux.sum() / 16, rel=1e-3)
+        assert np.abs((flux[part, :1] * position[part]).sum(0) / flux[part, 0].sum() - mean).max() < 0.1
+
+
+def test_black_surfaces_make_black_lights():
+    _, flux, _ = drawn(closed_box(0.0, [PointLight((0, 0, 0), 3.0)]), None)
+    assert not flux.any()

@@ -1,0 +1,77 @@
+"""What a frame of many-light keeps: light does not depend on the camera, points on surfaces not on light."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.medley import at
+from helpers.techniques import SCENES, make_settings
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.renderer import Renderer
+
+SHOW = ("radiance",)
+LIGHT = {"rsm", "vpl/walk", "vpl/weigh", "vpl/total", "vpl/select", "ism/rays", "ism/fill"}
+VIEW = {"gbuffer/resolve", "direct/light", "gather/bounds", "gather/lists", "gather", "denoise/columns"}
+
+
+def passes(renderer):
+    """Step once; return the names of the passes that ran, and of those that were kept, by the plan."""
+    assert renderer.step(show=SHOW)
+    states = [line.split()[:2] for line in renderer.plan().splitlines()[1:]]
+    ran, kept = ({name for name, state in states if state == wanted} for wanted in ("ran", "kept"))
+    assert ran == set(renderer.graph.last_run)
+    return ran, kept
+
+
+@pytest.fixture
+def renderer():
+    """A room that has been lit and seen."""
+    renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=make_settings("many-light"))
+    ran, _ = passes(renderer)
+    assert ran >= LIGHT | VIEW | {"points"}
+    assert not renderer.step(show=SHOW)
+    return renderer
+
+
+def move_camera(renderer):
+    renderer.camera = Camera.look_at((2.7, 2.7, -7.0), (2.7, 2.7, 0.0))
+
+
+def test_a_camera_move_keeps_the_lights(renderer):
+    move_camera(renderer)
+    ran, kept = passes(renderer)
+    assert ran >= VIEW and kept >= LIGHT | {"points", "shadow/opaque"}
+
+
+def test_lights_for_the_view_follow_it(renderer):
+    """Drawn by what they may give to the view, of what was found without it."""
+    renderer.settings.vpl.importance = "view"
+    passes(renderer)
+    move_camera(renderer)
+    ran, kept = passes(renderer)
+    assert ran >= VIEW | {"vpl/view_points", "vpl/select", "ism/rays"} and kept >= {"points", "rsm", "vpl/walk"}
+
+
+def test_a_light_move_keeps_points_and_the_view(renderer):
+    renderer.scene.lights[0].position = np.array((2.0, 4.0, 2.0))
+    ran, kept = passes(renderer)
+    assert ran >= LIGHT | {"shadow/opaque", "direct/light", "gather", "denoise/columns"}
+    assert kept >= {"points", "gbuffer/resolve", "gather/bounds"}
+
+
+def test_a_moved_mesh_keeps_nothing(renderer):
+    renderer.scene.instances[0].world_from_local = at(0.0, 0.1) @ renderer.scene.instances[0].world_from_local
+    ran, kept = passes(renderer)
+    assert ran >= LIGHT | VIEW | {"points"} and not kept
+
+
+def test_frames_of_a_picture_draw_other_lights(renderer):
+    """On surfaces that stay where they are."""
+    renderer.settings.camera.frames = 3
+    passes(renderer)
+    lists = [renderer.graph.read_back("vpl/table").tobytes()]
+    while renderer.step(show=SHOW):
+        lists.append(renderer.graph.read_back("vpl/table").tobytes())
+        assert "points" not in renderer.graph.last_run
+    assert len(set(lists)) == 3

@@ -1,0 +1,71 @@
+"""Indirect light of many-light against references by Mitsuba 3 (`helpers/references.py` tells of them)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.references import SIZE, layers_of, scene_of
+
+from wgpu_gi.metrics import bias, relmse
+from wgpu_gi.renderer import Renderer, Settings
+from wgpu_gi.settings import assign
+
+# Little of what is seen here is that paths end or that light is blurred over edges: rays instead of maps.
+FINE = (
+    "gather.visibility=exact",
+    "gather.interleave=2",
+    "vpl.count=2048",
+    "vpl.paths=32768",
+    "vpl.vertices=32",
+)
+# The most bias and relMSE of light of one bounce and of all: what was measured, and little more. The bound of near
+# lights takes the most where lights stand for large areas, as those of the sky do: from corners.
+BOUNDS = {
+    "cornell_area": [(0.005, 0.005), (0.026, 0.0035)],
+    "cornell_point": [(0.01, 0.0065), (0.021, 0.0055)],
+    "cornell_spot": [(0.002, 0.015), (0.012, 0.0035)],
+    "leak_corridor_a": [(0.02, 0.024), (0.02, 0.034)],
+    "courtyard_sun": [(0.07, 0.031), (0.1, 0.027)],
+    "courtyard_sky": [(0.1, 0.034), (0.12, 0.027)],
+}
+
+
+def drawn(name, bounces, *texts):
+    """Return the indirect light of the pixel centres, the mean of four frames."""
+    settings = Settings(gi="many-light", diffuse=True, bounces=bounces)
+    settings.camera.jitter, settings.camera.frames = False, 4
+    for text in texts:
+        assign(settings, text)
+    renderer = Renderer(scene_of(name), size=SIZE, settings=settings)
+    renderer.run(show=("indirect",), check=True)
+    return renderer.read_back("indirect")
+
+
+def truth_of(name, bounces):
+    layers = layers_of(name)
+    return layers["one"] if bounces == 1 else layers["one"] + layers["multi"]
+
+
+@pytest.mark.parametrize("bounces", [1, None])
+@pytest.mark.parametrize("name", BOUNDS)
+def test_exact_visibility(name, bounces):
+    got, truth = drawn(name, bounces, *FINE), truth_of(name, bounces)
+    most_bias, most_error = BOUNDS[name][bounces is None]
+    assert abs(bias(got, truth)) <= most_bias
+    assert relmse(got, truth) <= most_error
+
+
+@pytest.mark.parametrize("name", ["cornell_area", "cornell_point"])
+def test_without_a_bound_nothing_is_lost(name):
+    """No factor is missing: what the bound of near lights takes comes back as noise in corners."""
+    got, truth = drawn(name, None, *FINE, "gather.clamping=none"), truth_of(name, None)
+    assert abs(bias(got, truth)) <= 0.015
+    assert abs(np.median(got / np.maximum(truth, 1e-9)) - 1) <= 0.008
+
+
+@pytest.mark.parametrize("bounces", [1, None])
+def test_imperfect_shadow_maps(bounces):
+    """At the defaults."""
+    got, truth = drawn("cornell_point", bounces), truth_of("cornell_point", bounces)
+    assert abs(bias(got, truth)) <= 0.05
+    assert relmse(got, truth) <= 0.03

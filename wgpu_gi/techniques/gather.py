@@ -1,0 +1,116 @@
+"""The gathering of light from VPLs, interleaved: each pixel sees those of its class.
+
+Linke 2016, "Many-Light-Rendering mit Imperfect Shadow Maps", section on interleaved gathering. Departures: fall-off
+1/d^2, bounded by the VPL's area; each workgroup finds its pixels by index arithmetic, nothing is split or merged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..gpu.graph import Graph
+from ..gpu.handles import Buffer
+from ..gpu.wgsl import load
+from ..settings import setting
+from .clusters import Clusters, declare_clusters
+from .gbuffer import FOUR_FLOATS, Gbuffer
+from .ism import Ism
+from .scene_inputs import SceneInputs
+from .vpl import Vpls
+
+_GROUP = tuple(int(load("gather/pixels.wgsl").constants[name]) for name in ("GROUP_X", "GROUP_Y"))
+_PIXELS = int(load("gather/pixels.wgsl").constants["PIXELS"])
+
+
+@dataclass
+class GatherSettings:
+    """How pixels gather light from VPLs."""
+
+    interleave: int = setting(
+        4, "Side of the squares of pixels that share the VPLs among them.", "pixels", range=(1, 8)
+    )
+    culling: str = setting(
+        "tiled",
+        "Leave out VPLs that cannot light a tile of the picture, or a cluster of its pixels by distance.",
+        choices=("none", "tiled", "clustered"),
+    )
+    visibility: str = setting(
+        "ism",
+        "What tells whether a pixel sees a VPL: imperfect shadow maps, rays, or nothing.",
+        choices=("ism", "exact", "none"),
+        presets={"high": "exact"},
+    )
+    clamping: str = setting(
+        "disc", "Bound of the light of near VPLs: that of a disc of their area, or none.", choices=("disc", "none")
+    )
+
+
+@dataclass
+class Gathered:
+    """What VPLs give to each pixel, each class from its own ones. Clear where there is nothing to light.
+
+    irradiance: (r, g, b) in W/m2 and the depth as `wgsl/denoise/plane.wgsl` has it, 0 where there is nothing.
+    normals: packed as there. glossy: the light that coats reflect, W/(m2 sr), over `coat_tint` of
+    `wgsl/gather/coat.wgsl`; None if no material is coated. interleave: the side of the squares whose pixels differ.
+    clusters: the lists that they went by.
+    """
+
+    irradiance: Buffer
+    glossy: Buffer | None
+    normals: Buffer
+    interleave: int
+    clusters: Clusters
+
+
+def declare_gather(
+    graph: Graph, settings: GatherSettings, scene: SceneInputs, gbuffer: Gbuffer, vpls: Vpls, ism: Ism | None
+) -> Gathered:
+    """Declare the irradiance by VPLs; `ism` is there if `settings.visibility` is "ism"."""
+    width, height = graph.size
+    n = settings.interleave
+    irradiance = graph.buffer(
+        "gather/irradiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
+    )
+    coated = scene.features["HAS_COATS"]
+    glossy = graph.buffer(
+        "gather/glossy", dtype=FOUR_FLOATS, count=width * height if coated else 1, width=width, nonnegative=True
+    )
+    normals = graph.buffer("gather/normals", dtype=np.uint32, count=width * height, width=width)
+    clusters = declare_clusters(graph, settings.culling, gbuffer, vpls, n)
+    # Whole workgroups of each class.
+    block = (_GROUP[0] * n, _GROUP[1] * _PIXELS * n)
+    threads = (-(-width // block[0]) * _GROUP[0], -(-height // block[1]) * n * n * _GROUP[1])
+    shader = f"gather/{settings.visibility}.wgsl"
+    exact = settings.visibility == "exact"
+    maps = ism if settings.visibility == "ism" else None
+    assert maps is not None or settings.visibility != "ism"
+    words = -(-vpls.count // (32 * n * n))
+    for first in range(words if exact else 1):
+        graph.compute(
+            f"gather_{first}" if first else "gather",
+            shader,
+            over=threads,
+            reads={
+                "surfaces": gbuffer.surfaces,
+                "distance": gbuffer.distance,
+                "vpl_table": vpls.table,
+                **clusters.reads,
+                **(scene.surfaces if exact else {}),
+                **(maps.reads if maps is not None else {}),
+            },
+            writes={"irradiance": irradiance, "glossy": glossy, "normals": normals},
+            params={"first": first} if exact else None,
+            constants={
+                **scene.constants(shader),
+                **clusters.constants,
+                **(maps.constants if maps is not None else {}),
+                "INTERLEAVE": n,
+                "VPLS": vpls.count,
+                "ADDED": exact,
+                "BOUNDED": settings.clamping == "disc",
+            },
+            clear=[irradiance, glossy] if exact and not first else (),
+        )
+    return Gathered(irradiance, glossy if coated else None, normals, n, clusters)

@@ -1,0 +1,49 @@
+"""How much of the environment's light each pixel's surface sees, by a few rays each and a blur.
+
+Interleaved as the gathering of virtual point lights is (Segovia et al. 2006), so that the same blur serves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..gpu.graph import Graph
+from ..gpu.handles import Buffer
+from .denoise import declare_blur
+from .environment import EnvironmentSettings
+from .gbuffer import FOUR_FLOATS, Gbuffer
+from .scene_inputs import SceneInputs
+
+INTERLEAVE = 4  # side of the squares of pixels that share directions; chosen
+
+
+def declare_sky_occlusion(
+    graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, gbuffer: Gbuffer, seed: int
+) -> Buffer | None:
+    """Declare the share of the environment that arrives, (r, g, b, -) per pixel; None where nothing occludes it."""
+    if not (settings.ambient and settings.rays and scene.features["HAS_ENVIRONMENT"]):
+        absent = not scene.features["HAS_ENVIRONMENT"]
+        graph.skip("sky/occlusion", "there is no environment" if absent else "environment.rays is 0 or ambient off")
+        return None
+    width, height = graph.size
+    occlusion = graph.buffer("sky/occlusion", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    normals = graph.buffer("sky/normals", dtype=np.uint32, count=width * height, width=width)
+    shader = "sky/occlusion.wgsl"
+    graph.compute(
+        "sky/occlusion",
+        shader,
+        indirect=gbuffer.tile_groups,
+        reads={
+            **scene.surfaces,
+            **gbuffer.tiles,
+            "environment": scene.lights["environment"],
+            "visibility": gbuffer.visibility,
+            "surfaces": gbuffer.surfaces,
+            "distance": gbuffer.distance,
+        },
+        writes={"occlusion": occlusion, "normals": normals},
+        params={"seed": seed},
+        constants={**scene.constants(shader), "RAYS": settings.rays, "INTERLEAVE": INTERLEAVE},
+        clear=[occlusion],
+    )
+    return declare_blur(graph, "sky", gbuffer, occlusion, normals, INTERLEAVE)

@@ -1,0 +1,67 @@
+"""Irradiance averaged over frames, where reprojection finds the same surface again.
+
+Nehab et al. 2007, "Accelerating Real-Time Shading with Reverse Reprojection Caching". Departure: the mean of all frames
+at first, so that a surface that comes into view is not a fixed share of its first frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..gpu.graph import Graph
+from ..gpu.handles import Buffer
+from ..settings import setting
+from .gather import Gathered
+from .gbuffer import FOUR_FLOATS, Gbuffer
+from .scene_inputs import SceneInputs
+
+SHADER = "temporal/accumulate.wgsl"
+_HISTORY = np.dtype((np.uint32, 4))
+
+
+@dataclass
+class TemporalSettings:
+    """How light is averaged over frames."""
+
+    frames: int = setting(1, "Frames that indirect light is averaged over; 1 for none.", "frames", range=(1, 255))
+
+
+@dataclass
+class Accumulated:
+    """What VPLs give to each pixel in the mean; `rejected`: the share of each pixel's history that was left out."""
+
+    gathered: Gathered
+    rejected: Buffer
+
+
+def declare_temporal(
+    graph: Graph,
+    settings: TemporalSettings,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    motion: Buffer,
+    gathered: Gathered,
+) -> Accumulated:
+    """Declare the mean over frames of the irradiance; what coats reflect changes with the view and is left alone."""
+    width, height = graph.size
+    count = width * height
+    history = graph.buffer("temporal/history", dtype=_HISTORY, count=count, width=width, history=True)
+    averaged = graph.buffer("temporal/irradiance", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
+    rejected = graph.buffer("temporal/rejected", count=count, width=width, nonnegative=True)
+    graph.compute(
+        "temporal/accumulate",
+        SHADER,
+        over=(width, height),
+        reads={
+            "irradiance": gathered.irradiance,
+            "motion": motion,
+            "before": history.previous,
+            "surfaces": gbuffer.surfaces,
+            "distance": gbuffer.distance,
+        },
+        writes={"kept": history, "averaged": averaged, "rejected": rejected},
+        constants={**scene.constants(SHADER), "FRAMES": settings.frames},
+    )
+    return Accumulated(replace(gathered, irradiance=averaged), rejected)

@@ -1,0 +1,135 @@
+// One invocation averages the light of four neighbours in a row (or a column) over their own ones: the two passes
+// together remove the pattern of interleaved gathering.
+//
+// Weights are a tent of half-width n, which sums to the same over each class of pixels n apart, so that on flat
+// surfaces nothing of an n-periodic pattern is left; beyond the picture's border taps wrap back by n, which keeps that
+// true. Across edges they are cut off by the distance from the tangent plane and by the angle of normals. In: light W/m2
+// with depth, what coats reflect, G-buffer. Out: the same, and in the last pass the radiance reflected, W/(m2 sr). Errs
+// blurry where light changes within n pixels, and leaves some of the pattern beside edges.
+#import "denoise/plane.wgsl"
+#import "gbuffer/load.wgsl"
+#import "gather/coat.wgsl"
+#import "scene/sequence.wgsl"
+
+override RADIUS: u32 = 4u;     // n; 1 is no blur
+override VERTICAL: bool = false;
+override LAST: bool = false;   // out: radiance
+
+@group(1) @binding(11) var<storage, read> light: array<vec4f>;
+@group(1) @binding(12) var<storage, read> normals: array<u32>;
+@group(1) @binding(13) var<storage, read_write> blurred: array<vec4f>;
+@group(1) @binding(14) var<storage, read> glossy: array<vec4f>;
+@group(1) @binding(15) var<storage, read_write> blurred_glossy: array<vec4f>;
+
+// A neighbour counts nothing if it lies off the tangent plane by this share of RADIUS, in widths of a pixel: surfaces
+// that bend by 14 degrees stay together. Chosen: narrower ones leave more noise in a single frame of Sponza, wider ones
+// more light of neighbours at edges.
+const OFF_PLANE: f32 = 0.25;
+// or if the cosine of the normals is below 1 minus the inverse of this: 37 degrees, as the thesis has it.
+const PER_NORMAL: f32 = 5.0;
+
+// From this frame of a still picture on, the blur is 2 pixels wide: the mean over frames removes the pattern by itself,
+// with less loss at edges, once every pixel has seen the VPLs of all classes as often. Of interleaving by 4, that is so
+// after each 16 frames.
+const SHARP_FROM: u32 = 16u;
+
+struct Center {
+    normal: vec3f,
+    depth: f32,
+    plane: Plane,
+}
+
+fn load_center(pixel: vec2u) -> Center {
+    let inside = min(pixel, view.size - 1u);
+    let index = inside.y * view.size.x + inside.x;
+    let normal = unpack_view_normal(normals[index]);
+    let depth = light[index].w;
+    return Center(normal, depth, tangent_plane(inside, depth, normal));
+}
+
+fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
+    if (any(pixel >= view.size)) {
+        return;
+    }
+    // The pixel itself counts with a weight close to 1, if there is something to light.
+    let inverse = 1.0 / max(sum.w, 0.5);
+    let color = sum.rgb * inverse;
+    let index = pixel.y * view.size.x + pixel.x;
+    let coat = shine * inverse;
+    if (LAST) {
+        let surface = load_surface(pixel);
+        let brdf = gbuffer_brdf(surface);
+        var radiance = color * brdf.diffuse * INV_PI;
+        if (HAS_COATS) {
+            radiance += coat * coat_tint(brdf, surface.normal, -pixel_ray(pixel).direction);
+        }
+        blurred[index] = vec4f(radiance, 1.0);
+    } else {
+        blurred[index] = vec4f(color, depth);
+        if (HAS_COATS) {
+            blurred_glossy[index] = vec4f(coat, 1.0);
+        }
+    }
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let step = select(vec2u(1u, 0u), vec2u(0u, 1u), VERTICAL);
+    let first = id.xy * (1u + 3u * step);
+    if (any(first >= view.size)) {
+        return;
+    }
+    let a = load_center(first);
+    let b = load_center(first + step);
+    let c = load_center(first + 2u * step);
+    let d = load_center(first + 3u * step);
+    // Scaled so that both are 1 where a neighbour counts nothing.
+    let normal = transpose(mat4x3f(a.normal, b.normal, c.normal, d.normal)) * PER_NORMAL;
+    let depth = vec4f(a.depth, b.depth, c.depth, d.depth);
+    let per_pixel = 1.0 / (OFF_PLANE * f32(RADIUS));
+    let factor = vec4f(a.plane.factor, b.plane.factor, c.plane.factor, d.plane.factor) * per_pixel;
+    let at = vec4f(a.plane.at, b.plane.at, c.plane.at, d.plane.at) * per_pixel;
+    let across = transpose(mat4x2f(a.plane.across, b.plane.across, c.plane.across, d.plane.across));
+    let slope = select(across[0], across[1], VERTICAL) * per_pixel;
+
+    let side = i32(RADIUS);
+    let start = i32(dot(first, step));
+    let end = i32(dot(view.size, step));
+    var sum = mat4x4f();
+    var shine = mat3x4f();
+    for (var k = 1 - side; k < 4 + side - 1; k += 1) {
+        let place = start + k;
+        let wrapped = place + select(0, side, place < 0) - select(0, side, place >= end);
+        // A picture smaller than the tent has no such pixel.
+        let inside = clamp(wrapped, 0, end - 1);
+        let pixel = first - step * u32(start) + step * u32(inside);
+        let index = pixel.y * view.size.x + pixel.x;
+        let tap = light[index];
+        let tap_normal = unpack_view_normal(normals[index]);
+        let off = abs(f32(k) - vec4f(0.0, 1.0, 2.0, 3.0));
+        let width = select(f32(RADIUS), min(2.0, f32(RADIUS)), sequence.index >= SHARP_FROM);
+        let tent = max(1.0 - off / width, vec4f(0.0));
+        let away = f32(wrapped - start) - vec4f(0.0, 1.0, 2.0, 3.0);
+        let off_plane = at + slope * away - factor * tap.w;
+        let off_normal = PER_NORMAL - (normal[0] * tap_normal.x + normal[1] * tap_normal.y + normal[2] * tap_normal.z);
+        let kept = max(1.0 - off_plane * off_plane - off_normal * off_normal, vec4f(0.0));
+        let lit = vec4<bool>((tap.w > 0.0) & (inside == wrapped)) & (depth > vec4f(0.0));
+        let weight = tent * select(vec4f(0.0), kept, lit);
+        sum[0] += tap.r * weight;
+        sum[1] += tap.g * weight;
+        sum[2] += tap.b * weight;
+        sum[3] += weight;
+        if (HAS_COATS) {
+            let coat = glossy[index];
+            shine[0] += coat.r * weight;
+            shine[1] += coat.g * weight;
+            shine[2] += coat.b * weight;
+        }
+    }
+    let sums = transpose(sum);
+    let shines = transpose(shine);
+    store(first, sums[0], shines[0], a.depth);
+    store(first + step, sums[1], shines[1], b.depth);
+    store(first + 2u * step, sums[2], shines[2], c.depth);
+    store(first + 3u * step, sums[3], shines[3], d.depth);
+}
