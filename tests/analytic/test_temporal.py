@@ -35,9 +35,8 @@ class Accumulator:
         scene = share_scene(graph, self.bench.upload)
         gbuffer = declare_gbuffer(graph, scene)[0]
         irradiance, moved = (graph.share(n, b, self.version) for n, b in zip(("light", "motion"), buffers, strict=True))
-        found = declare_temporal(
-            graph, TemporalSettings(self.frames), scene, gbuffer, moved, Gathered(irradiance, None, irradiance, 1, Clusters({}, {}))
-        )
+        gathered = Gathered(irradiance, None, irradiance, 1, Clusters({}, {}))
+        found = declare_temporal(graph, TemporalSettings(self.frames), scene, gbuffer, moved, gathered)
         graph.compile([found.gathered.irradiance, found.rejected, gbuffer.distance])
         graph.run(check=True)
         self.distance = graph.read_back(gbuffer.distance)[..., 0]
