@@ -1,7 +1,8 @@
 """The blur that removes the pattern of interleaved gathering, aware of edges, and turns irradiance into radiance.
 
-Linke 2016, "Many-Light-Rendering mit Imperfect Shadow Maps", section on the geometry-aware blur. Departures: depths are
-compared with the pixel's tangent plane, in widths of a pixel; taps beyond the picture wrap back by the period.
+Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination", its
+geometry-aware blur. Departures: depths are compared with the pixel's tangent plane, in widths of a pixel; taps beyond
+the picture wrap back by the period.
 """
 
 from __future__ import annotations

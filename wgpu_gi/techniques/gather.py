@@ -1,7 +1,8 @@
 """The gathering of light from VPLs, interleaved: each pixel sees those of its class.
 
-Linke 2016, "Many-Light-Rendering mit Imperfect Shadow Maps", section on interleaved gathering. Departures: fall-off
-1/d^2, bounded by the VPL's area; each workgroup finds its pixels by index arithmetic, nothing is split or merged.
+Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination", sections 3.4
+and 4.5. Departures: fall-off 1/d^2, bounded by the VPL's area; each workgroup finds its pixels by index arithmetic,
+nothing is split or merged.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 Ritschel et al. 2008, "Imperfect Shadow Maps for Efficient Computation of Indirect Illumination"; Linke 2016, section
 3.3. Departures: a few rays from each light find points where it looks, so that nothing near it is missed, beside or
 instead of points spread over all surfaces; at silhouettes of large surfaces each texel has a ray; texels hold a plane
-instead of a distance; all texels have the same solid angle (octahedral maps err at their seams, for no plane is flat
-there; paraboloids are coarse straight ahead); discs lie in the plane of their surface.
+instead of a distance; all texels have the same solid angle, which leaked less behind a thin screen than octahedral
+maps and was no worse there than paraboloids; discs lie in the plane of their surface.
 """
 
 from __future__ import annotations
