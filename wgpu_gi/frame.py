@@ -221,7 +221,8 @@ def _declare_deferred(
     atlas = declare_shadow_maps(graph, scene, shadows)
     sky: Buffer | None = None
     if settings.gi != "none":
-        sky = declare_sky_occlusion(graph, settings.environment, scene, gbuffer, settings.seed)
+        frames = picture_count(settings)
+        sky = declare_sky_occlusion(graph, settings.environment, scene, gbuffer, settings.seed, frames)
     direct = declare_direct(graph, settings.direct, scene, gbuffer, atlas, ambient, sky)
     indirect: Buffer | None = None
     views: dict[str, Buffer] = {}
@@ -246,10 +247,10 @@ def _declare_many_light(
         return None, {}
     vpls = declare_vpls(graph, settings.vpl, rsm, walk, gbuffer, settings.seed)
     ism = declare_ism(graph, settings.ism, scene, points, vpls) if settings.gather.visibility == "ism" else None
-    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism)
+    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, settings.seed)
     views = declare_vpl_view(graph, vpls) | declare_list_view(graph, settings.gather, gbuffer, gathered.clusters, vpls)
     if rsm is not None:
         views |= declare_rsm_views(graph, scene, rsm)
     if settings.temporal.frames > 1:
         gathered = declare_temporal(graph, settings.temporal, scene, gbuffer, motion, gathered).gathered
-    return declare_denoise(graph, settings.denoise, gbuffer, gathered), views
+    return declare_denoise(graph, settings.denoise, gbuffer, gathered, picture_count(settings)), views

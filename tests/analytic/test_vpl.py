@@ -18,7 +18,8 @@ from wgpu_gi.scene.shapes import box, quad
 def drawn(scene, bounces, **fields):
     """Return positions (n, 3) relative to the scene's origin, flux (n, 3) in W and areas (n,) of the lights."""
     settings = Settings(gi="many-light", bounces=bounces, diffuse=True)
-    for name, value in fields.items():
+    # By flux alone the sum is exact.
+    for name, value in {"count": 1024, "importance": "flux", **fields}.items():
         setattr(settings.vpl, name, value)
     settings.camera.jitter = False
     camera = scene.cameras[0] if scene.cameras else Camera.look_at((0.5, 0.4, 0.3), (0, 0.1, 0))

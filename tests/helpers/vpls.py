@@ -68,8 +68,8 @@ class Gatherer:
         gbuffer = declare_gbuffer(graph, scene)[0]
         vpls = Vpls(graph.share("vpl/table", texture), count)
         choice = GatherSettings(**{"visibility": "none", **settings})
-        gathered = declare_gather(graph, choice, scene, gbuffer, vpls, None)
-        indirect = declare_denoise(graph, DenoiseSettings(blur), gbuffer, gathered)
+        gathered = declare_gather(graph, choice, scene, gbuffer, vpls, None, 0)
+        indirect = declare_denoise(graph, DenoiseSettings(4 if blur else 1), gbuffer, gathered, 1)
         graph.compile([indirect])
         graph.run(force=True, check=True)
         pixels = graph.read_back(indirect).reshape(self.size[1], self.size[0], 4)

@@ -1,33 +1,47 @@
-"""The blur that removes the pattern of interleaved gathering, aware of edges, and turns irradiance into radiance.
+"""The blur that removes the pattern of interleaved gathering and noise, and turns irradiance into radiance.
 
 Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination", its
 geometry-aware blur. Departures: depths are compared with the pixel's tangent plane, in widths of a pixel; taps beyond
-the picture wrap back by the period.
+the picture wrap back by the period; from the third frame of a still picture on, pixels are kept apart whose mean light
+so far differs by more than its noise (as in Rousselle et al. 2012, "Adaptive Rendering with Non-Local Means
+Filtering", variances tell differences from noise, here of single pixels).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
+from ..gpu.wgsl import load
 from ..settings import setting
 from .gather import Gathered
 from .gbuffer import FOUR_FLOATS, Gbuffer
 
 SHADER = "denoise/blur.wgsl"
+GUIDED_FROM = int(load(SHADER).constants["GUIDED_FROM"])
+TWO_FLOATS = np.dtype((np.float32, 2))
 
 
 @dataclass
 class DenoiseSettings:
     """How the light of neighbouring pixels is averaged."""
 
-    blur: bool = setting(True, "Average over the squares of pixels that share the VPLs among them, up to edges.")
+    radius: int = setting(
+        4,
+        "Pixels that light is averaged over, up to edges; at least the side of squares that share VPLs; 1 is off.",
+        "pixels",
+        range=(1, 8),
+    )
 
 
-def declare_denoise(graph: Graph, settings: DenoiseSettings, gbuffer: Gbuffer, gathered: Gathered) -> Buffer:
-    """Declare the indirect light: (r, g, b, 1) per pixel, W/(m2 sr)."""
-    radius = gathered.interleave if settings.blur else 1
+def declare_denoise(
+    graph: Graph, settings: DenoiseSettings, gbuffer: Gbuffer, gathered: Gathered, frames: int
+) -> Buffer:
+    """Declare the indirect light: (r, g, b, 1) per pixel, W/(m2 sr). `frames` make a still picture."""
+    radius = max(settings.radius, gathered.interleave) if settings.radius > 1 else 1
     return declare_blur(
         graph,
         "denoise",
@@ -35,6 +49,7 @@ def declare_denoise(graph: Graph, settings: DenoiseSettings, gbuffer: Gbuffer, g
         gathered.irradiance,
         gathered.normals,
         radius,
+        frames,
         glossy=gathered.glossy,
         reflected=True,
     )
@@ -47,6 +62,7 @@ def declare_blur(
     light: Buffer,
     normals: Buffer,
     radius: int,
+    frames: int,
     *,
     glossy: Buffer | None = None,
     reflected: bool = False,
@@ -59,7 +75,24 @@ def declare_blur(
     width, height = graph.size
     nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
     has_coats = glossy is not None
-    guides = {"normals": normals, "surfaces": gbuffer.surfaces}
+    guided = radius > 1 and frames > GUIDED_FROM
+    moments = graph.buffer(f"{name}/moments", dtype=TWO_FLOATS, count=light.count if guided else 1, width=width)
+    if guided:
+        graph.compute(
+            f"{name}/moments",
+            "denoise/moments.wgsl",
+            over=(width, height),
+            reads={"light": light},
+            writes={"moments": moments},
+        )
+    else:
+        graph.skip(f"{name}/moments", "nothing is blurred, or the picture has too few frames")
+    guides = {
+        "normals": normals,
+        "surfaces": gbuffer.surfaces,
+        "moments": moments if guided else graph.neutral("buffer"),
+    }
+    constants = {"RADIUS": radius, "GUIDED": guided}
 
     def layer(part: str) -> Buffer:
         return graph.buffer(f"{name}/{part}", dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)
@@ -72,11 +105,11 @@ def declare_blur(
             over=(-(-width // 4), height),
             reads={"light": light, "glossy": glossy or graph.neutral("buffer"), **guides},
             writes={"blurred": rows, "blurred_glossy": glossy_rows},
-            constants={"HAS_COATS": has_coats, "RADIUS": radius, "VERTICAL": False, "LAST": False},
+            constants={**constants, "HAS_COATS": has_coats, "VERTICAL": False, "LAST": False},
         )
         light, glossy = rows, glossy_rows if has_coats else None
     else:
-        graph.skip(f"{name}/rows", "pixels share nothing, or denoise.blur is off")
+        graph.skip(f"{name}/rows", "nothing is blurred")
     blurred = layer("columns")
     graph.compute(
         f"{name}/columns",
@@ -84,6 +117,6 @@ def declare_blur(
         over=(width, -(-height // 4)),
         reads={"light": light, "glossy": glossy or graph.neutral("buffer"), **guides},
         writes={"blurred": blurred, "blurred_glossy": nothing},
-        constants={"HAS_COATS": has_coats and reflected, "RADIUS": radius, "VERTICAL": True, "LAST": reflected},
+        constants={**constants, "HAS_COATS": has_coats and reflected, "VERTICAL": True, "LAST": reflected},
     )
     return blurred

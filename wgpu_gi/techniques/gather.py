@@ -38,11 +38,12 @@ class GatherSettings:
         choices=("none", "tiled", "clustered"),
     )
     visibility: str = setting(
-        "ism",
-        "What tells whether a pixel sees a VPL: imperfect shadow maps, rays, or nothing.",
-        choices=("ism", "exact", "none"),
-        presets={"high": "exact"},
+        "sampled",
+        "What tells whether a pixel sees a VPL: rays to a few VPLs drawn by their light, imperfect shadow maps, a ray"
+        " to each VPL, or nothing.",
+        choices=("sampled", "ism", "exact", "none"),
     )
+    rays: int = setting(1, "Rays of each pixel, of visibility `sampled`.", "rays", range=(1, 8), presets={"high": 4})
     clamping: str = setting(
         "disc", "Bound of the light of near VPLs: that of a disc of their area, or none.", choices=("disc", "none")
     )
@@ -66,7 +67,7 @@ class Gathered:
 
 
 def declare_gather(
-    graph: Graph, settings: GatherSettings, scene: SceneInputs, gbuffer: Gbuffer, vpls: Vpls, ism: Ism | None
+    graph: Graph, settings: GatherSettings, scene: SceneInputs, gbuffer: Gbuffer, vpls: Vpls, ism: Ism | None, seed: int
 ) -> Gathered:
     """Declare the irradiance by VPLs; `ism` is there if `settings.visibility` is "ism"."""
     width, height = graph.size
@@ -85,6 +86,7 @@ def declare_gather(
     threads = (-(-width // block[0]) * _GROUP[0], -(-height // block[1]) * n * n * _GROUP[1])
     shader = f"gather/{settings.visibility}.wgsl"
     exact = settings.visibility == "exact"
+    sampled = settings.visibility == "sampled"
     maps = ism if settings.visibility == "ism" else None
     assert maps is not None or settings.visibility != "ism"
     words = -(-vpls.count // (32 * n * n))
@@ -98,11 +100,11 @@ def declare_gather(
                 "distance": gbuffer.distance,
                 "vpl_table": vpls.table,
                 **clusters.reads,
-                **(scene.surfaces if exact else {}),
+                **(scene.surfaces if exact or sampled else {}),
                 **(maps.reads if maps is not None else {}),
             },
             writes={"irradiance": irradiance, "glossy": glossy, "normals": normals},
-            params={"first": first} if exact else None,
+            params={"first": first} if exact else {"seed": seed} if sampled else None,
             constants={
                 **scene.constants(shader),
                 **clusters.constants,
@@ -110,6 +112,7 @@ def declare_gather(
                 "INTERLEAVE": n,
                 "VPLS": vpls.count,
                 "ADDED": exact,
+                **({"RAYS": settings.rays} if sampled else {}),
                 "BOUNDED": settings.clamping == "disc",
             },
             clear=[irradiance, glossy] if exact and not first else (),

@@ -18,7 +18,7 @@ INTERLEAVE = 4  # side of the squares of pixels that share directions; chosen
 
 
 def declare_sky_occlusion(
-    graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, gbuffer: Gbuffer, seed: int
+    graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, gbuffer: Gbuffer, seed: int, frames: int
 ) -> Buffer | None:
     """Declare the share of the environment that arrives, (r, g, b, -) per pixel; None where nothing occludes it."""
     if not (settings.ambient and settings.rays and scene.features["HAS_ENVIRONMENT"]):
@@ -46,4 +46,4 @@ def declare_sky_occlusion(
         constants={**scene.constants(shader), "RAYS": settings.rays, "INTERLEAVE": INTERLEAVE},
         clear=[occlusion],
     )
-    return declare_blur(graph, "sky", gbuffer, occlusion, normals, INTERLEAVE)
+    return declare_blur(graph, "sky", gbuffer, occlusion, normals, INTERLEAVE, frames)

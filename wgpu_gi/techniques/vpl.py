@@ -29,12 +29,11 @@ BLOCK = int(load("vpl/weigh.wgsl").constants["BLOCK"])
 class VplSettings:
     """Virtual point lights."""
 
-    count: int = setting(1024, "Virtual point lights.", "lights", range=(64, 16384), presets={"low": 256})
+    count: int = setting(2048, "Virtual point lights.", "lights", range=(64, 16384), presets={"low": 512, "high": 4096})
     importance: str = setting(
-        "flux",
+        "view",
         "Draw lights by flux, so that they stay while the camera moves, or also by what they may give to the view.",
         choices=("flux", "view"),
-        presets={"low": "view"},
     )
     paths: int = setting(
         8192,

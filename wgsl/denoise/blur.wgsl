@@ -14,12 +14,14 @@
 override RADIUS: u32 = 4u;     // n; 1 is no blur
 override VERTICAL: bool = false;
 override LAST: bool = false;   // out: radiance
+override GUIDED: bool = false; // there are moments
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read> normals: array<u32>;
 @group(1) @binding(13) var<storage, read_write> blurred: array<vec4f>;
 @group(1) @binding(14) var<storage, read> glossy: array<vec4f>;
 @group(1) @binding(15) var<storage, read_write> blurred_glossy: array<vec4f>;
+@group(1) @binding(16) var<storage, read> moments: array<vec2f>;  // of luminance, over the frames so far
 
 // A neighbour counts nothing if it lies off the tangent plane by this share of RADIUS, in widths of a pixel: surfaces
 // that bend by 14 degrees stay together. Chosen: narrower ones leave more noise in a single frame of Sponza, wider ones
@@ -28,15 +30,25 @@ const OFF_PLANE: f32 = 0.25;
 // or if the cosine of the normals is below 1 minus the inverse of this: 37 degrees, as the thesis has it.
 const PER_NORMAL: f32 = 5.0;
 
-// From this frame of a still picture on, the blur is 2 pixels wide: the mean over frames removes the pattern by itself,
-// with less loss at edges, once every pixel has seen the VPLs of all classes as often. Of interleaving by 4, that is so
-// after each 16 frames.
-const SHARP_FROM: u32 = 16u;
+// From this frame of a still picture on, neighbours whose mean light differs by more than noise count nothing, either:
+// by so many standard errors of both. Chosen, see `declare_denoise`.
+const GUIDED_FROM: u32 = 2u;
+const STANDARD_ERRORS: f32 = 2.5;
 
 struct Center {
     normal: vec3f,
     depth: f32,
     plane: Plane,
+    guide: vec2f,
+}
+
+// Returns the mean light of a pixel and the variance of that mean.
+fn load_guide(index: u32) -> vec2f {
+    if (!GUIDED) {
+        return vec2f(0.0);
+    }
+    let m = moments[index];
+    return vec2f(m.x, max(m.y - m.x * m.x, 0.0) / f32(sequence.index + 1u));
 }
 
 fn load_center(pixel: vec2u) -> Center {
@@ -44,7 +56,7 @@ fn load_center(pixel: vec2u) -> Center {
     let index = inside.y * view.size.x + inside.x;
     let normal = unpack_view_normal(normals[index]);
     let depth = light[index].w;
-    return Center(normal, depth, tangent_plane(inside, depth, normal));
+    return Center(normal, depth, tangent_plane(inside, depth, normal), load_guide(index));
 }
 
 fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
@@ -92,6 +104,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let across = transpose(mat4x2f(a.plane.across, b.plane.across, c.plane.across, d.plane.across));
     let slope = select(across[0], across[1], VERTICAL) * per_pixel;
 
+    let guide_mean = vec4f(a.guide.x, b.guide.x, c.guide.x, d.guide.x);
+    let guide_variance = vec4f(a.guide.y, b.guide.y, c.guide.y, d.guide.y);
+
     let side = i32(RADIUS);
     let start = i32(dot(first, step));
     let end = i32(dot(view.size, step));
@@ -107,14 +122,20 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let tap = light[index];
         let tap_normal = unpack_view_normal(normals[index]);
         let off = abs(f32(k) - vec4f(0.0, 1.0, 2.0, 3.0));
-        let width = select(f32(RADIUS), min(2.0, f32(RADIUS)), sequence.index >= SHARP_FROM);
-        let tent = max(1.0 - off / width, vec4f(0.0));
+        let tent = max(1.0 - off / f32(RADIUS), vec4f(0.0));
         let away = f32(wrapped - start) - vec4f(0.0, 1.0, 2.0, 3.0);
         let off_plane = at + slope * away - factor * tap.w;
         let off_normal = PER_NORMAL - (normal[0] * tap_normal.x + normal[1] * tap_normal.y + normal[2] * tap_normal.z);
         let kept = max(1.0 - off_plane * off_plane - off_normal * off_normal, vec4f(0.0));
         let lit = vec4<bool>((tap.w > 0.0) & (inside == wrapped)) & (depth > vec4f(0.0));
-        let weight = tent * select(vec4f(0.0), kept, lit);
+        var weight = tent * select(vec4f(0.0), kept, lit);
+        if (GUIDED) {
+            let tap_guide = load_guide(index);
+            let apart = guide_mean - tap_guide.x;
+            let noise = (guide_variance + tap_guide.y) * (STANDARD_ERRORS * STANDARD_ERRORS);
+            let alike = max(1.0 - apart * apart / max(noise, vec4f(1e-37)), vec4f(0.0));
+            weight *= select(alike, vec4f(1.0), sequence.index < GUIDED_FROM);
+        }
         sum[0] += tap.r * weight;
         sum[1] += tap.g * weight;
         sum[2] += tap.b * weight;

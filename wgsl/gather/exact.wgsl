@@ -3,7 +3,7 @@
 // In: G-buffer, VPLs, scene. Out: irradiance, W/m2, and what coats reflect, added to by each pass. Errs where
 // something stands within STOP_SHORT of a VPL.
 #import "gather/gather.wgsl"
-#import "scene/surface.wgsl"
+#import "gather/sight.wgsl"
 
 @group(1) @binding(19) var<uniform> params: Params;
 
@@ -15,19 +15,7 @@ struct Params {
 
 fn visibility(slot: u32, vpl: Vpl, at: Four) -> vec4f {
     return vec4f(
-        sees(at.a.position, at.a.normal, vpl), sees(at.b.position, at.b.normal, vpl),
-        sees(at.c.position, at.c.normal, vpl), sees(at.d.position, at.d.normal, vpl));
-}
-
-fn sees(position: vec3f, normal: vec3f, vpl: Vpl) -> f32 {
-    // A pixel's point is off its surface by the rounding of its distance and of the scene's coordinates.
-    let size = max3(abs(scene.centre)) + scene.radius + length(position - view.position);
-    let start = position + normal * (POSITION_ULPS * size);
-    let way = vpl.position - start;
-    let faces = dot(way, normal) > 0.0 && dot(way, vpl.normal) < 0.0;
-    let shadow = Ray(start, way);
-    let found = trace_all(Rays(shadow, select(0.0, STOP_SHORT, faces), shadow, 0.0, shadow, 0.0));
-    return select(1.0, 0.0, found.occluded_a);
+        see_two(sight_of(at.a, vpl), sight_of(at.b, vpl)), see_two(sight_of(at.c, vpl), sight_of(at.d, vpl)));
 }
 
 @compute @workgroup_size(GROUP_X, GROUP_Y)

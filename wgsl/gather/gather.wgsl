@@ -8,37 +8,7 @@
 //
 // The four pixels of a thread are the components of vec4f, so that they share the loads of VPLs, which bind such loops
 // on CPUs. There, workgroup memory and its barriers would cost more than they save (llvmpipe: 39 ms against 25).
-#import "vpl/table.wgsl"
-#import "gather/pixels.wgsl"
-#import "gather/clusters.wgsl"
-#import "gather/receiver.wgsl"
-#import "gather/coat.wgsl"
-
-// Share of a VPL's area that bounds it. A whole disc, exact only straight above it, takes too much light from corners.
-// Cornell box, 1024 VPLs drawn by the view, rays, 16 frames, relMSE and bias with 1, 0.5, 0.25: point light 0.0038,
-// 0.0028, 0.0023 and -2.5, -1.8, -1.3 %; area light 0.0061, 0.0052, 0.0046 and -1.7, -0.9, -0.3 %.
-const BOUND_SHARE: f32 = 0.25;
-
-override BOUNDED: bool = true; // the geometry term, by the VPL's area
-override CULLED: bool = true;  // clusters have lists
-override ADDED: bool = false;  // to what other passes have found
-
-@group(1) @binding(11) var<storage, read_write> irradiance: array<vec4f>;  // W/m2; depth of `denoise/plane.wgsl`
-@group(1) @binding(12) var<storage, read_write> normals: array<u32>;       // of `denoise/plane.wgsl`
-@group(1) @binding(13) var<storage, read> lists: array<u32>;               // bits of VPLs, by cluster
-@group(1) @binding(14) var<storage, read_write> glossy: array<vec4f>;      // W/(m2 sr), over coat_tint()
-
-// Returns where the list of a pixel's cluster begins.
-fn list_of(pixel: vec2u, class_number: u32) -> u32 {
-    let inside = min(pixel, view.size - 1u);
-    let tile = tile_of(inside, view.size);
-    var cluster = tile;
-    if (SLICES > 1u) {
-        let slices = Slicing(lists[2u * tile], lists[2u * tile + 1u]);
-        cluster = tile * SLICES + slice_of(slices, load_distance(inside));
-    }
-    return first_list(view.size) + (cluster * class_count() + class_number) * words_per_class();
-}
+#import "gather/common.wgsl"
 
 fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
     let place = place_of(group, thread);
@@ -46,18 +16,14 @@ fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
     if (any(place.pixel >= view.size)) {
         return;
     }
-    let a = load_receiver(place.pixel);
-    let b = load_receiver(place.pixel + step);
-    let c = load_receiver(place.pixel + 2u * step);
-    let d = load_receiver(place.pixel + 3u * step);
+    let at = load_four(place.pixel);
+    let a = at.a;
+    let b = at.b;
+    let c = at.c;
+    let d = at.d;
     let position = transpose(mat4x3f(a.position, b.position, c.position, d.position));
     let normal = transpose(mat4x3f(a.normal, b.normal, c.normal, d.normal));
-    var begin = vec4u(0u);
-    if (CULLED) {
-        begin = vec4u(
-            list_of(place.pixel, place.class_number), list_of(place.pixel + step, place.class_number),
-            list_of(place.pixel + 2u * step, place.class_number), list_of(place.pixel + 3u * step, place.class_number));
-    }
+    let begin = lists_of(place);
 
     var sum = mat3x4f();  // red, green, blue of the four
     var shine = mat3x4f();
@@ -77,7 +43,7 @@ fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
             let squared = x * x + y * y + z * z;
             let leaving = max(x * vpl.normal.x + y * vpl.normal.y + z * vpl.normal.z, vec4f(0.0));
             let arriving = max(-(x * normal[0] + y * normal[1] + z * normal[2]), vec4f(0.0));
-            let bound = select(0.0, BOUND_SHARE * INV_PI * vpl.area, BOUNDED);
+            let bound = bound_of(vpl);
             // Both cosines still have a length of d. Above zero, for 0 / 0 where VPL and pixel meet.
             var term = leaving * arriving / max(squared * (squared + bound), vec4f(1e-37));
             if (all(term <= vec4f(0.0))) {
@@ -115,24 +81,4 @@ fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
     store(place.pixel + step, colors[1], coats[1], b);
     store(place.pixel + 2u * step, colors[2], coats[2], c);
     store(place.pixel + 3u * step, colors[3], coats[3], d);
-}
-
-fn store(pixel: vec2u, color: vec3f, coat: vec3f, receiver: Receiver) {
-    if (pixel.y >= view.size.y) {
-        return;
-    }
-    let index = pixel.y * view.size.x + pixel.x;
-    var sum = color;
-    if (ADDED) {
-        sum += irradiance[index].rgb;
-    }
-    irradiance[index] = vec4f(sum, receiver.depth);
-    normals[index] = pack_view_normal(receiver.normal);
-    if (HAS_COATS) {
-        var radiance = coat / coat_tint(receiver.brdf, receiver.normal, receiver.to_eye);
-        if (ADDED) {
-            radiance += glossy[index].rgb;
-        }
-        glossy[index] = vec4f(radiance, 1.0);
-    }
 }

@@ -1,0 +1,21 @@
+// One invocation averages a pixel's light over the frames of a still picture: luminance and its square, so that later
+// frames can tell what differs from pixel to pixel from what is noise.
+#import "scene/info.wgsl"
+#import "scene/sequence.wgsl"
+#import "common/math.wgsl"
+
+@group(1) @binding(11) var<storage, read> light: array<vec4f>;
+@group(1) @binding(12) var<storage, read_write> moments: array<vec2f>;
+
+@compute @workgroup_size(64, 4)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (any(id.xy >= view.size)) {
+        return;
+    }
+    let index = id.y * view.size.x + id.x;
+    let value = luminance(light[index].rgb);
+    // Frame 0 replaces what was there, whatever that was. Squares of more than this are no float32.
+    let now = min(value, 1e18);
+    let before = select(vec2f(0.0), moments[index], sequence.index > 0u);
+    moments[index] = before + (vec2f(now, now * now) - before) / f32(sequence.index + 1u);
+}
