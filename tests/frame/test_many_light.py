@@ -26,8 +26,10 @@ def passes(renderer):
 
 @pytest.fixture
 def renderer():
-    """A room that has been lit and seen."""
-    renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=make_settings("many-light"))
+    """A room that has been lit, by lights drawn without the view and their maps, and seen."""
+    settings = make_settings("many-light")
+    settings.vpl.importance, settings.gather.visibility = "flux", "ism"
+    renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=settings)
     ran, _ = passes(renderer)
     assert ran >= LIGHT | VIEW | {"points"}
     assert not renderer.step(show=SHOW)

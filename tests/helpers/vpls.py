@@ -69,7 +69,7 @@ class Gatherer:
         vpls = Vpls(graph.share("vpl/table", texture), count)
         choice = GatherSettings(**{"visibility": "none", **settings})
         gathered = declare_gather(graph, choice, scene, gbuffer, vpls, None, 0)
-        indirect = declare_denoise(graph, DenoiseSettings(4 if blur else 1), gbuffer, gathered, 1)
+        indirect = declare_denoise(graph, DenoiseSettings(choice.interleave if blur else 1), gbuffer, gathered, 1)
         graph.compile([indirect])
         graph.run(force=True, check=True)
         pixels = graph.read_back(indirect).reshape(self.size[1], self.size[0], 4)
