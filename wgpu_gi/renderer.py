@@ -28,6 +28,7 @@ from .frame import (
 from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
+from .gpu.wgsl import load
 from .scene.camera_files import framing_camera
 from .scene.fingerprint import Fingerprint
 from .scene.scene import Scene
@@ -38,6 +39,8 @@ from .techniques.deferred_inputs import DeferredInputs
 from .techniques.reference import path_runs
 from .techniques.scene_inputs import SceneInputs, share_scene
 from .techniques.vpl_inputs import ManyLightInputs
+
+SEQUENCE = load("scene/sequence.wgsl").struct_dtype("Sequence")
 
 __all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "render"]
 
@@ -278,8 +281,10 @@ class Renderer:
             self._deferred.update(upload, self.scene, view, settings.direct, settings.shadow)
             jittered = picture_count(settings) if settings.camera.jitter else 1
             view = upload.view(self.camera, self.size, False, pixel_offset(self._frame, jittered))
-            view["sample_index"] = self._frame
             self._deferred.note_motion(upload, self.scene, graph, view)
+            sequence = np.zeros((), SEQUENCE)
+            sequence["index"] = self._frame
+            graph.uniform("sequence", sequence)
         if settings.gi == "many-light":
             self._many_light.update(upload, self.scene, settings.rsm)
         graph.uniform("scene", upload.info)
@@ -307,7 +312,7 @@ class Renderer:
         if self.settings.gi != "path":
             inputs = self._deferred.share(self._graph, self._upload, inputs)
         if self.settings.gi == "many-light":
-            inputs = self._many_light.share(self._graph, self._upload, inputs, self._frame)
+            inputs = self._many_light.share(self._graph, self._upload, inputs)
         return inputs
 
     def _check_buffers(self, names: Iterable[str]) -> None:

@@ -31,7 +31,7 @@ def declare_sum(graph: Graph, emission: Buffer, direct: Buffer, indirect: Buffer
 
 
 def declare_mean(graph: Graph, name: str, layer: Buffer) -> Buffer:
-    """Declare the mean of a layer over the jittered frames so far, `view.sample_index` + 1 of them."""
+    """Declare the mean of a layer over the frames of a still picture so far."""
     mean = graph.buffer(MEANS + name, dtype=FOUR_FLOATS, count=layer.count, width=graph.size[0], nonnegative=True)
     graph.compute(
         MEANS + name,

@@ -1,10 +1,8 @@
-"""What changes from frame to frame for virtual point lights: areas, the layout of reflective shadow maps, the frame."""
+"""What changes from frame to frame for virtual point lights: areas, the layout of reflective shadow maps."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-
-import numpy as np
 
 from ..gpu.graph import Graph
 from ..gpu.wgsl import load
@@ -16,7 +14,6 @@ from .rsm import RsmSettings
 from .scene_inputs import SceneInputs, VplInputs
 
 NAMES = ("area_instances", "area_cdf", "rsm_lights")
-SEQUENCE = load("scene/sequence.wgsl").struct_dtype("Sequence")
 
 
 class ManyLightInputs:
@@ -39,10 +36,7 @@ class ManyLightInputs:
         layout, self._texels = rsm_layout(*upload.light_table, rsm.texels, self._rsm_light)
         upload.resources.records("rsm_lights", layout)
 
-    def share(self, graph: Graph, upload: SceneUpload, scene: SceneInputs, frame: int) -> SceneInputs:
-        """Return the inputs with those of many-light; `frame` is that of the picture."""
-        sequence = np.zeros((), SEQUENCE)
-        sequence["index"] = frame
-        graph.uniform("sequence", sequence)
+    def share(self, graph: Graph, upload: SceneUpload, scene: SceneInputs) -> SceneInputs:
+        """Return the inputs with those of many-light."""
         instances, cdf, lights = (graph.share(f"scene/{name}", *upload.resources[name]) for name in NAMES)
         return replace(scene, vpl=VplInputs(instances, cdf, lights, self._texels))

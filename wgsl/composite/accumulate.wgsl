@@ -1,5 +1,6 @@
-// One invocation averages a layer over jittered frames: mean += (x - mean) / (k + 1) for frame k.
+// One invocation averages a layer over the frames of a still picture: mean += (x - mean) / (k + 1) for frame k.
 #import "scene/info.wgsl"
+#import "scene/sequence.wgsl"
 
 @group(1) @binding(11) var<storage, read> current: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> mean: array<vec4f>;
@@ -11,6 +12,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let index = id.y * view.size.x + id.x;
     // Frame 0 replaces what was there, whatever that was.
-    let before = select(vec4f(0.0), mean[index], view.sample_index > 0u);
-    mean[index] = before + (current[index] - before) / f32(view.sample_index + 1u);
+    let before = select(vec4f(0.0), mean[index], sequence.index > 0u);
+    mean[index] = before + (current[index] - before) / f32(sequence.index + 1u);
 }
