@@ -70,7 +70,8 @@ def declare_blur(
     """Declare the average of `light` over squares of `radius` pixels: rows first, then columns.
 
     Light is (r, g, b, depth of `wgsl/denoise/plane.wgsl`) per pixel, `normals` as the gathering pass leaves them. With
-    `reflected` it is irradiance in W/m2, `glossy` what coats add, and both become radiance, W/(m2 sr).
+    `reflected` it is irradiance in W/m2, `glossy` what coats add, and both become radiance, W/(m2 sr); without it light
+    is a share from 0 to 1.
     """
     width, height = graph.size
     nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
@@ -92,7 +93,7 @@ def declare_blur(
         "surfaces": gbuffer.surfaces,
         "moments": moments if guided else graph.neutral("buffer"),
     }
-    constants = {"RADIUS": radius, "GUIDED": guided}
+    constants = {"RADIUS": radius, "GUIDED": guided, "SHARES": not reflected}
 
     def layer(part: str) -> Buffer:
         return graph.buffer(f"{name}/{part}", dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)

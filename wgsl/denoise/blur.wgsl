@@ -15,6 +15,7 @@ override RADIUS: u32 = 4u;     // n; 1 is no blur
 override VERTICAL: bool = false;
 override LAST: bool = false;   // out: radiance
 override GUIDED: bool = false; // there are moments
+override SHARES: bool = false; // the light is a share, from 0 to 1
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read> normals: array<u32>;
@@ -48,7 +49,10 @@ fn load_guide(index: u32) -> vec2f {
         return vec2f(0.0);
     }
     let m = moments[index];
-    return vec2f(m.x, max(m.y - m.x * m.x, 0.0) / f32(sequence.index + 1u));
+    let samples = f32(sequence.index + 1u);
+    // Few samples of what is seen or hidden may all be alike by chance: two more may move their mean by 2 / samples.
+    let unknown = select(0.0, 4.0 / (samples * samples), SHARES);
+    return vec2f(m.x, max(m.y - m.x * m.x, 0.0) / samples + unknown);
 }
 
 fn load_center(pixel: vec2u) -> Center {

@@ -24,6 +24,9 @@ struct Params {
 override RAYS: u32 = 1u;        // for each pixel
 override INTERLEAVE: u32 = 4u;  // n
 
+// Has no common divisor with the square of INTERLEAVE.
+const CLASS_STEP: u32 = 11u;
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
     let pixel = pixel_of_tile(group, thread, view.size);
@@ -44,7 +47,9 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let reach = max3(abs(scene.centre)) + scene.radius + distance_seen;
     let start = position + side * (POSITION_ULPS * reach);
     let frame = frame_from_normal(surface.normal);
-    let class_number = (pixel.y % INTERLEAVE) * INTERLEAVE + pixel.x % INTERLEAVE;
+    // Going round from frame to frame, so that in the mean each pixel has all directions.
+    let own = (pixel.y % INTERLEAVE) * INTERLEAVE + pixel.x % INTERLEAVE;
+    let class_number = (own + sequence.index * CLASS_STEP) % (INTERLEAVE * INTERLEAVE);
     let first = (sequence.index * INTERLEAVE * INTERLEAVE + class_number) * RAYS;
     var arriving = vec3f(0.0);
     var sent = vec3f(0.0);
