@@ -27,6 +27,8 @@ from .techniques.scene_inputs import SceneInputs
 from .techniques.shadow import ShadowDraws, declare_shadow_maps
 from .techniques.shadow_views import ShadowSettings
 from .techniques.sky import declare_sky_occlusion
+from .techniques.ssdo import Occlusion, declare_bounce, declare_occlusion
+from .techniques.ssdo_sources import Sources, SsdoSettings, declare_sources
 from .techniques.temporal import TemporalSettings, declare_temporal
 from .techniques.vpl import VplSettings, declare_vpls, declare_walk
 
@@ -54,6 +56,7 @@ TECHNIQUES = {
     "path": Technique("progressive path tracer, the truth", None, True),
     "none": Technique("direct light only, deferred", 0, False),
     "many-light": Technique("virtual point lights with imperfect shadow maps", None, True),
+    "ssdo": Technique("directional occlusion and one bounce in screen space", 1, True),
 }
 
 # What can be read back and shown. All but the last two are there for every technique.
@@ -106,7 +109,7 @@ class Settings:
 
     gi: str = setting(
         "path",
-        "Technique for light: path (path tracer), none (direct only) or many-light.",
+        "Technique for light: path (path tracer), none (direct only), many-light or ssdo.",
         choices=(*TECHNIQUES,),
     )
     bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
@@ -125,6 +128,7 @@ class Settings:
     gather: GatherSettings = field(default_factory=GatherSettings)
     temporal: TemporalSettings = field(default_factory=TemporalSettings)
     denoise: DenoiseSettings = field(default_factory=DenoiseSettings)
+    ssdo: SsdoSettings = field(default_factory=SsdoSettings)
 
 
 @dataclass(frozen=True)
@@ -215,12 +219,17 @@ def _declare_path(
 def _declare_deferred(
     graph: Graph, settings: Settings, scene: SceneInputs, shadows: ShadowDraws, extra_runs: int
 ) -> dict[str, Source]:
-    gbuffer = declare_gbuffer(graph, scene)[0]
+    sources: Sources | None = declare_sources(graph, scene) if settings.gi == "ssdo" else None
+    gbuffer = declare_gbuffer(graph, scene)[0] if sources is None else sources.layers[0]
     motion = declare_motion(graph, scene, gbuffer)
-    ambient = declare_environment(graph, settings.environment, scene)
+    ambient = declare_environment(graph, settings.environment, scene, lobes=settings.gi == "ssdo")
     atlas = declare_shadow_maps(graph, scene, shadows)
     sky: Buffer | None = None
-    if settings.gi != "none":
+    occlusion: Occlusion | None = None
+    if sources is not None:
+        occlusion = declare_occlusion(graph, settings.ssdo, scene, sources, ambient, settings.seed)
+        sky = occlusion.share
+    elif settings.gi != "none":
         frames = picture_count(settings)
         sky = declare_sky_occlusion(graph, settings.environment, scene, gbuffer, settings.seed, frames)
     direct = declare_direct(graph, settings.direct, scene, gbuffer, atlas, ambient, sky)
@@ -228,6 +237,10 @@ def _declare_deferred(
     views: dict[str, Buffer] = {}
     if settings.gi == "many-light" and settings.bounces != 0:
         indirect, views = _declare_many_light(graph, settings, scene, gbuffer, motion)
+    if sources is not None and occlusion is not None and settings.bounces != 0 and settings.ssdo.bounce:
+        indirect = declare_bounce(
+            graph, settings.ssdo, scene, sources, occlusion, direct, atlas, ambient, settings.seed
+        )
     radiance = declare_sum(graph, gbuffer.emission, direct, indirect)
     layers = {"radiance": radiance, "direct": direct, "indirect": indirect, "emission": gbuffer.emission}
     if picture_count(settings) > 1:

@@ -28,7 +28,6 @@ from .frame import (
 from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
-from .gpu.wgsl import load
 from .scene.camera_files import framing_camera
 from .scene.fingerprint import Fingerprint
 from .scene.scene import Scene
@@ -37,10 +36,9 @@ from .settings import apply_quality, validate
 from .techniques.composite import MEANS
 from .techniques.deferred_inputs import DeferredInputs
 from .techniques.reference import path_runs
-from .techniques.scene_inputs import SceneInputs, share_scene
+from .techniques.scene_inputs import SceneInputs, ScreenInputs, share_scene
+from .techniques.ssdo_sources import screen_views, view_name
 from .techniques.vpl_inputs import ManyLightInputs
-
-SEQUENCE = load("scene/sequence.wgsl").struct_dtype("Sequence")
 
 __all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "render"]
 
@@ -76,6 +74,7 @@ class Renderer:
         self._upload: SceneUpload | None = None
         self._deferred = DeferredInputs()
         self._many_light = ManyLightInputs()
+        self._screen: ScreenInputs | None = None
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
         self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
@@ -282,9 +281,12 @@ class Renderer:
             jittered = picture_count(settings) if settings.camera.jitter else 1
             view = upload.view(self.camera, self.size, False, pixel_offset(self._frame, jittered))
             self._deferred.note_motion(upload, self.scene, graph, view)
-            sequence = np.zeros((), SEQUENCE)
-            sequence["index"] = self._frame
-            graph.uniform("sequence", sequence)
+            self._deferred.note_frame(graph, self._frame)
+        if settings.gi == "ssdo":
+            box, triangles = upload.box + upload.origin, self.scene.triangle_count
+            self._screen, cameras = screen_views(self.camera, box, self.size, triangles, settings.ssdo)
+            for number, camera in enumerate(cameras, 1):
+                graph.uniform(view_name(number), upload.view(camera, self.size, False))
         if settings.gi == "many-light":
             self._many_light.update(upload, self.scene, settings.rsm)
         graph.uniform("scene", upload.info)
@@ -313,6 +315,8 @@ class Renderer:
             inputs = self._deferred.share(self._graph, self._upload, inputs)
         if self.settings.gi == "many-light":
             inputs = self._many_light.share(self._graph, self._upload, inputs)
+        if self.settings.gi == "ssdo":
+            inputs = replace(inputs, screen=self._screen)
         return inputs
 
     def _check_buffers(self, names: Iterable[str]) -> None:

@@ -17,6 +17,8 @@ from .scene_inputs import DirectInputs, SceneInputs
 from .shadow import ShadowDraws
 from .shadow_views import ShadowSettings, build_shadow_views
 
+SEQUENCE = load("scene/sequence.wgsl").struct_dtype("Sequence")
+
 
 class DeferredInputs:
     """Keeps them up to date with a scene; one for each renderer."""
@@ -67,6 +69,12 @@ class DeferredInputs:
             upload.resources.records("shadow_views", _at_least_one(found.records))
             self._records = found.records
         self.shadows.update(self._records, draws)
+
+    def note_frame(self, graph: Graph, frame: int) -> None:
+        """Send the number of the frame of a still picture."""
+        sequence = np.zeros((), SEQUENCE)
+        sequence["index"] = frame
+        graph.uniform("sequence", sequence)
 
     def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:
         """Send where everything was at the last call."""

@@ -49,7 +49,7 @@ def declare_denoise(
         gathered.irradiance,
         gathered.normals,
         radius,
-        frames,
+        frames=frames,
         glossy=gathered.glossy,
         reflected=True,
     )
@@ -62,18 +62,22 @@ def declare_blur(
     light: Buffer,
     normals: Buffer,
     radius: int,
-    frames: int,
     *,
+    frames: int = 1,
+    shares: bool = False,
     glossy: Buffer | None = None,
     reflected: bool = False,
+    stride: int = 1,
+    view: str = "view",
 ) -> Buffer:
     """Declare the average of `light` over squares of `radius` pixels: rows first, then columns.
 
     Light is (r, g, b, depth of `wgsl/denoise/plane.wgsl`) per pixel, `normals` as the gathering pass leaves them. With
-    `reflected` it is irradiance in W/m2, `glossy` what coats add, and both become radiance, W/(m2 sr); without it light
-    is a share from 0 to 1.
+    `reflected` it is irradiance in W/m2, `glossy` what coats add, and both become radiance, W/(m2 sr). With `shares` it
+    is a share from 0 to 1. `frames` make a still picture. With a `stride` above 1, all are of pixels that lie so far
+    apart, and `reflected` is not for them. `view` is the uniform of the camera whose picture it is.
     """
-    width, height = graph.size
+    width, height = (-(-side // stride) for side in graph.size)
     nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
     has_coats = glossy is not None
     guided = radius > 1 and frames > GUIDED_FROM
@@ -85,6 +89,8 @@ def declare_blur(
             over=(width, height),
             reads={"light": light},
             writes={"moments": moments},
+            constants={"STRIDE": stride},
+            uniforms={"view": view},
         )
     else:
         graph.skip(f"{name}/moments", "nothing is blurred, or the picture has too few frames")
@@ -93,7 +99,7 @@ def declare_blur(
         "surfaces": gbuffer.surfaces,
         "moments": moments if guided else graph.neutral("buffer"),
     }
-    constants = {"RADIUS": radius, "GUIDED": guided, "SHARES": not reflected}
+    constants = {"RADIUS": radius, "GUIDED": guided, "SHARES": shares, "STRIDE": stride}
 
     def layer(part: str) -> Buffer:
         return graph.buffer(f"{name}/{part}", dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)
@@ -107,6 +113,7 @@ def declare_blur(
             reads={"light": light, "glossy": glossy or graph.neutral("buffer"), **guides},
             writes={"blurred": rows, "blurred_glossy": glossy_rows},
             constants={**constants, "HAS_COATS": has_coats, "VERTICAL": False, "LAST": False},
+            uniforms={"view": view},
         )
         light, glossy = rows, glossy_rows if has_coats else None
     else:
@@ -119,5 +126,6 @@ def declare_blur(
         reads={"light": light, "glossy": glossy or graph.neutral("buffer"), **guides},
         writes={"blurred": blurred, "blurred_glossy": nothing},
         constants={**constants, "HAS_COATS": has_coats and reflected, "VERTICAL": True, "LAST": reflected},
+        uniforms={"view": view},
     )
     return blurred

@@ -37,6 +37,13 @@ class DirectSettings:
         True, "Find visibility by rays where shadow maps are undecided, instead of filtering.", presets={"low": False}
     )
     tiles: bool = setting(True, "Leave out lights that cannot reach a tile of 16x16 pixels, where there are many.")
+    contacts: int = setting(
+        0,
+        "Points between a surface and where a shadow map's bias ends, looked for in the picture; without direct.edges.",
+        "points",
+        range=(0, 64),
+        presets={"low": 8},
+    )
     range: bool = setting(False, "Let lights end at the range that the file gives; physically they do not.")
 
 
@@ -73,14 +80,21 @@ def declare_direct(
     shader = "direct/light.wgsl"
     few = scene.direct.count if scene.direct.count <= WRITTEN_OUT else 0
     occluded = {"SKY": sky is not None}
-    variant = {"TILED": tiles is not None, "EDGES": traced, "FEW": few, **occluded}
+    contacts = {"CONTACTS": settings.contacts > 0, "CONTACT_POINTS": settings.contacts}
+    variant = {"TILED": tiles is not None, "EDGES": traced, "FEW": few, **occluded, **contacts}
     graph.compute(
         "direct/light",
         shader,
         indirect=gbuffer.tile_groups,
-        reads={**inputs, **gbuffer.tiles, "tile_lights": tiles or graph.neutral("buffer")},
+        reads={
+            **inputs,
+            **gbuffer.tiles,
+            "tile_lights": tiles or graph.neutral("buffer"),
+            "depth_0": gbuffer.depth,
+        },
         writes={"direct": direct, "edges": edges, "edge_groups": edge_groups},
         constants={**scene.constants(shader), **ambient.constants(shader), **variant},
+        uniforms={"view_0": "view"},
         clear=[direct, edge_groups],
     )
     if traced:

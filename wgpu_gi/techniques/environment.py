@@ -45,7 +45,9 @@ class Ambient:
         return {name: value for name, value in self.features.items() if name in load(shader).overrides}
 
 
-def declare_environment(graph: Graph, settings: EnvironmentSettings, scene: SceneInputs) -> Ambient:
+def declare_environment(
+    graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, *, lobes: bool = False
+) -> Ambient:
     """Declare the passes that prefilter the environment; they run again only when its picture changes."""
     shines = settings.ambient and scene.features["HAS_ENVIRONMENT"]
     pictured, coated = scene.features["HAS_PICTURED_ENVIRONMENT"], scene.features["HAS_COATS"]
@@ -61,7 +63,7 @@ def declare_environment(graph: Graph, settings: EnvironmentSettings, scene: Scen
     else:
         graph.skip("environment/albedo", "no material is coated" if shines else absent)
     if shines and pictured:
-        reads["ambient_maps"] = _declare_maps(graph, scene.lights["environment"], coated)
+        reads["ambient_maps"] = _declare_maps(graph, scene.lights["environment"], coated or lobes)
     else:
         for name in ("leaves", "sum", "prefilter"):
             graph.skip(f"environment/{name}", "the environment is constant" if shines else absent)

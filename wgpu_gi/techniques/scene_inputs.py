@@ -39,6 +39,15 @@ class VplInputs:
 
 
 @dataclass
+class ScreenInputs:
+    """How many layers and further cameras show the scene, and what of those asked for is left out, with the reason."""
+
+    layers: int
+    cameras: int
+    skipped: tuple[tuple[str, str], ...]
+
+
+@dataclass
 class SceneInputs:
     """`surfaces` is what rays need to hit and shade, `lights` what light sampling needs; both go into `reads=`.
 
@@ -55,6 +64,7 @@ class SceneInputs:
     upload: SceneUpload  # what all this comes from; its draws and their places may change under a declaration
     direct: DirectInputs | None = None
     vpl: VplInputs | None = None  # of many-light
+    screen: ScreenInputs | None = None  # of ssdo
 
     def constants(self, shader: str) -> dict[str, bool]:
         """Return the HAS_ constants that `shader` declares: code for what the scene lacks is compiled out."""
@@ -73,7 +83,8 @@ class SceneInputs:
                 tuple(self.direct.features.items()),
             )
         texels = self.vpl.rsm_texels if self.vpl is not None else 0
-        return (tuple(self.features.items()), runs, lights, texels, self.upload)
+        screen = (self.screen.layers, self.screen.cameras, self.screen.skipped) if self.screen is not None else ()
+        return (tuple(self.features.items()), runs, lights, texels, screen, self.upload)
 
 
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:

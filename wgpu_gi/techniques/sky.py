@@ -46,4 +46,4 @@ def declare_sky_occlusion(
         constants={**scene.constants(shader), "RAYS": settings.rays, "INTERLEAVE": INTERLEAVE},
         clear=[occlusion],
     )
-    return declare_blur(graph, "sky", gbuffer, occlusion, normals, INTERLEAVE, frames)
+    return declare_blur(graph, "sky", gbuffer, occlusion, normals, INTERLEAVE, frames=frames, shares=True)

@@ -1,4 +1,4 @@
-"""What changes from frame to frame for virtual point lights: areas, the layout of reflective shadow maps."""
+"""What changes with the scene for virtual point lights: areas and the layout of reflective shadow maps."""
 
 from __future__ import annotations
 

@@ -16,6 +16,7 @@ override VERTICAL: bool = false;
 override LAST: bool = false;   // out: radiance
 override GUIDED: bool = false; // there are moments
 override SHARES: bool = false; // the light is a share, from 0 to 1
+override STRIDE: u32 = 1u;     // pixels from one of the grid that is blurred to the next
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read> normals: array<u32>;
@@ -55,22 +56,26 @@ fn load_guide(index: u32) -> vec2f {
     return vec2f(m.x, max(m.y - m.x * m.x, 0.0) / samples + unknown);
 }
 
+fn grid_size() -> vec2u {
+    return (view.size + STRIDE - 1u) / STRIDE;
+}
+
 fn load_center(pixel: vec2u) -> Center {
-    let inside = min(pixel, view.size - 1u);
-    let index = inside.y * view.size.x + inside.x;
+    let inside = min(pixel, grid_size() - 1u);
+    let index = inside.y * grid_size().x + inside.x;
     let normal = unpack_view_normal(normals[index]);
     let depth = light[index].w;
-    return Center(normal, depth, tangent_plane(inside, depth, normal), load_guide(index));
+    return Center(normal, depth, tangent_plane(inside * STRIDE, depth, normal), load_guide(index));
 }
 
 fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
-    if (any(pixel >= view.size)) {
+    if (any(pixel >= grid_size())) {
         return;
     }
     // The pixel itself counts with a weight close to 1, if there is something to light.
     let inverse = 1.0 / max(sum.w, 0.5);
     let color = sum.rgb * inverse;
-    let index = pixel.y * view.size.x + pixel.x;
+    let index = pixel.y * grid_size().x + pixel.x;
     let coat = shine * inverse;
     if (LAST) {
         let surface = load_surface(pixel);
@@ -92,7 +97,7 @@ fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let step = select(vec2u(1u, 0u), vec2u(0u, 1u), VERTICAL);
     let first = id.xy * (1u + 3u * step);
-    if (any(first >= view.size)) {
+    if (any(first >= grid_size())) {
         return;
     }
     let a = load_center(first);
@@ -102,18 +107,18 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     // Scaled so that both are 1 where a neighbour counts nothing.
     let normal = transpose(mat4x3f(a.normal, b.normal, c.normal, d.normal)) * PER_NORMAL;
     let depth = vec4f(a.depth, b.depth, c.depth, d.depth);
-    let per_pixel = 1.0 / (OFF_PLANE * f32(RADIUS));
+    let per_pixel = 1.0 / (OFF_PLANE * f32(RADIUS * STRIDE));
     let factor = vec4f(a.plane.factor, b.plane.factor, c.plane.factor, d.plane.factor) * per_pixel;
     let at = vec4f(a.plane.at, b.plane.at, c.plane.at, d.plane.at) * per_pixel;
     let across = transpose(mat4x2f(a.plane.across, b.plane.across, c.plane.across, d.plane.across));
-    let slope = select(across[0], across[1], VERTICAL) * per_pixel;
+    let slope = select(across[0], across[1], VERTICAL) * (per_pixel * f32(STRIDE));
 
     let guide_mean = vec4f(a.guide.x, b.guide.x, c.guide.x, d.guide.x);
     let guide_variance = vec4f(a.guide.y, b.guide.y, c.guide.y, d.guide.y);
 
     let side = i32(RADIUS);
     let start = i32(dot(first, step));
-    let end = i32(dot(view.size, step));
+    let end = i32(dot(grid_size(), step));
     var sum = mat4x4f();
     var shine = mat3x4f();
     for (var k = 1 - side; k < 4 + side - 1; k += 1) {
@@ -122,7 +127,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         // A picture smaller than the tent has no such pixel.
         let inside = clamp(wrapped, 0, end - 1);
         let pixel = first - step * u32(start) + step * u32(inside);
-        let index = pixel.y * view.size.x + pixel.x;
+        let index = pixel.y * grid_size().x + pixel.x;
         let tap = light[index];
         let tap_normal = unpack_view_normal(normals[index]);
         let off = abs(f32(k) - vec4f(0.0, 1.0, 2.0, 3.0));

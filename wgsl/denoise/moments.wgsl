@@ -4,15 +4,18 @@
 #import "scene/sequence.wgsl"
 #import "common/math.wgsl"
 
+override STRIDE: u32 = 1u;  // pixels from one of the grid that is blurred to the next
+
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> moments: array<vec2f>;
 
 @compute @workgroup_size(64, 4)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= view.size)) {
+    let size = (view.size + STRIDE - 1u) / STRIDE;
+    if (any(id.xy >= size)) {
         return;
     }
-    let index = id.y * view.size.x + id.x;
+    let index = id.y * size.x + id.x;
     let value = luminance(light[index].rgb);
     // Frame 0 replaces what was there, whatever that was. Squares of more than this are no float32.
     let now = min(value, 1e18);

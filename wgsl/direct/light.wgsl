@@ -8,11 +8,13 @@
 #import "direct/lighting.wgsl"
 #import "direct/tile.wgsl"
 #import "environment/ambient.wgsl"
+#import "ssdo/contact.wgsl"
 
 override TILED: bool = false;  // lists of the lights that reach a tile
 override FEW: u32 = 0u;          // number of lights where it is at most 3, else 0
 override EDGES: bool = true;   // list the undecided pixels
 override SKY: bool = false;    // the environment is occluded
+override CONTACTS: bool = false;  // look for shadows that the filter's bias lost
 
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> edges: array<u32>;                // pixels, by their index
@@ -36,7 +38,11 @@ fn add_light(sum: Sum, number: u32, count: u32, r: Receiver) -> Sum {
         return sum;
     }
     if (!EDGES) {
-        let lit = shadow_filter(light, count, r.position, r.geometric_normal, incident.direction);
+        var lit = shadow_filter(light, count, r.position, r.geometric_normal, incident.direction);
+        if (CONTACTS && lit > 0.0) {
+            let bias = shadow_bias(light, count, r.position, r.geometric_normal, incident.direction);
+            lit *= contact_visibility(r.position, r.geometric_normal, incident.direction, bias);
+        }
         return Sum(sum.radiance + lit * radiance, false);
     }
     let lit = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction);

@@ -85,15 +85,30 @@ fn project(view: ShadowLookup, is_sun: bool, position: vec3f, offset: vec3f) -> 
     return Projected(texel, depth, along, unit);
 }
 
+// Returns how the filter moves a point off its surface: along the texels a plane comes nearer to the light by as much as
+// its normal leans towards them.
+fn shadow_lift(view: ShadowLookup, is_sun: bool, offset: vec3f, normal: vec3f, to_light: vec3f) -> vec3f {
+    let along = select(dot(view.forward, offset), 1.0, is_sun);
+    let lean = abs(dot(normal, view.right)) + abs(dot(normal, view.up));
+    return normal * (select(-FILTER_REACH, FILTER_REACH, dot(normal, to_light) >= 0.0) * view.texel * along * lean);
+}
+
+// Returns how far along `to_light` occluders may stand that the filter misses for its bias, metres: up to where the way
+// to the light is as high above the surface as the point was lifted.
+fn shadow_bias(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
+    let offset = position - light.position;
+    let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
+    let view = load_view(shadow_view_at(light, count, position, offset), count);
+    let lift = shadow_lift(view, is_sun, offset, normal, to_light);
+    return length(lift) / max(abs(dot(normal, to_light)), GRAZING);
+}
+
 // Returns the share of the filter that sees the light, 0 to 1. `normal` is geometric and `to_light` unit.
 fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
     let offset = position - light.position;
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
     let view = load_view(shadow_view_at(light, count, position, offset), count);
-    let along = select(dot(view.forward, offset), 1.0, is_sun);
-    // Along the texels a plane comes nearer to the light by as much as its normal leans towards them.
-    let lean = abs(dot(normal, view.right)) + abs(dot(normal, view.up));
-    let lift = normal * (select(-FILTER_REACH, FILTER_REACH, dot(normal, to_light) >= 0.0) * view.texel * along * lean);
+    let lift = shadow_lift(view, is_sun, offset, normal, to_light);
     let p = project(view, is_sun, position + lift, offset + lift);
     let depth = p.depth + select(p.depth, 1.0, is_sun) * DEPTH_ROUNDING;
     let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));

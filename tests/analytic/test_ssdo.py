@@ -1,0 +1,108 @@
+"""Directional occlusion and the bounce in screen space against closed forms.
+
+A long wall of height h on a floor takes 1/2 (1 - x / sqrt(x^2 + h^2)) of what a point of the floor sees, weighted by
+the cosine, at the distance x (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-5 in the limit).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.renderer import CameraSettings, Renderer, Settings
+from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Scene
+from wgpu_gi.scene.shapes import quad
+from wgpu_gi.settings import assign
+
+HEIGHT = 3.0
+LONG = 60.0  # metres to each side: twenty heights of the wall
+
+
+def corner(lights=(), sky=None, albedo=0.5, wall=0.8):
+    """Build a floor, y = 0, before a wall at z = 0, which is higher than the camera."""
+    floor = quad((-LONG, 0, 0), (2 * LONG, 0, 0), (0, 0, 6), matte(albedo))
+    upright = quad((-LONG, 0, 0), (2 * LONG, 0, 0), (0, HEIGHT, 0), matte(wall))
+    camera = Camera.look_at((0, 1.7, 4.5), (0, 0.9, 0))
+    return Scene([Instance(floor), Instance(upright)], list(lights), sky, [camera])
+
+
+def render(scene, *texts, size=(64, 48), frames=32):
+    settings = Settings(gi="ssdo", diffuse=True, camera=CameraSettings(jitter=False, frames=frames))
+    for text in ("ssdo.steps=64", "ssdo.half=false", *texts):
+        assign(settings, text)
+    renderer = Renderer(scene, size=size, settings=settings)
+    renderer.run(check=True)
+    return {name: renderer.read_back(name).astype(np.float64) for name in renderer.buffers}
+
+
+def floor_and_share(got):
+    """Return the pixels that show the middle of the floor, and the wall's share of what they see."""
+    _, y, z = np.moveaxis(got["position"], -1, 0)
+    on_floor = (got["depth"] > 0) & (np.abs(y) < 1e-3) & (z > 0.2) & (z < 3.0)
+    return on_floor, 0.5 * (1 - z / np.sqrt(z**2 + HEIGHT**2))
+
+
+def test_a_wall_hides_its_part_of_the_sky():
+    got = render(corner(sky=Environment((1.0, 2.0, 4.0))))
+    on_floor, share = floor_and_share(got)
+    expected = (0.5 * (1 - share))[..., None] * (1.0, 2.0, 4.0)
+    off = (got["direct"] / expected)[on_floor] - 1
+    assert on_floor.sum() > 200
+    assert abs(off.mean()) <= 0.005 and np.abs(off).mean() <= 0.02
+
+
+def test_a_wall_reflects_its_part_of_the_light():
+    """A level sun lights the wall and nothing of the floor: L = rho / pi times the wall's radiosity times its share."""
+    lux = 3.0
+    got = render(corner([DirectionalLight((0, 0, -1), lux, (1.0, 0.5, 0.25))]))
+    on_floor, share = floor_and_share(got)
+    expected = (0.5 / math.pi * 0.8 * lux * share)[..., None] * (1.0, 0.5, 0.25)
+    assert not got["direct"][on_floor].any()
+    off = (got["indirect"] / expected)[on_floor] - 1
+    assert abs(off.mean()) <= 0.015 and np.abs(off).mean() <= 0.05
+
+
+@pytest.mark.parametrize("half", ["true", "false"])
+def test_a_furnace_of_walls_and_sky(half):
+    """What a wall hides of a sky it gives back if it is as bright: with albedo 1, up to second bounces."""
+    got = render(corner(sky=Environment((1.0, 1.0, 1.0)), albedo=1.0, wall=1.0), f"ssdo.half={half}")
+    on_floor, share = floor_and_share(got)
+    total = (got["direct"] + got["indirect"])[on_floor]
+    # The wall sees half of the floor's side, which is as bright as the floor is, at least.
+    assert total.max() <= 1.01 and total.min() >= 0.75
+    assert np.allclose(got["direct"][on_floor], (1 - share)[on_floor][:, None], rtol=0.1)
+
+
+def test_shadows_take_the_colour_of_the_light_that_is_hidden():
+    """Before the wall the sky is red, behind the camera blue: near the wall, red is missing."""
+    picture = np.zeros((32, 64, 3), np.float32)
+    picture[:, :, 1] = 1.0
+    # Columns of -Z are the outermost; +Z is in the middle.
+    picture[:, 16:48, 2], picture[:, :16, 0], picture[:, 48:, 0] = 1.0, 1.0, 1.0
+    got = render(corner(sky=Environment((1.0, 1.0, 1.0), picture)), "ssdo.directions=8")
+    on_floor, share = floor_and_share(got)
+    near = on_floor & (got["position"][..., 2] < 1.0)
+    red, green, blue = got["direct"][near].mean(0)
+    # All that the wall hides is red.
+    hidden = 0.5 * share[near].mean()
+    assert blue == pytest.approx(0.25, rel=0.03)
+    assert red == pytest.approx(0.25 - hidden, abs=0.02)
+    assert green == pytest.approx(0.5 - hidden, rel=0.03)
+    grey = render(corner(sky=Environment((1.0, 1.0, 1.0), picture)), "ssdo.occlusion=ambient")
+    grey_red, _, grey_blue = grey["direct"][near].mean(0)
+    assert grey_red == pytest.approx(grey_blue, rel=0.01)
+
+
+def test_backs_of_senders_reflect_nothing():
+    """A board that is lit from the far side throws its shadow on the floor, and no light."""
+    board = quad((-1, 0.2, 1.0), (2, 0, 0), (0, 0.6, 0.0), matte(0.8, double_sided=True))
+    floor = quad((-4, 0, -4), (0, 0, 8), (8, 0, 0), matte(0.5))
+    camera = Camera.look_at((0, 2.2, 4.0), (0, 0.3, 1.0))
+    scene = Scene([Instance(board), Instance(floor)], [DirectionalLight((0, 0, 1), 3.0)], None, [camera])
+    got = render(scene, "ssdo.cameras=0", frames=4)
+    before = (got["depth"] > 0) & (np.abs(got["position"][..., 1]) < 1e-3) & (got["position"][..., 2] > 1.0)
+    assert before.any() and not got["indirect"][before].any()

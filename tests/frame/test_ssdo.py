@@ -1,0 +1,121 @@
+"""What a frame of ssdo runs and skips, its settings, and shadows that the bias of shadow maps lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.techniques import SCENES, make_settings, medley_under_a_sky
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.metrics import relmse
+from wgpu_gi.renderer import Renderer
+from wgpu_gi.scene import builtin
+from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Scene
+from wgpu_gi.scene.shapes import box, grid
+from wgpu_gi.settings import assign
+
+SIZE = (48, 27)
+
+
+def renderer_of(scene, *texts, gi="ssdo", frames=1, size=SIZE, camera=None):
+    settings = make_settings(gi, frames=frames)
+    for text in texts:
+        assign(settings, text)
+    return Renderer(scene, size=size, camera=camera, settings=settings)
+
+
+def drawn(scene, *texts, **arguments):
+    renderer = renderer_of(scene, *texts, **arguments)
+    renderer.run(check=True)
+    return {name: renderer.read_back(name) for name in ("direct", "indirect", "radiance")}
+
+
+def plan_of(renderer):
+    renderer.run()
+    return renderer.plan()
+
+
+def test_cameras_that_add_nothing_are_left_out():
+    inside = renderer_of(SCENES["cornell-point"](), "ssdo.cameras=3")
+    assert "camera_2/resolve" in plan_of(inside)
+    # From far away, all of the room is in the picture, and nothing behind the camera.
+    outside = Camera.look_at((2.78, 2.73, -30.0), (2.78, 2.73, 2.8))
+    text = plan_of(renderer_of(SCENES["cornell-point"](), "ssdo.cameras=3", camera=outside))
+    assert "the picture holds the whole scene" in text and "nothing lies behind the camera" in text
+    assert "camera_1/resolve" in text and "camera_2/resolve" not in text
+
+
+def test_layers_that_add_nothing_are_left_out():
+    """A floor has nothing behind it, and the picture is the same whatever is asked for."""
+    text = plan_of(renderer_of(builtin.plane_sun(), "ssdo.layers=4"))
+    assert "a ray meets 1 surfaces at most" in text and "gbuffer/resolve_1" not in text
+    once, more = (drawn(builtin.plane_sun(), f"ssdo.layers={k}") for k in (1, 4))
+    assert np.array_equal(once["radiance"], more["radiance"])
+
+
+def test_without_a_sky_or_a_bounce_there_is_less_to_do():
+    scene = SCENES["cornell-point"]()
+    assert "ssdo/share/columns" not in plan_of(renderer_of(scene))
+    text = plan_of(renderer_of(scene, "ssdo.bounce=false"))
+    assert "ssdo/bounce" not in text
+    direct = drawn(scene, gi="none")["direct"]
+    assert np.array_equal(drawn(scene, "ssdo.bounce=false")["radiance"], drawn(scene, gi="none")["radiance"])
+    assert np.array_equal(drawn(scene)["direct"], direct)
+
+
+def test_a_still_picture_settles_and_rests():
+    renderer = renderer_of(builtin.courtyard(), frames=3)
+    renderer.run()
+    assert not renderer.step()
+    # Of what does not change while the picture settles, further cameras are kept.
+    renderer = renderer_of(builtin.courtyard(), frames=3)
+    renderer.step()
+    renderer.step()
+    assert renderer.graph.last_run.keys() >= {"ssdo/occlusion"}
+    assert "camera_1/resolve" not in renderer.graph.last_run
+
+
+@pytest.mark.parametrize("name", ["cornell-point", "courtyard"])
+def test_every_other_pixel_has_the_same_mean(name):
+    fine, coarse = (
+        drawn(SCENES[name](), f"ssdo.half={half}", "ssdo.directions=4", frames=16, size=(192, 108)) for half in (0, 1)
+    )
+    assert coarse["radiance"].mean() == pytest.approx(fine["radiance"].mean(), rel=0.01)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (33, 17)])
+@pytest.mark.parametrize(
+    "texts",
+    [
+        ("ssdo.directions=64", "ssdo.steps=1"),
+        ("ssdo.directions=1", "ssdo.steps=64", "ssdo.reach=100"),
+        ("ssdo.reach=0.01", "ssdo.half=false", "ssdo.blur=false"),
+        ("ssdo.layers=4", "ssdo.cameras=4", "ssdo.places=aside"),
+        ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half=false", "ssdo.occlusion=ambient"),
+    ],
+)
+def test_settings_at_their_ends(texts, size):
+    """Every buffer of every pass is finite, and light is not negative."""
+    scene = medley_under_a_sky()
+    for camera in (scene.cameras[0], _parallel(scene.cameras[0])):
+        got = drawn(scene, *texts, size=size, camera=camera)
+        assert np.isfinite(got["radiance"]).all() and (got["radiance"] >= 0).all()
+
+
+def _parallel(camera):
+    return Camera(camera.world_from_view.copy(), orthographic_height=4.0)
+
+
+def test_contact_shadows_that_a_coarse_map_lost():
+    """A low brick under a slanting sun, whose shadow map has texels wider than the brick is high."""
+    brick = box((-0.3, 0, -0.15), (0.3, 0.05, 0.15), matte(0.5))
+    camera = Camera.look_at((0.3, 0.5, 1.1), (0, 0, 0))
+    sun = [DirectionalLight((0.9, -0.5, 0.3), 3.0)]
+    scene = Scene([Instance(grid(8.0, material=matte(0.5))), Instance(brick)], sun, Environment((0.0,) * 3), [camera])
+    # One map over the floor.
+    coarse = ("direct.edges=false", "shadow.sun=64", "shadow.cascades=1")
+    exact = drawn(scene, gi="none", size=(96, 54))["direct"]
+    lost = relmse(drawn(scene, *coarse, gi="none", size=(96, 54))["direct"], exact)
+    found = relmse(drawn(scene, *coarse, "direct.contacts=16", gi="none", size=(96, 54))["direct"], exact)
+    assert found <= 0.5 * lost

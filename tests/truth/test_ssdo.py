@@ -1,0 +1,127 @@
+"""Light in screen space against references by Mitsuba 3 (`helpers/references.py`) and by our path tracer."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+from helpers.references import SIZE, layers_of, scene_of
+from helpers.skies import gradient_sky
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.metrics import bias, relmse
+from wgpu_gi.renderer import Renderer, Settings
+from wgpu_gi.scene import builtin
+from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.scene import Environment, Instance, PointLight, Scene
+from wgpu_gi.scene.shapes import box, grid
+from wgpu_gi.settings import assign
+
+# The most bias and relMSE of direct light, of the bounce and of both: what was measured, and little more.
+BOUNDS = {
+    "cornell_point": [(0.001, 0.0005), (0.23, 0.11), (0.055, 0.026)],
+    "courtyard_sky": [(0.012, 0.018), (0.33, 0.095), (0.042, 0.015)],
+}
+SMALL = (64, 36)
+
+
+def drawn(scene, *texts, size=SMALL, gi="ssdo", frames=16):
+    settings = Settings(gi=gi, diffuse=True, bounces=1, spp=256)
+    settings.camera.jitter, settings.camera.frames = False, frames
+    for text in texts:
+        assign(settings, text)
+    renderer = Renderer(scene, size=size, settings=settings)
+    renderer.run(show=("direct", "indirect", "depth"), check=gi == "ssdo")
+    return {name: renderer.read_back(name) for name in ("direct", "indirect", "depth")}
+
+
+def full(layers):
+    return layers["direct"] + layers["indirect"]
+
+
+@pytest.mark.parametrize("name", BOUNDS)
+def test_one_bounce(name):
+    """At the defaults; what is missing of the bounce comes from surfaces that are in no picture."""
+    got, truth = drawn(scene_of(name), size=SIZE), layers_of(name)
+    pairs = [
+        (got["direct"], truth["direct"]),
+        (got["indirect"], truth["one"]),
+        (full(got), truth["direct"] + truth["one"]),
+    ]
+    for (picture, expected), (most_bias, most_error) in zip(pairs, BOUNDS[name], strict=True):
+        assert abs(bias(picture, expected)) <= most_bias
+        assert relmse(picture, expected) <= most_error
+
+
+def sky_lit(lamp=False):
+    scene = builtin.courtyard()
+    scene.environment = Environment((0.3, 0.3, 0.3), gradient_sky(32, 8.0))
+    scene.lights = [PointLight((-2.0, 3.0, -1.0), 3.0, (1.0, 0.7, 0.4))] if lamp else []
+    return scene
+
+
+@cache
+def truth_of(lamp):
+    return drawn(sky_lit(lamp), gi="path")
+
+
+@pytest.mark.parametrize("lamp", [False, True])
+def test_better_than_ambient_light_and_ambient_occlusion(lamp):
+    """Under a sky, and under a sky with a lamp: a quarter of the error of ambient light that nothing occludes."""
+    truth = full(truth_of(lamp))
+    errors = {
+        label: relmse(full(drawn(sky_lit(lamp), *texts, gi=gi)), truth)
+        for label, gi, texts in (
+            ("ssdo", "ssdo", ()),
+            ("ssao", "ssdo", ("ssdo.occlusion=ambient", "ssdo.bounce=false")),
+            ("none", "none", ()),
+        )
+    }
+    assert errors["ssdo"] <= 0.25 * errors["none"], errors
+    assert errors["ssdo"] < errors["ssao"], errors
+
+
+def thin_board():
+    """Build a board before an open floor: one layer takes all that is behind it for matter."""
+    board = box((-0.9, 0.25, 0.95), (0.9, 1.0, 1.0), matte(0.5))
+    floor = grid(8.0, material=matte(0.5))
+    camera = Camera.look_at((0, 0.9, 3.2), (0, 0.4, 0))
+    return Scene([Instance(floor), Instance(board)], [], Environment((1.0, 1.0, 1.0)), [camera])
+
+
+def wall_beside():
+    """Build a high wall that stands just beside the picture of a floor."""
+    wall = box((-1.9, 0, -6), (-1.7, 4, 4), matte((0.9, 0.3, 0.2)))
+    floor = grid(16.0, material=matte(0.5))
+    camera = Camera.look_at((0, 2.0, 0.5), (0, 0, 0))
+    return Scene([Instance(floor), Instance(wall)], [], Environment((1.0, 1.0, 1.0)), [camera])
+
+
+@pytest.mark.parametrize(
+    ("scene", "base", "better"),
+    [
+        (thin_board, ("ssdo.cameras=0",), ("ssdo.cameras=0", "ssdo.layers=2")),
+        (wall_beside, ("ssdo.cameras=0",), ("ssdo.cameras=1",)),
+    ],
+)
+def test_layers_and_cameras_show_what_is_missed(scene, base, better):
+    truth = full(drawn(scene(), gi="path"))
+    before, after = (relmse(full(drawn(scene(), *texts, "ssdo.half=false")), truth) for texts in (base, better))
+    assert after <= 0.7 * before, (before, after)
+
+
+@pytest.mark.slow
+def test_correct_as_samples_grow():
+    """A box on a floor under a sky, r_max the scene's size, four layers and two cameras (section 7.2 of the paper)."""
+    block = box((-0.5, 0, -0.4), (0.3, 0.8, 0.4), matte((0.8, 0.4, 0.2)))
+    camera = Camera.look_at((0.4, 1.6, 2.6), (0, 0.3, 0))
+    sky = Environment((1.0, 1.0, 1.0))
+    scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], [], sky, [camera])
+    truth = drawn(scene, gi="path")
+    texts = ("ssdo.layers=4", "ssdo.cameras=2", "ssdo.reach=100", "ssdo.half=false", "ssdo.blur=false")
+    few = drawn(scene, *texts, "ssdo.directions=1", "ssdo.steps=8", frames=16)
+    many = drawn(scene, *texts, "ssdo.directions=16", "ssdo.steps=64", frames=64)
+    errors = [relmse(got["direct"], truth["direct"]) for got in (few, many)]
+    # What is left are pixels: those of the picture, and larger ones of the further cameras.
+    assert errors[1] <= 0.5 * errors[0] and errors[1] <= 0.0015, errors
+    assert abs(bias(many["direct"], truth["direct"])) <= 0.03

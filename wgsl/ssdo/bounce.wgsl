@@ -1,0 +1,80 @@
+// One invocation adds up the light that the surfaces around a pixel's own reflect to it: E = pi / N sum_k L(q_k), over
+// the directions that meet a surface.
+//
+// Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departure: A is the area that the direction's own solid
+// angle dw cuts out of the sender, A = dw d^2 / cos_s, where the paper has pi r_max^2 / N times a strength set by hand:
+// what leaves the environment's light out brings in just as much of the sender's, and near senders need no clamp. With
+// directions drawn by the cosine, cos_r dw is pi / N. Senders count by their front. In: hits, what senders reflect,
+// W/(m2 sr). Out: irradiance, W/m2, and the depth of `denoise/plane.wgsl`. Errs dark where senders are in no picture.
+#import "gbuffer/load.wgsl"
+#import "gbuffer/tiles.wgsl"
+#import "denoise/plane.wgsl"
+#import "ssdo/hits.wgsl"
+#import "ssdo/reach.wgsl"
+
+override DIRECTIONS: u32 = 1u;
+override SENDER_STRIDE: u32 = 2u;  // of the grid of sources other than the picture
+
+@group(1) @binding(11) var<storage, read> hits: array<u32>;
+@group(1) @binding(12) var<storage, read> senders: array<vec4u>;  // of each source, as `senders.wgsl` leaves them
+@group(1) @binding(13) var<storage, read_write> irradiance: array<vec4f>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    pictures: f32,
+}
+
+// Returns where a hit's sender is: all pixels of the picture come first, then those of each other source's grid.
+fn sender_of(hit: u32) -> u32 {
+    let source = source_of_hit(hit);
+    let at = pixel_of_hit(hit);
+    let block = select(source, source - FIRST_CAMERA + LAYERS, source >= FIRST_CAMERA);
+    let coarse = (view.size + SENDER_STRIDE - 1u) / SENDER_STRIDE;
+    let place = at / SENDER_STRIDE;
+    let pixels = view.size.x * view.size.y;
+    let further = pixels + ((max(block, 1u) - 1u) * coarse.y + place.y) * coarse.x + place.x;
+    return select(further, at.y * view.size.x + at.x, block == 0u);
+}
+
+fn gather(grid: vec2u) {
+    let pixel = grid * STRIDE;
+    let index = grid.y * grid_size().x + grid.x;
+    let seen = load_distance(pixel);
+    let surface = load_surface(pixel);
+    if (seen <= 0.0 || (surface.flags & GBUFFER_UNLIT) != 0u) {
+        return;
+    }
+    let ray = pixel_ray(pixel);
+    let position = ray.origin + ray.direction * seen;
+    let reach = reach_at(ray, seen, params.pictures);
+    var sum = vec3f(0.0);
+    for (var k = 0u; k < DIRECTIONS; k += 1u) {
+        let hit = hits[index * DIRECTIONS + k];
+        if (hit == NO_HIT) {
+            continue;
+        }
+        let sender = senders[sender_of(hit)];
+        let normal = octahedral_decode(unpack2x16snorm(sender.w));
+        let to_hit = hit_position(hit) - position;
+        let faces = dot(normal, to_hit) < 0.0 && dot(surface.normal, to_hit) > 0.0;
+        sum += bitcast<vec3f>(sender.rgb) * select(0.0, hit_weight(hit, to_hit, reach), faces);
+    }
+    irradiance[index] = vec4f(sum * (PI / f32(DIRECTIONS)), plane_depth(ray, seen));
+}
+
+// For each pixel of a seen tile.
+@compute @workgroup_size(8, 8)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
+    let pixel = pixel_of_tile(group, thread, view.size);
+    if (all(pixel < view.size)) {
+        gather(pixel);
+    }
+}
+
+// For each pixel of a coarser grid.
+@compute @workgroup_size(8, 8)
+fn coarse(@builtin(global_invocation_id) id: vec3u) {
+    if (all(id.xy < grid_size())) {
+        gather(id.xy);
+    }
+}

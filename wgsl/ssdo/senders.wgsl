@@ -1,0 +1,52 @@
+// One invocation lights a pixel of a deeper layer or of a further camera, one in STRIDE^2, for it and its neighbours:
+// L = rho / pi (E_sky V + sum_i E_i cos_i V_i).
+//
+// Visibility V_i by filtered shadow maps, and V of the sky as `occlusion.wgsl` finds it, blurred. In: G-buffer of the source, lights. Out: (r, g, b) W/(m2 sr) and
+// the normal; coats reflect to a camera that sees them, not to other surfaces, and are left out.
+#import "gbuffer/load.wgsl"
+#import "direct/lighting.wgsl"
+#import "environment/ambient.wgsl"
+#import "ssdo/reach.wgsl"
+
+override OUTWARD: bool = false;  // light the counter-clockwise side, not the one that is seen
+
+@group(1) @binding(11) var<storage, read> sky: array<vec4f>;  // V
+@group(1) @binding(12) var<storage, read_write> senders: array<vec4u>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    first: u32,  // sender of the source
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (any(id.xy >= grid_size())) {
+        return;
+    }
+    let index = id.y * grid_size().x + id.x;
+    let pixel = id.xy * STRIDE;
+    let surface = load_surface(pixel);
+    let seen = load_distance(pixel);
+    let lit = seen > 0.0 && (surface.flags & GBUFFER_UNLIT) == 0u;
+    let ray = pixel_ray(pixel);
+    let position = ray.origin + ray.direction * seen;
+    let faces = dot(surface.geometric_normal, ray.direction) < 0.0;
+    let normal = select(surface.normal, -surface.normal, OUTWARD && !faces);
+    let albedo = select(vec3f(0.0), gbuffer_brdf(surface).diffuse, lit);
+    var irradiance = ambient_irradiance(normal);
+    if (HAS_ENVIRONMENT) {
+        irradiance *= sky[index].rgb;
+    }
+    let count = load_light_count();
+    for (var number = 0u; number < count; number += 1u) {
+        let light = load_light(number);
+        let incident = light_at(light, position);
+        let arriving = incident.irradiance * max(dot(normal, incident.direction), 0.0);
+        if (max3(arriving) > 0.0) {
+            irradiance +=
+                arriving * shadow_filter(light, count, position, surface.geometric_normal, incident.direction);
+        }
+    }
+    let code = pack2x16snorm(octahedral_encode(normal));
+    senders[params.first + index] = vec4u(bitcast<vec3u>(irradiance * albedo * INV_PI), code);
+}
