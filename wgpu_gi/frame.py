@@ -13,7 +13,13 @@ from .gpu.handles import Buffer, Handle
 from .scene.sequences import GOLDEN, R2
 from .settings import setting
 from .techniques.composite import declare_display, declare_mean, declare_sum
-from .techniques.debug import declare_list_view, declare_rsm_views, declare_vpl_view
+from .techniques.debug import (
+    declare_ism_views,
+    declare_list_view,
+    declare_rejected_view,
+    declare_rsm_views,
+    declare_vpl_view,
+)
 from .techniques.denoise import DenoiseSettings, declare_denoise
 from .techniques.direct import DirectSettings, declare_direct
 from .techniques.environment import EnvironmentSettings, declare_environment
@@ -75,7 +81,26 @@ BUFFERS = (
 
 
 # What a technique works with, shown over the whole picture when asked for by name.
-VIEWS = {"many-light": ("rsm/position", "rsm/normal", "rsm/flux", "vpl/flux", "gather/lists")}
+VIEWS = {
+    "many-light": (
+        "rsm/position",
+        "rsm/normal",
+        "rsm/flux",
+        "vpl/flux",
+        "ism/atlas",
+        "ism/drawn",
+        "gather/lists",
+        "temporal/rejected",
+    )
+}
+# Why a run may have none of them, by the first part of their names.
+ABSENT = {
+    "rsm": "there is no reflective shadow map, because no point, spot or directional light is reflected",
+    "vpl": "there are no virtual point lights, because no light is reflected",
+    "ism": "there are no imperfect shadow maps; they need --set gather.visibility=ism and light that is reflected",
+    "gather": "there are no lists of lights; they need --set gather.culling=tiled or clustered and light to reflect",
+    "temporal": "no history is kept; it needs --set temporal.frames=2 or more and light that is reflected",
+}
 
 
 def views_of(gi: str) -> tuple[str, ...]:
@@ -138,6 +163,19 @@ class Source:
     handle: Handle | None
     first: int = 0
     count: int = 3
+
+
+class Absent(Source):
+    """A view that this run does not have: to ask for its handle raises GiError."""
+
+    def __init__(self, name: str) -> None:
+        object.__setattr__(self, "_name", name)
+
+    @property
+    def handle(self) -> Handle | None:
+        """Raise GiError that says why there is none."""
+        name: str = self._name  # type: ignore[attr-defined]
+        raise GiError(f"--show {name}: {ABSENT[name.partition('/')[0]]}")
 
 
 def picture_count(settings: Settings) -> int:
@@ -245,8 +283,8 @@ def _declare_deferred(
     layers = {"radiance": radiance, "direct": direct, "indirect": indirect, "emission": gbuffer.emission}
     if picture_count(settings) > 1:
         layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}
-    shown = layers | {"motion": motion} | {name: views.get(name) for name in views_of(settings.gi)}
-    return {name: Source(layer) for name, layer in shown.items()}
+    shown = {name: Source(layer) for name, layer in (layers | {"motion": motion} | views).items()}
+    return {name: Absent(name) for name in views_of(settings.gi)} | shown
 
 
 def _declare_many_light(
@@ -264,6 +302,10 @@ def _declare_many_light(
     views = declare_vpl_view(graph, vpls) | declare_list_view(graph, settings.gather, gbuffer, gathered.clusters, vpls)
     if rsm is not None:
         views |= declare_rsm_views(graph, scene, rsm)
+    if ism is not None:
+        views |= declare_ism_views(graph, ism)
     if settings.temporal.frames > 1:
-        gathered = declare_temporal(graph, settings.temporal, scene, gbuffer, motion, gathered).gathered
+        accumulated = declare_temporal(graph, settings.temporal, scene, gbuffer, motion, gathered)
+        gathered = accumulated.gathered
+        views |= declare_rejected_view(graph, accumulated.rejected)
     return declare_denoise(graph, settings.denoise, gbuffer, gathered, picture_count(settings)), views

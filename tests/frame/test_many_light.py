@@ -8,6 +8,7 @@ from helpers.medley import at
 from helpers.techniques import SCENES, make_settings
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.errors import GiError
 from wgpu_gi.renderer import Renderer
 
 SHOW = ("radiance",)
@@ -77,3 +78,58 @@ def test_frames_of_a_picture_draw_other_lights(renderer):
         lists.append(renderer.graph.read_back("vpl/table").tobytes())
         assert "points" not in renderer.graph.last_run
     assert len(set(lists)) == 3
+
+
+def view(name, **sections):
+    """Render a debug view of a small room, (27, 48, 3)."""
+    settings = make_settings("many-light")
+    for section, fields in sections.items():
+        for field, value in fields.items():
+            setattr(getattr(settings, section), field, value)
+    renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=settings)
+    renderer.step(show=(name,), check=True)
+    return renderer.read_back(name)
+
+
+@pytest.mark.parametrize("mode", ["splat", "pull-push"])
+def test_views_of_imperfect_shadow_maps_show_distances(mode):
+    """Within the room's diagonal, 9.6 m; what was drawn is a part of what gaps were filled from."""
+    shown = {
+        name: view(name, gather={"visibility": "ism"}, ism={"mode": mode})[..., 0]
+        for name in ("ism/atlas", "ism/drawn")
+    }
+    for distance in shown.values():
+        assert distance[distance > 0].min() > 0 and distance.max() < 10
+    assert 0.2 < (shown["ism/drawn"] > 0).mean() <= (shown["ism/atlas"] > 0).mean()
+
+
+def test_a_still_view_rejects_all_of_no_history_and_then_none():
+    renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=make_settings("many-light", frames=3))
+    renderer.settings.temporal.frames, renderer.settings.camera.jitter = 4, False
+    shares = []
+    while renderer.step(show=("temporal/rejected",)):
+        shares.append(renderer.read_back("temporal/rejected").mean())
+    assert shares[0] > 0.5 and shares[-1] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("name", "sections"),
+    [
+        ("ism/atlas", {"gather": {"visibility": "exact"}}),
+        ("ism/drawn", {"gather": {"visibility": "none"}}),
+        ("temporal/rejected", {}),
+        ("gather/lists", {"gather": {"culling": "none"}}),
+    ],
+)
+def test_a_view_that_a_run_lacks_says_so(name, sections):
+    with pytest.raises(GiError, match=f"--show {name}: .* need"):
+        view(name, **sections)
+
+
+def test_maps_larger_than_a_buffer_are_an_error_with_a_remedy():
+    settings = make_settings("many-light")
+    settings.gather.visibility, settings.vpl.count = "ism", 16384
+    renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=settings)
+    renderer.graph.device.limits["max-storage-buffer-binding-size"] = 2**23
+    with pytest.raises(GiError, match=r"raise ism\.cell or lower ism\.resolution"):
+        renderer.step(show=SHOW)

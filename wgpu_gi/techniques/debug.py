@@ -7,6 +7,7 @@ from ..gpu.handles import Buffer
 from .clusters import Clusters
 from .gather import GatherSettings
 from .gbuffer import FOUR_FLOATS, Gbuffer
+from .ism import Ism
 from .rsm import Rsm
 from .scene_inputs import SceneInputs
 from .vpl import Vpls
@@ -67,3 +68,32 @@ def declare_list_view(
         constants={"INTERLEAVE": settings.interleave, "VPLS": vpls.count, "SLICES": clusters.constants["SLICES"]},
     )
     return {"gather/lists": picture}
+
+
+def declare_ism_views(graph: Graph, ism: Ism) -> dict[str, Buffer]:
+    """Declare the atlas of imperfect shadow maps, and what was drawn into it before gaps were closed: metres."""
+    views = {}
+    for kind in ("atlas", "drawn"):
+        picture = views[f"ism/{kind}"] = _picture(graph, f"ism_{kind}")
+        graph.compute(
+            f"debug/ism_{kind}",
+            "debug/ism.wgsl",
+            over=graph.size,
+            reads={"atlas": ism.reads["ism_atlas"], "drawn": ism.drawn, "near_points": ism.near_points},
+            writes={"picture": picture},
+            constants={**ism.constants, "DRAWN": kind == "drawn", "CELL": ism.cell},
+        )
+    return views
+
+
+def declare_rejected_view(graph: Graph, rejected: Buffer) -> dict[str, Buffer]:
+    """Declare the share of each pixel's history that the mean over frames left out."""
+    picture = _picture(graph, "temporal_rejected")
+    graph.compute(
+        "debug/temporal_rejected",
+        "debug/rejected.wgsl",
+        over=graph.size,
+        reads={"rejected": rejected},
+        writes={"picture": picture},
+    )
+    return {"temporal/rejected": picture}

@@ -1,10 +1,11 @@
 // One invocation fills one cell of a map, between the rays at its four corners.
 //
 // Where one plane explains all four hits, the cell is that plane. Where large triangles meet at a silhouette, the cell
-// is listed for rays of its own texels. Else each texel takes the nearest of the triangles that its own direction
-// meets. A triangle smaller than a cell stands for the quarter of the cell around its ray: the farthest of the planes
-// that explain that ray's hit, and nowhere nearer than the hit, because receivers lie on such surfaces. Errs either way
-// at silhouettes of what no ray met, and bright where small things stand before each other closely.
+// is listed for rays of its own blocks of texels. Else each block takes the nearest of the triangles that its own
+// direction meets. A triangle smaller than a cell stands for the quarter of the cell around its ray: the farthest of the
+// planes that explain that ray's hit, and nowhere nearer than the hit, because receivers lie on such surfaces. Errs
+// either way at silhouettes of what no ray met and by a block, and bright where small things stand before each other
+// closely.
 //
 // In: the points that rays found. Out: the atlas, and the list of cells.
 #import "ism/map.wgsl"
@@ -28,7 +29,7 @@ const FLAT: f32 = 0.005;
 // that it spans. Chosen so that what is wrongly lit and wrongly dark balances in Sponza.
 const CURVED: f32 = 0.45;
 
-// Cells whose texels get rays of their own: those of triangles that are no narrower than this, in texels (of smaller
+// Cells whose blocks get rays of their own: those of triangles that are no narrower than this, in texels (of smaller
 // ones, rays would find more and more), with hits whose distances are in a greater ratio. Chosen.
 const OPEN_WIDTH: f32 = 1.0;
 const OPEN_STEP: f32 = 1.4;
@@ -91,6 +92,13 @@ fn store(at: vec2u, texel: u32) {
     textureStore(atlas, at, vec4u(nearest));
 }
 
+fn store_block(at: vec2u, texels: vec4u) {
+    store(at, texels.x);
+    store(at + vec2u(1u, 0u), texels.y);
+    store(at + vec2u(0u, 1u), texels.z);
+    store(at + vec2u(1u, 1u), texels.w);
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let cells = ISM_RESOLUTION / CELL;
@@ -141,7 +149,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let place = atomicAdd(&open_groups[3], 1u);
         if (place < arrayLength(&open_cells)) {
             open_cells[place] = pack_open_cell(slot, cell);
-            atomicMax(&open_groups[0], ((place + 1u) * CELL * CELL + OPEN_GROUP - 1u) / OPEN_GROUP);
+            atomicMax(&open_groups[0], ((place + 1u) * open_rows() + OPEN_GROUP - 1u) / OPEN_GROUP);
             atomicMax(&open_groups[1], 1u);
             atomicMax(&open_groups[2], 1u);
             return;
@@ -154,15 +162,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             quarter = quarter_of(points, ray_direction(vec2f(corner + step * CELL)), distances, q);
         }
         let start = step * (CELL / 2u);
-        for (var y = 0u; y < CELL / 2u; y += 1u) {
-            for (var x = 0u; x < CELL / 2u; x += 1u) {
+        for (var y = 0u; y < CELL / 2u; y += BLOCK) {
+            for (var x = 0u; x < CELL / 2u; x += BLOCK) {
                 let at = start + vec2u(x, y);
-                let w = map_direction(vec2f(corner + at) + 0.5);
+                let w = map_direction(vec2f(corner + at) + 0.5 * f32(BLOCK));
                 var m = a.xyz;
                 if (!flat) {
                     m = plane_met(w, points, quarter);
                 }
-                store(to + at, plane_texel(w, m));
+                store_block(to + at, block_texels(w, m));
             }
         }
     }

@@ -40,6 +40,12 @@ fn ray_direction(texel: vec2f) -> vec3f {
     return hemisphere_decode(place * min(highest * inverseSqrt(max(dot(place, place), 1e-9)), 1.0));
 }
 
+// Returns the texel that such a ray goes through, of a point in the corners of texels.
+fn ray_texel(texel: vec2u) -> vec2u {
+    let place = (hemisphere_encode(ray_direction(vec2f(texel))) * 0.5 + 0.5) * f32(ISM_RESOLUTION);
+    return min(vec2u(place), vec2u(ISM_RESOLUTION - 1u));
+}
+
 // Returns whether texels within `reach` of a point of a map see nothing of the hemisphere.
 fn is_below_horizon(texel: vec2f, reach: f32) -> bool {
     let place = texel * (2.0 / f32(ISM_RESOLUTION)) - 1.0;
@@ -52,20 +58,72 @@ fn map_direction(texel: vec2f) -> vec3f {
     return hemisphere_decode(texel * (2.0 / f32(ISM_RESOLUTION)) - 1.0);
 }
 
-// Returns the texel for a unit direction w and the plane dot(m, x) = 1; m is 0 for nothing.
-fn plane_texel(w: vec3f, m: vec3f) -> u32 {
-    // The code is a constant and K ln dot(m, w). From a place to the next, w grows by
-    // (s, 0, -2 x) - x place / s along x, and likewise along y, where place = w.xy / s and s = sqrt(1 + w.z).
-    const K: f32 = 2.0 * CODES_PER_OCTAVE / 0.6931472 / SLOPE_STEP;
+// What a direction meets of a plane: 1 / distance, 0 for nothing; by what share of that it grows from a texel to the
+// next along x and y.
+struct Tangent {
+    inverse: f32,
+    grows: vec2f,
+}
+
+// Returns it for a unit direction w and the plane dot(m, x) = 1; m is 0 for nothing.
+fn plane_tangent(w: vec3f, m: vec3f) -> Tangent {
+    // From a place to the next, w grows by (s, 0, -2 x) - x place / s along x, and likewise along y, where
+    // place = w.xy / s and s = sqrt(1 + w.z).
     let inverse = max(dot(m, w), 0.0);
-    let t = 1.0 / max(inverse, 1e-30);
     let rising = max(1.0 + w.z, 0.01);
     let r = inverseSqrt(rising);
     let grows = rising * r * m.xy - w.xy * (r * (dot(m.xy, w.xy) / rising + 2.0 * m.z));
-    let slope = clamp(round((2.0 * K / f32(ISM_RESOLUTION)) * t * grows), vec2f(-127.0), vec2f(127.0));
-    let steps = vec2u(vec2i(slope)) & vec2u(0xffu);
-    let code = u32(clamp(distance_code(t * t) + 0.5, 1.0, 65535.0));
-    return select(0u, (code << 16u) | (steps.x << 8u) | steps.y, inverse > 0.0);
+    return Tangent(inverse, grows * (2.0 / f32(ISM_RESOLUTION) / max(inverse, 1e-30)));
+}
+
+// Returns a code of 16 bits and slopes of 8 each, given how much ln(1 / distance) grows from a texel to the next.
+fn pack_texel(code: f32, grows: vec2f) -> u32 {
+    const STEPS: f32 = 2.0 * CODES_PER_OCTAVE / 0.6931472 / SLOPE_STEP;
+    let steps = vec2u(vec2i(clamp(round(grows * STEPS), vec2f(-127.0), vec2f(127.0)))) & vec2u(0xffu);
+    return (u32(clamp(code + 0.5, 1.0, 65535.0)) << 16u) | (steps.x << 8u) | steps.y;
+}
+
+// Returns the texel for a unit direction w and a plane.
+fn plane_texel(w: vec3f, m: vec3f) -> u32 {
+    let tangent = plane_tangent(w, m);
+    let t = 1.0 / max(tangent.inverse, 1e-30);
+    return select(0u, pack_texel(distance_code(t * t), tangent.grows), tangent.inverse > 0.0);
+}
+
+// Texels on a side of the blocks in which surfaces are told from each other.
+const BLOCK: u32 = 2u;
+
+// Returns the texels of a block around a unit direction w for a plane: left and right of its upper row, of its lower one.
+fn block_texels(w: vec3f, m: vec3f) -> vec4u {
+    let tangent = plane_tangent(w, m);
+    let half = 0.5 * tangent.grows;
+    // 1 / distance is nearly linear, over that at the centre.
+    let rises = max(
+        1.0 + vec4f(-half.x - half.y, half.x - half.y, half.y - half.x, half.x + half.y), vec4f(0.1));
+    let t = 1.0 / max(tangent.inverse, 1e-30);
+    let codes = distance_code(t * t) + 2.0 * CODES_PER_OCTAVE * log2(rises);
+    let texels = vec4u(
+        pack_texel(codes.x, tangent.grows / rises.x), pack_texel(codes.y, tangent.grows / rises.y),
+        pack_texel(codes.z, tangent.grows / rises.z), pack_texel(codes.w, tangent.grows / rises.w));
+    return select(vec4u(0u), texels, tangent.inverse > 0.0);
+}
+
+// Returns the distance of a code.
+fn code_distance(code: f32) -> f32 {
+    return 2.0 * scene.radius * exp2((0.5 - 0.5 * code) / CODES_PER_OCTAVE);
+}
+
+// Returns the plane m of a texel in a unit direction w, at a distance t: the inverse of plane_texel.
+fn texel_plane(w: vec3f, t: f32, slopes: vec2f) -> vec3f {
+    // By how much ln dot(m, w) grows from a place to the next along x and y.
+    const K: f32 = 2.0 * CODES_PER_OCTAVE / 0.6931472 / SLOPE_STEP;
+    let grows = slopes * (f32(ISM_RESOLUTION) / (2.0 * K));
+    // By how much w does; the area of both is 2.
+    let s = sqrt(max(1.0 + w.z, 0.01));
+    let x = w.xy / s;
+    let along_x = vec3f(s - x.x * x.x / s, -x.x * x.y / s, -2.0 * x.x);
+    let along_y = vec3f(-x.x * x.y / s, s - x.y * x.y / s, -2.0 * x.y);
+    return (w + 0.5 * (grows.x * cross(along_y, w) + grows.y * cross(w, along_x))) / t;
 }
 
 // Returns by how many steps a texel's code grows along x and y.

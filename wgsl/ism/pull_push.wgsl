@@ -1,14 +1,15 @@
 // One workgroup closes the gaps between the single texels of 64 x 64 of the atlas: the pull and the push phase of
-// Marroquim et al. 2007, "Efficient Point-Based Rendering Using Image Reconstruction", with both pyramids in workgroup
-// memory.
+// Marroquim et al. 2007, "Efficient Point-Based Rendering Using Image Reconstruction", in workgroup memory.
 //
-// Pull: an element is the mean of those of its four children that lie within the depth interval of the nearest one, of
-// where they are, too. Push: an element that is empty, or lies behind the interval of
-// what surrounds it, becomes the weighted mean (9, 3, 3, 1) of the four coarser ones around it whose points reach it.
+// Pull: an element is the nearest point of its four children, and where that is. Push: a block becomes the nearest of
+// the points of the four coarser elements around it that reach it, unless its own point is not farther away by more than
+// the depth interval. Departures: nothing is averaged, because a point is a plane, which is met at another distance in
+// each direction; a point reaches as far as its area is seen, foreshortened; the pyramid has two levels, of blocks and
+// of four blocks: what no point reaches takes the plane of the ray next to it.
 //
 // In: single texels. Out: the atlas. A tile holds several small maps or a part of a large one; nothing crosses the
-// border of a map or of a tile. Errs dark at silhouettes, by a point's radius and
-// more, and bright where points are farther apart.
+// border of a map or of a tile. Errs dark at convex edges, where planes are drawn out, and bright where points before
+// those of rays are farther apart than they reach.
 #import "ism/map.wgsl"
 #import "ism/radius.wgsl"
 
@@ -19,149 +20,150 @@ override REACH: f32 = 1.0;     // how far a point reaches, over its radius
 override INTERVAL: f32 = 1.2;  // depth interval, over a point's radius
 
 const TILE: u32 = 64u;
-const LEVELS: u32 = 6u;        // the last is a single element
-const THREADS: u32 = 256u;
+// By how much a plane may be nearer than it was, a texel away: half a step of the slopes.
+const SLOPE_ERROR: f32 = 0.5 * SLOPE_STEP * 0.6931472 / (2.0 * CODES_PER_OCTAVE);
+const THREADS: u32 = 64u;
 
-// Levels 1 to 6, one after the other: the mean of points, and where it lies, in atlas texels from the element's centre.
-var<workgroup> pyramid: array<u32, 1365>;
-var<workgroup> places: array<u32, 1365>;
-
-struct Element {
-    texel: u32,
-    place: vec2f,
-}
-
-fn level_start(level: u32) -> u32 {
-    return (4096u - (4096u >> (2u * level - 2u))) / 3u;
-}
+// Elements are code << 16 | y << 6 | x of a point's texel in the tile, 0 for none.
+const BLOCKS: u32 = TILE / BLOCK;  // on a side
+const COARSE: u32 = BLOCKS / 2u;
+var<workgroup> blocks: array<u32, 1024>;
+var<workgroup> coarse: array<u32, 256>;
 
 fn load_drawn(tile: vec2u, at: vec2u) -> u32 {
     return drawn[(tile.y + at.y) * ISM_COLUMNS * ISM_RESOLUTION + tile.x + at.x];
 }
 
-fn load_element(level: u32, at: vec2u) -> Element {
-    let index = level_start(level) + at.y * (TILE >> level) + at.x;
-    return Element(pyramid[index], unpack2x16float(places[index]));
+fn drawn_element(tile: vec2u, at: vec2u) -> u32 {
+    let code = load_drawn(tile, at) & 0xffff0000u;
+    return select(0u, code | (at.y << 6u) | at.x, code > 0u);
 }
 
-// Returns the depth interval in codes: a share r of the distance are 2 log2(1 + r) octaves of its square.
-fn interval_codes(code: f32) -> f32 {
-    return 2.885 * CODES_PER_OCTAVE * INTERVAL * point_radius(code) * (2.5 / f32(ISM_RESOLUTION));
+// Returns the direction of a place of a tile in the frame of its map, texels.
+fn tile_direction(tile: vec2u, place: vec2f) -> vec3f {
+    return map_direction(vec2f(tile & vec2u(ISM_RESOLUTION - 1u)) + fract(place / f32(ISM_RESOLUTION)) * f32(ISM_RESOLUTION));
 }
 
-// Returns a texel with the slopes of another.
-fn with_slopes(code: f32, slopes: vec2f) -> u32 {
-    let steps = vec2u(vec2i(round(slopes))) & vec2u(0xffu);
-    return (u32(clamp(code + 0.5, 1.0, 65535.0)) << 16u) | (steps.x << 8u) | steps.y;
+// A point as the elements around it see it.
+struct Point {
+    plane: vec3f,
+    place: vec2f,  // texels of the tile
+    reach: f32,    // texels; negative: there is no point
+    depth: f32,    // interval, over the distance
 }
 
-// Returns a child, with its place from its parent's centre.
-fn load_child(tile: vec2u, level: u32, at: vec2u, step: vec2u) -> Element {
-    var child: Element;
-    if (level == 1u) {
-        child = Element(load_drawn(tile, 2u * at + step), vec2f(0.0));
-    } else {
-        child = load_element(level - 1u, 2u * at + step);
-    }
-    child.place += 0.25 * f32(1u << level) * (2.0 * vec2f(step) - 1.0);
-    return child;
+fn point_of(tile: vec2u, element: u32) -> Point {
+    let at = vec2u(element, element >> 6u) & vec2u(63u);
+    let place = vec2f(at) + 0.5;
+    let texel = load_drawn(tile, at);
+    let distance = code_distance(f32(texel >> 16u));
+    let plane = texel_plane(tile_direction(tile, place), distance, texel_slopes(texel));
+    // The plane's distance from the light is 1 / |m|: over the point's, that is the cosine.
+    let cosine = inverseSqrt(max(dot(plane, plane), 1e-37)) / distance;
+    let radius = point_radius(distance);
+    let reach = min(REACH * radius * sqrt(cosine), RAY_RADIUS * f32(SPACING));
+    let depth = INTERVAL * min(radius, RAY_RADIUS * f32(SPACING)) * (2.5 / f32(ISM_RESOLUTION));
+    return Point(plane, place, select(-1.0, reach, element != 0u), depth);
 }
 
-fn pull(tile: vec2u, level: u32, at: vec2u) {
-    let a = load_child(tile, level, at, vec2u(0u, 0u));
-    let b = load_child(tile, level, at, vec2u(1u, 0u));
-    let c = load_child(tile, level, at, vec2u(0u, 1u));
-    let d = load_child(tile, level, at, vec2u(1u, 1u));
-    let index = level_start(level) + at.y * (TILE >> level) + at.x;
-    let codes = vec4f(vec4u(a.texel, b.texel, c.texel, d.texel) >> vec4u(16u));
-    let front = max(max(codes.x, codes.y), max(codes.z, codes.w));
-    let near = (codes > vec4f(0.0)) & (codes >= vec4f(front - interval_codes(front)));
-    let mean = weighted_mean(
-        select(vec4f(0.0), vec4f(1.0), near), codes, a.place, b.place, c.place, d.place, texel_slopes(a.texel),
-        texel_slopes(b.texel), texel_slopes(c.texel), texel_slopes(d.texel));
-    pyramid[index] = mean.texel;
-    places[index] = pack2x16float(mean.place);
+// Returns a coarse element, none beyond the tile.
+fn coarse_at(at: vec2i) -> u32 {
+    let inside = all(at >= vec2i(0)) && all(at < vec2i(i32(COARSE)));
+    let place = clamp(at, vec2i(0), vec2i(i32(COARSE) - 1));
+    return select(0u, coarse[u32(place.y) * COARSE + u32(place.x)], inside);
 }
 
-// Returns the mean of four points; empty where all weights are zero.
-fn weighted_mean(
-    weights: vec4f, codes: vec4f, place_a: vec2f, place_b: vec2f, place_c: vec2f, place_d: vec2f, slopes_a: vec2f,
-    slopes_b: vec2f, slopes_c: vec2f, slopes_d: vec2f
-) -> Element {
-    let total = dot(weights, vec4f(1.0));
-    let w = weights / max(total, 1.0);
-    let slopes = w.x * slopes_a + w.y * slopes_b + w.z * slopes_c + w.w * slopes_d;
-    let place = w.x * place_a + w.y * place_b + w.z * place_c + w.w * place_d;
-    return Element(select(0u, with_slopes(dot(w, codes), slopes), total > 0.0), place);
+// The points of the four coarse elements around a corner that four blocks share.
+struct Around {
+    planes: mat4x3f,
+    x: vec4f,
+    y: vec4f,
+    reach: vec4f,
+    depth: vec4f,
 }
 
-struct Coarse {
-    code: f32,      // 0: it does not reach the finer element
-    place: vec2f,   // from the finer element's centre, in atlas texels
-    slopes: vec2f,
+fn load_around(tile: vec2u, at: vec2i) -> Around {
+    let a = point_of(tile, coarse_at(at));
+    let b = point_of(tile, coarse_at(at + vec2i(1, 0)));
+    let c = point_of(tile, coarse_at(at + vec2i(0, 1)));
+    let d = point_of(tile, coarse_at(at + vec2i(1, 1)));
+    return Around(
+        mat4x3f(a.plane, b.plane, c.plane, d.plane), vec4f(a.place.x, b.place.x, c.place.x, d.place.x),
+        vec4f(a.place.y, b.place.y, c.place.y, d.place.y), vec4f(a.reach, b.reach, c.reach, d.reach),
+        vec4f(a.depth, b.depth, c.depth, d.depth));
 }
 
-fn load_coarse(level: u32, at: vec2u, step: vec2i) -> Coarse {
-    let coarse = level + 1u;
-    let size = f32(1u << level);
-    let map_shift = firstTrailingBit(min(ISM_RESOLUTION, TILE)) - coarse;
-    let nearest = at >> vec2u(1u);
-    let other = vec2i(nearest) + step * (vec2i(at & vec2u(1u)) * 2 - 1);
-    // Negative ones are large as unsigned.
-    let inside = all((vec2u(other) >> vec2u(map_shift)) == (nearest >> vec2u(map_shift)));
-    let element = load_element(coarse, select(nearest, vec2u(other), inside));
-    let place = element.place + size * (2.0 * vec2f(other) - vec2f(at) + 0.5);
-    // Texels of the finer element are up to half of its diagonal away from its centre.
-    let reach = REACH * point_radius(f32(element.texel >> 16u)) + 0.7 * (size - 1.0);
-    let counts = inside & (element.texel != 0u) & (dot(place, place) <= reach * reach);
-    // Planes are drawn out to the texels themselves, at the end.
-    let code = texel_code(element.texel, select(vec2f(0.0), -place, level == 0u));
-    return Coarse(select(0.0, max(code, 1.0), counts), place, texel_slopes(element.texel));
+// Returns the texels of a block, given the points around it.
+fn push(tile: vec2u, block: vec2u, around: Around) -> vec4u {
+    let centre = vec2f(BLOCK * block) + 0.5 * f32(BLOCK);
+    let w = tile_direction(tile, centre);
+    let dx = around.x - centre.x;
+    let dy = around.y - centre.y;
+    // Maps smaller than a tile have neighbours in it.
+    let shift = vec4u(firstTrailingBit(min(ISM_RESOLUTION, TILE)));
+    let same_map = (vec4u(around.x) >> shift == vec4u(u32(centre.x)) >> shift)
+        & (vec4u(around.y) >> shift == vec4u(u32(centre.y)) >> shift);
+    let reached = (around.reach >= vec4f(0.0)) & (dx * dx + dy * dy <= around.reach * around.reach) & same_map;
+    let off = 1.0 - SLOPE_ERROR * (abs(dx) + abs(dy));
+    let inverse = select(vec4f(0.0), w * around.planes * off, reached);
+    let nearest = max(max(inverse.x, inverse.y), max(inverse.z, inverse.w));
+    let is = inverse == vec4f(nearest);
+    let depth = select(
+        select(around.depth.w, around.depth.z, is.z), select(around.depth.y, around.depth.x, is.x), is.x || is.y);
+    let plane = select(
+        select(around.planes[3], around.planes[2], is.z), select(around.planes[1], around.planes[0], is.x),
+        is.x || is.y);
+    // Its own point stays unless it lies behind the interval of what covers it; who has none takes that of a ray.
+    let own = blocks[block.y * BLOCKS + block.x];
+    let place = tile + vec2u(centre);
+    let map = place & ~vec2u(ISM_RESOLUTION - 1u);
+    let corner = (place - map + SPACING / 2u) & vec2u(~(SPACING - 1u));
+    let ray = drawn_element(tile, clamp(map + ray_texel(corner), tile, tile + TILE - 1u) - tile);
+    let mine = select(own, ray, own == 0u);
+    let point = point_of(tile, mine);
+    let away = abs(point.place - centre);
+    let straight = max(dot(w, point.plane), 1e-30);
+    let here = select(0.0, straight * (1.0 - SLOPE_ERROR * (away.x + away.y)), mine != 0u);
+    let keeps = nearest <= 0.0 || (own != 0u && here * (1.0 + depth) >= nearest);
+    let kept = point.plane * (here / straight);
+    return block_texels(w, select(plane * (nearest / max(dot(w, plane), 1e-30)), kept, keeps));
 }
 
-// Returns an element of a level, given what was pulled, from the coarser level.
-fn push(level: u32, at: vec2u, own: Element) -> Element {
-    let a = load_coarse(level, at, vec2i(0, 0));
-    let b = load_coarse(level, at, vec2i(1, 0));
-    let c = load_coarse(level, at, vec2i(0, 1));
-    let d = load_coarse(level, at, vec2i(1, 1));
-    let codes = vec4f(a.code, b.code, c.code, d.code);
-    let front = max(max(codes.x, codes.y), max(codes.z, codes.w));
-    let near = (codes > vec4f(0.0)) & (codes >= vec4f(front - interval_codes(front)));
-    let mean = weighted_mean(
-        select(vec4f(0.0), vec4f(9.0, 3.0, 3.0, 1.0), near), codes, a.place, b.place, c.place, d.place, a.slopes,
-        b.slopes, c.slopes, d.slopes);
-    let before = f32(mean.texel >> 16u) - interval_codes(f32(mean.texel >> 16u));
-    if (mean.texel == 0u || (own.texel != 0u && f32(own.texel >> 16u) >= before)) {
-        return own;
-    }
-    return mean;
+fn nearest_of(a: u32, b: u32, c: u32, d: u32) -> u32 {
+    return max(max(a, b), max(c, d));
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
     let tile = group.xy * TILE;
-    let last = min(firstTrailingBit(ISM_RESOLUTION), LEVELS);
-    for (var level = 1u; level <= last; level += 1u) {
-        let side = TILE >> level;
-        for (var i = thread; i < side * side; i += THREADS) {
-            pull(tile, level, vec2u(i % side, i / side));
-        }
-        workgroupBarrier();
+    for (var i = thread; i < BLOCKS * BLOCKS; i += THREADS) {
+        let at = 2u * vec2u(i % BLOCKS, i / BLOCKS);
+        blocks[i] = nearest_of(
+            drawn_element(tile, at), drawn_element(tile, at + vec2u(1u, 0u)), drawn_element(tile, at + vec2u(0u, 1u)),
+            drawn_element(tile, at + vec2u(1u, 1u)));
     }
-    for (var level = last - 1u; level >= 1u; level -= 1u) {
-        let side = TILE >> level;
-        for (var i = thread; i < side * side; i += THREADS) {
-            let index = level_start(level) + i;
-            let at = vec2u(i % side, i / side);
-            let element = push(level, at, load_element(level, at));
-            pyramid[index] = element.texel;
-            places[index] = pack2x16float(element.place);
-        }
-        workgroupBarrier();
+    workgroupBarrier();
+    for (var i = thread; i < COARSE * COARSE; i += THREADS) {
+        let first = i / COARSE * 2u * BLOCKS + i % COARSE * 2u;
+        coarse[i] = nearest_of(blocks[first], blocks[first + 1u], blocks[first + BLOCKS], blocks[first + BLOCKS + 1u]);
     }
-    for (var i = thread; i < TILE * TILE; i += THREADS) {
-        let at = vec2u(i % TILE, i / TILE);
-        textureStore(atlas, tile + at, vec4u(push(0u, at, Element(load_drawn(tile, at), vec2f(0.0))).texel));
+    workgroupBarrier();
+    // Four blocks between four coarse elements, from one before the first.
+    let side = COARSE + 1u;
+    for (var i = thread; i < side * side; i += THREADS) {
+        let at = vec2i(vec2u(i % side, i / side)) - 1;
+        let around = load_around(tile, at);
+        for (var k = 0; k < 4; k += 1) {
+            let block = vec2u(2 * at + 1 + vec2i(k & 1, k >> 1));
+            // Negative ones are large as unsigned.
+            if (all(block < vec2u(BLOCKS))) {
+                let texels = push(tile, block, around);
+                let to = tile + BLOCK * block;
+                textureStore(atlas, to, vec4u(texels.x));
+                textureStore(atlas, to + vec2u(1u, 0u), vec4u(texels.y));
+                textureStore(atlas, to + vec2u(0u, 1u), vec4u(texels.z));
+                textureStore(atlas, to + vec2u(1u, 1u), vec4u(texels.w));
+            }
+        }
     }
 }

@@ -1,25 +1,31 @@
-// One invocation finds one texel of a cell that the rays at its corners leave open, by a ray of its own.
+// One invocation finds a row of blocks of a cell that the rays at its corners leave open, by a ray through each.
 //
-// In: the list of such cells, VPLs, the scene. Out: texels, by cell of the list.
+// In: the list of such cells, VPLs, the scene. Out: the blocks' texels, by cell of the list,
+// in the place of what their rays hit.
 #import "ism/facet.wgsl"
 #import "ism/open_cells.wgsl"
 
 @group(1) @binding(11) var<storage, read> open_cells: array<u32>;
-@group(1) @binding(12) var<storage, read> open_groups: array<u32>;
-@group(1) @binding(13) var<storage, read_write> refined: array<u32>;
+@group(1) @binding(13) var<storage, read> open_groups: array<u32>;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let texel = open_texel(id.x, open_groups[3]);
-    if (texel.cell == NO_CELL) {
+    let number = id.x / open_rows();
+    if (number >= min(open_groups[3], arrayLength(&open_cells))) {
         return;
     }
-    let place = open_place(open_cells[texel.cell], texel.inside);
-    let w = map_direction(vec2f(place.at) + 0.5);
-    let vpl = load_vpl(place.slot);
-    var found = 0u;
-    if (w.z > 0.0 && max3(vpl.flux) > 0.0) {
-        found = plane_texel(w, facet_met(vpl, w).plane);
+    let cell = unpack_open_cell(open_cells[number]);
+    let vpl = load_vpl(cell.slot);
+    let frame = frame_from_normal(vpl.normal);
+    let corner = cell.corner + vec2u(0u, id.x % open_rows() * BLOCK);
+    let first = id.x * open_rows();
+    trace_fan(Fan(
+        vpl.position + vpl.normal * (LEAVE * scene.radius), frame, vec2f(corner) + 0.5 * f32(BLOCK), f32(BLOCK),
+        open_rows(), first));
+    for (var k = 0u; k < open_rows(); k += 1u) {
+        let at = corner + vec2u(k * BLOCK, 0u);
+        let centre = vec2f(at) + 0.5 * f32(BLOCK);
+        let facet = facet_of(vpl, frame, ray_direction(centre), hits[first + k]);
+        hits[first + k] = block_texels(map_direction(centre), facet.plane);
     }
-    refined[id.x] = found;
 }
