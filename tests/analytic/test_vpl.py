@@ -89,7 +89,7 @@ def test_environment(pictured):
     assert np.allclose(flux.sum(0), 0.6 * 16 * irradiance, rtol=0.03)
 
 
-@pytest.mark.parametrize("importance", ["flux", "view"])
+@pytest.mark.parametrize("importance", ["flux", "view", "grid"])
 def test_importance_keeps_the_flux(importance):
     """Only its share among lights changes: more of them where the view is, each with less."""
     scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])

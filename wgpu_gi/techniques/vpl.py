@@ -32,8 +32,9 @@ class VplSettings:
     count: int = setting(2048, "Virtual point lights.", "lights", range=(64, 16384), presets={"low": 512, "high": 4096})
     importance: str = setting(
         "view",
-        "Draw lights by flux, so that they stay while the camera moves, or also by what they may give to the view.",
-        choices=("flux", "view"),
+        "Draw lights by flux, so that they stay while the camera moves, also by what they may give to the view, or from"
+        " all places alike (grid).",
+        choices=("view", "flux", "grid"),
     )
     paths: int = setting(
         8192,
@@ -107,7 +108,7 @@ def declare_vpls(
             writes={"view_points": view_points},
         )
     else:
-        graph.skip("vpl/view_points", "vpl.importance is flux")
+        graph.skip("vpl/view_points", f"vpl.importance is {settings.importance}")
     blocks = graph.buffer("vpl/blocks", count=-(-candidates // BLOCK))
     cumulative = graph.buffer("vpl/cumulative", count=candidates)
     graph.compute(
@@ -117,7 +118,7 @@ def declare_vpls(
         reads={**found, "view_points": view_points if by_view else graph.neutral("buffer")},
         writes={"cumulative": cumulative, "blocks": blocks},
         params={"texels": texels, "candidates": candidates},
-        constants={"VIEW": by_view},
+        constants={"VIEW": by_view, "GRID": settings.importance == "grid"},
     )
     totals = graph.buffer("vpl/totals", count=blocks.count)
     graph.compute("vpl/total", "vpl/total.wgsl", over=1, reads={"blocks": blocks}, writes={"totals": totals})

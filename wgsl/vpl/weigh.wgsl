@@ -7,6 +7,7 @@
 #import "scene/info.wgsl"
 
 override VIEW: bool = true;   // weigh by the view, else by flux alone
+override GRID: bool = false;  // or all alike, but for black ones: texels of the maps in their order are a regular grid
 
 struct ViewPoint {
     position: vec3f,
@@ -47,6 +48,9 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
             v = unpack_vpl(walk[2u * slot], walk[2u * slot + 1u]);
         }
         weight = max(luminance(v.flux), 0.0);
+        if (GRID) {
+            weight = select(0.0, 1.0, weight > 0.0);
+        }
         if (VIEW && weight > 0.0) {
             let squared_radius = scene.radius * scene.radius;
             var importance = 0.0;
