@@ -96,7 +96,8 @@ def test_importance_keeps_the_flux(importance):
     _, flux, _ = drawn(scene, 1, importance=importance)
     assert flux.sum(0) == pytest.approx([0.5 * 4 * math.pi * 3.0] * 3, rel=0.03)
     spread = flux[:, 0].std() / flux[:, 0].mean()
-    assert spread < 1e-3 if importance == "flux" else spread > 0.05
+    # Texels of a point light's map have the same solid angle, so a grid of them is alike here.
+    assert spread < 1e-3 if importance != "view" else spread > 0.05
 
 
 def test_every_nth_light_is_a_sample_of_all():
