@@ -150,6 +150,7 @@ def _add_render_arguments(parser: Parser) -> None:
     add("--timings", action="store_true", help="print the time that each pass took")
     add("--check", action="store_true", help="name the first pass that makes a NaN or an infinity (slow)")
     add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+    add("--visible-only", action="store_true", help="of --gi path: let light leave only surfaces in the picture")
 
 
 def _add_compare_arguments(parser: Parser) -> None:

@@ -80,6 +80,7 @@ def settings_from(arguments: Namespace) -> Settings:
         exposure=arguments.exposure,
         diffuse=arguments.diffuse,
     )
+    settings.path.visible_only = arguments.visible_only
     validate(settings)
     apply_quality(settings, arguments.quality)
     for text in arguments.set:
@@ -96,6 +97,8 @@ def without_effect(settings: Settings) -> list[str]:
         notes.append(f"--gi {gi} has at most {most} indirect bounces; bounces={settings.bounces} changes nothing")
     if gi != "path" and settings.spp != Settings().spp:
         notes.append(f"--gi {gi} averages frames, set by camera.frames; spp={settings.spp} changes nothing")
+    if gi != "path" and settings.path.visible_only:
+        notes.append(f"--gi {gi} is no truth; --visible-only changes nothing")
     return notes
 
 

@@ -35,7 +35,9 @@ from .techniques.shadow_views import ShadowSettings
 from .techniques.sky import declare_sky_occlusion
 from .techniques.ssdo import Occlusion, declare_bounce, declare_occlusion
 from .techniques.ssdo_sources import Sources, SsdoSettings, declare_sources
+from .techniques.ssil import SsilSettings, declare_ssil
 from .techniques.temporal import TemporalSettings, declare_temporal
+from .techniques.voxels import VoxelSettings
 from .techniques.vpl import VplSettings, declare_vpls, declare_walk
 
 MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
@@ -63,6 +65,7 @@ TECHNIQUES = {
     "none": Technique("direct light only, deferred", 0, False),
     "many-light": Technique("virtual point lights with imperfect shadow maps", None, True),
     "ssdo": Technique("directional occlusion and one bounce in screen space", 1, True),
+    "ssil": Technique("from what the picture shows, at several scales, with visibility by voxels", None, True),
 }
 
 # What can be read back and shown. All but the last two are there for every technique.
@@ -134,7 +137,7 @@ class Settings:
 
     gi: str = setting(
         "path",
-        "Technique for light: path (path tracer), none (direct only), many-light or ssdo.",
+        "Technique for light: path (path tracer), none (direct only), many-light, ssdo or ssil.",
         choices=(*TECHNIQUES,),
     )
     bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
@@ -154,6 +157,8 @@ class Settings:
     temporal: TemporalSettings = field(default_factory=TemporalSettings)
     denoise: DenoiseSettings = field(default_factory=DenoiseSettings)
     ssdo: SsdoSettings = field(default_factory=SsdoSettings)
+    ssil: SsilSettings = field(default_factory=SsilSettings)
+    voxels: VoxelSettings = field(default_factory=VoxelSettings)
 
 
 @dataclass(frozen=True)
@@ -279,12 +284,22 @@ def _declare_deferred(
         indirect = declare_bounce(
             graph, settings.ssdo, scene, sources, occlusion, direct, atlas, ambient, settings.seed
         )
+    if settings.gi == "ssil" and settings.bounces != 0:
+        indirect = _declare_ssil(graph, settings, scene, gbuffer, motion, direct)
     radiance = declare_sum(graph, gbuffer.emission, direct, indirect)
     layers = {"radiance": radiance, "direct": direct, "indirect": indirect, "emission": gbuffer.emission}
     if picture_count(settings) > 1:
         layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}
     shown = {name: Source(layer) for name, layer in (layers | {"motion": motion} | views).items()}
     return {name: Absent(name) for name in views_of(settings.gi)} | shown
+
+
+def _declare_ssil(
+    graph: Graph, settings: Settings, scene: SceneInputs, gbuffer: Gbuffer, motion: Buffer, direct: Buffer
+) -> Buffer:
+    """Declare light from all that the picture shows (Soler 2010)."""
+    s = settings
+    return declare_ssil(graph, s.ssil, s.voxels, s.temporal, scene, gbuffer, motion, direct, s.bounces, s.seed)
 
 
 def _declare_many_light(

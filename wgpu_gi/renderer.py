@@ -36,7 +36,7 @@ from .settings import apply_quality, validate
 from .techniques.composite import MEANS
 from .techniques.deferred_inputs import DeferredInputs
 from .techniques.reference import path_runs
-from .techniques.scene_inputs import SceneInputs, ScreenInputs, share_scene
+from .techniques.scene_inputs import SceneInputs, ScreenInputs, share_scene, share_solids
 from .techniques.ssdo_sources import screen_views, view_name
 from .techniques.vpl_inputs import ManyLightInputs
 
@@ -289,6 +289,8 @@ class Renderer:
                 graph.uniform(view_name(number), upload.view(camera, self.size, False))
         if settings.gi == "many-light":
             self._many_light.update(upload, self.scene, settings.rsm)
+        if settings.gi == "ssil":
+            upload.update_solids(settings.voxels.solids)
         graph.uniform("scene", upload.info)
         graph.uniform("view", view)
 
@@ -317,6 +319,8 @@ class Renderer:
             inputs = self._many_light.share(self._graph, self._upload, inputs)
         if self.settings.gi == "ssdo":
             inputs = replace(inputs, screen=self._screen)
+        if self.settings.gi == "ssil":
+            inputs = share_solids(self._graph, self._upload, inputs)
         return inputs
 
     def _check_buffers(self, names: Iterable[str]) -> None:

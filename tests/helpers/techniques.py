@@ -16,6 +16,7 @@ from wgpu_gi.scene.shapes import grid, quad, sphere
 from wgpu_gi.techniques.ism import IsmSettings
 from wgpu_gi.techniques.rsm import RsmSettings
 from wgpu_gi.techniques.shadow_views import ShadowSettings
+from wgpu_gi.techniques.ssil import SsilSettings
 from wgpu_gi.techniques.vpl import VplSettings
 
 from .medley import medley
@@ -33,6 +34,8 @@ SHADOWS = ShadowSettings(atlas=2048, sun=1024, spot=256, point=256, area=64)
 VPLS = VplSettings(count=128, paths=1024)
 RSM = RsmSettings(texels=1024)
 MAPS = IsmSettings(resolution=32)
+# Half of so few pixels would leave too little of a scene.
+LEVELS = SsilSettings(start="full")
 # Of deterministic layers, over the mean radiance: a pixel whose ray or shadow ray passes an edge by less than float32
 # can tell may see either side, all others are the same but for rounding.
 SAME_PIXEL = 2e-3
@@ -40,13 +43,19 @@ SAME_MEAN = 1e-3
 PARTED = 0.02  # share of pixels at such edges
 SIGMAS = 5.0  # of noisy layers' means; chosen
 # Of techniques whose pixels see the same random lights, so that their noise does not average out over the picture.
-OTHER_SEEDS = {"many-light": 4, "ssdo": 4}
+OTHER_SEEDS = {"many-light": 4, "ssdo": 4, "ssil": 4}
 
 
 def make_settings(technique: str, frames: int = 1, **fields: object) -> Settings:
     """Return settings of a technique: rays through pixel centres, or through all of a pixel for several frames."""
     camera = CameraSettings(jitter=frames > 1, frames=frames)
-    small = {"shadow": replace(SHADOWS), "vpl": replace(VPLS), "rsm": replace(RSM), "ism": replace(MAPS)}
+    small = {
+        "shadow": replace(SHADOWS),
+        "vpl": replace(VPLS),
+        "rsm": replace(RSM),
+        "ism": replace(MAPS),
+        "ssil": replace(LEVELS),
+    }
     return Settings(gi=technique, camera=camera, **{"spp": SPP, **small, **fields})
 
 

@@ -26,6 +26,7 @@ from .gpu_resources import GpuResources
 from .hierarchy import Hierarchy
 from .mesh_data import MeshData
 from .scene import Instance, Light, Material, Scene, Texture
+from .solids import Solids
 from .surface_samples import sample_surfaces
 from .upload_materials import MaterialUpload
 
@@ -65,6 +66,8 @@ class SceneUpload:
         self._direct: tuple[object, NDArray] = (None, np.zeros(0))
         self._before: list[tuple[Instance, NDArray[np.float64]]] = []  # where each was at the last call for motion
         self._samples: tuple[int, NDArray[np.float64]] | None = None
+        self.solids = Solids()
+        self._solid_key: tuple[int, str] | None = None
         self.draws: Draws | None = None
         self.resources = GpuResources(device.gpu, int(device.limits["max-storage-buffer-binding-size"]))
         self._materials = MaterialUpload(self.resources, self._dtypes["materials"], diffuse)
@@ -165,6 +168,13 @@ class SceneUpload:
     def update_areas(self, scene: Scene, table: AreaTable) -> None:
         """Bring a table of areas up to date; call it after `update`."""
         table.update(_without_empty(scene).instances, self._hierarchy)
+
+    def update_solids(self, choice: str) -> None:
+        """Bring up to date which triangles bound solids; call it after `update`."""
+        if self._solid_key != (self._geometry, choice):
+            self._solid_key = (self._geometry, choice)
+            self.solids.update(self._hierarchy.placements(), self._hierarchy.triangles, choice)
+            self.resources.buffer("solid_triangles", self.solids.bits)
 
     def update_motion(self, scene: Scene) -> None:
         """Send where each instance was at the last call; call it after `update`."""

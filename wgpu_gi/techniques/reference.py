@@ -22,10 +22,13 @@ FOUR_FLOATS = np.dtype((np.float32, 4))
 
 @dataclass
 class PathSettings:
-    """How the path tracer divides its work; none of it changes what the picture converges to."""
+    """How the path tracer divides its work, and what it is the truth of."""
 
     samples_per_run: int = setting(
         16, "Paths per pixel in one run of the pass; fewer refine in smaller steps.", "paths", range=(1, 64)
+    )
+    visible_only: bool = setting(
+        False, "Let light leave only surfaces that the picture shows: what techniques in screen space can find at best."
     )
 
 
@@ -96,7 +99,7 @@ def declare_reference(
             "bounces": UNLIMITED if bounces is None else bounces,
             "seed": seed,
         },
-        constants=scene.constants("reference/path.wgsl"),
+        constants={**scene.constants("reference/path.wgsl"), "VISIBLE_ONLY": settings.visible_only},
         settle=runs,
         split=True,
     )

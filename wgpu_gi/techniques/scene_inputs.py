@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..gpu.graph import Graph
 from ..gpu.handles import Shared
@@ -48,6 +48,15 @@ class ScreenInputs:
 
 
 @dataclass
+class SolidInputs:
+    """Which triangles bound solids, a bit each, and whether there are such and others."""
+
+    triangles: Shared
+    has_solids: bool
+    has_shells: bool
+
+
+@dataclass
 class SceneInputs:
     """`surfaces` is what rays need to hit and shade, `lights` what light sampling needs; both go into `reads=`.
 
@@ -65,6 +74,7 @@ class SceneInputs:
     direct: DirectInputs | None = None
     vpl: VplInputs | None = None  # of many-light
     screen: ScreenInputs | None = None  # of ssdo
+    solids: SolidInputs | None = None  # of SSIL
 
     def constants(self, shader: str) -> dict[str, bool]:
         """Return the HAS_ constants that `shader` declares: code for what the scene lacks is compiled out."""
@@ -84,7 +94,8 @@ class SceneInputs:
             )
         texels = self.vpl.rsm_texels if self.vpl is not None else 0
         screen = (self.screen.layers, self.screen.cameras, self.screen.skipped) if self.screen is not None else ()
-        return (tuple(self.features.items()), runs, lights, texels, screen, self.upload)
+        kinds = (self.solids.has_solids, self.solids.has_shells) if self.solids is not None else ()
+        return (tuple(self.features.items()), runs, lights, texels, screen, kinds, self.upload)
 
 
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:
@@ -103,3 +114,9 @@ def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:
         upload.draws,
         upload,
     )
+
+
+def share_solids(graph: Graph, upload: SceneUpload, scene: SceneInputs) -> SceneInputs:
+    """Return the inputs with the triangles that bound solids; call it after `upload.update_solids`."""
+    triangles = graph.share("scene/solid_triangles", *upload.resources["solid_triangles"])
+    return replace(scene, solids=SolidInputs(triangles, upload.solids.has_solids, upload.solids.has_shells))

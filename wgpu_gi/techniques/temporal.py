@@ -26,6 +26,9 @@ class TemporalSettings:
     """How light is averaged over frames."""
 
     frames: int = setting(1, "Frames that indirect light is averaged over; 1 for none.", "frames", range=(1, 255))
+    speed: float = setting(
+        0.0, "Fewer frames count where a surface moves over the picture: 1 / (1 + speed pixels).", range=(0, 100)
+    )
 
 
 @dataclass
@@ -33,6 +36,14 @@ class Accumulated:
     """What VPLs give to each pixel in the mean; `rejected`: the share of each pixel's history that was left out."""
 
     gathered: Gathered
+    rejected: Buffer
+
+
+@dataclass
+class Averaged:
+    """The mean of each pixel, and the share of its history that was left out."""
+
+    averaged: Buffer
     rejected: Buffer
 
 
@@ -45,6 +56,19 @@ def declare_temporal(
     gathered: Gathered,
 ) -> Accumulated:
     """Declare the mean over frames of the irradiance; what coats reflect changes with the view and is left alone."""
+    found = declare_accumulate(graph, settings, scene, gbuffer, motion, gathered.irradiance)
+    return Accumulated(replace(gathered, irradiance=found.averaged), found.rejected)
+
+
+def declare_accumulate(
+    graph: Graph,
+    settings: TemporalSettings,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    motion: Buffer,
+    irradiance: Buffer,
+) -> Averaged:
+    """Declare the mean over frames of light (r, g, b, -) per pixel, where the last value is above 0."""
     width, height = graph.size
     count = width * height
     history = graph.buffer("temporal/history", dtype=_HISTORY, count=count, width=width, history=True)
@@ -55,13 +79,13 @@ def declare_temporal(
         SHADER,
         over=(width, height),
         reads={
-            "irradiance": gathered.irradiance,
+            "irradiance": irradiance,
             "motion": motion,
             "before": history.previous,
             "surfaces": gbuffer.surfaces,
             "distance": gbuffer.distance,
         },
         writes={"kept": history, "averaged": averaged, "rejected": rejected},
-        constants={**scene.constants(SHADER), "FRAMES": settings.frames},
+        constants={**scene.constants(SHADER), "FRAMES": settings.frames, "PER_PIXEL": settings.speed},
     )
-    return Accumulated(replace(gathered, irradiance=averaged), rejected)
+    return Averaged(averaged, rejected)

@@ -13,6 +13,10 @@
 // from the triangle let some light pass through it, as in other renderers that do not clip their lobes (Mitsuba 3).
 #import "scene/lights.wgsl"
 #import "common/random.wgsl"
+#import "reference/shown.wgsl"
+
+// Light leaves only surfaces that the picture shows, as if there were no others: what techniques in screen space aim at.
+override VISIBLE_ONLY: bool = false;
 
 struct Params {
     settle_index: u32,    // runs since the picture last changed; 0 starts over
@@ -204,9 +208,16 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             cosine_in = max(abs(dot(surface.geometric_normal, rays.main.direction)), 1e-12);
         }
 
+        var sends = hit_something;
+        if (VISIBLE_ONLY && hit_something && (from_light || depth > 0u)) {
+            let shown = is_shown(surface, rays.main.direction);
+            steps += shown.steps;
+            sends = shown.by_camera;
+        }
+
         if (from_light) {
             // Keep where the light's ray has hit for the vertices of the path to come.
-            if (hit_something && (surface.flags & UNLIT) == 0u) {
+            if (sends && (surface.flags & UNLIT) == 0u) {
                 let falloff = select(1.0 / squared_distance, 1.0, light_ray.parallel);
                 lit.brdf = surface_brdf(surface);
                 lit.position = surface.position;
@@ -251,7 +262,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
                 sum_indirect += select(weighted, vec3f(0.0), depth == 1u);
             }
         }
-        if (!hit_something || depth > params.bounces || (surface.flags & UNLIT) != 0u) {
+        if (!sends || depth > params.bounces || (surface.flags & UNLIT) != 0u) {
             continue;
         }
         origin_density = select(bsdf_pdf * cosine_in / squared_distance, 0.0, depth == 0u);

@@ -1,5 +1,5 @@
 // One invocation averages a pixel's irradiance over frames: mean += (x - mean) / k, for the k-th frame that shows its
-// surface, at most FRAMES.
+// surface, at most FRAMES, fewer where it moves.
 //
 // Where it was in the frame before says `motion`; of the four pixels there those are left out whose distance or normal
 // says that they showed something else. In: irradiance W/m2, motion, what was kept. Out: irradiance, what is kept, and
@@ -8,6 +8,7 @@
 #import "temporal/history.wgsl"
 
 override FRAMES: f32 = 8.0;
+override PER_PIXEL: f32 = 0.0;  // FRAMES are divided by 1 + this times the pixels that the surface moves
 
 @group(1) @binding(11) var<storage, read> irradiance: array<vec4f>;
 @group(1) @binding(12) var<storage, read> motion: array<vec4f>;
@@ -60,7 +61,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     // With less than a tenth of a pixel found again, noise would be all that is.
     let found = weight > 0.1;
-    let count = select(1.0, min(round(frames / max(weight, 0.1)) + 1.0, FRAMES), found);
+    let most = max(FRAMES / (1.0 + PER_PIXEL * length(moved.xy)), 1.0);
+    let count = select(1.0, min(round(frames / max(weight, 0.1)) + 1.0, most), found);
     let mean = mix(select(now.rgb, light / max(weight, 0.1), found), now.rgb, 1.0 / count);
     averaged[index] = vec4f(mean, now.w);
     kept[index] = pack_history(History(mean, count, load_distance(id.xy), normal));

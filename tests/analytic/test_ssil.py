@@ -1,0 +1,172 @@
+"""SSIL's parts: samples that cover the screen once, votes that keep surfaces, light that keeps its energy; voxels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helpers.techniques import SCENES, make_settings
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.renderer import Renderer
+from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.scene import DirectionalLight, Instance, PointLight, Scene
+from wgpu_gi.scene.shapes import box, grid, quad
+from wgpu_gi.settings import assign
+
+SIZE = (64, 36)
+
+
+def rendered(scene, *texts, size=SIZE, frames=1, bounces=1, **fields):
+    settings = make_settings("ssil", diffuse=True, bounces=bounces, **fields)
+    settings.camera.frames = frames
+    for text in ("ssil.start=half", *texts):
+        assign(settings, text)
+    renderer = Renderer(scene, size=size, settings=settings)
+    renderer.run(check=True)
+    return renderer
+
+
+def level(renderer, k):
+    """Return positions relative to the camera and normals (h, w, 3) of a level, and where there are any."""
+    texels = renderer.graph.read_back(f"ssil/surfels_{k}")
+    normal = np.stack([texels[..., 3] & 0xFFF, texels[..., 3] >> 12 & 0xFFF], -1).astype(np.float64)
+    xy = (normal - 2048) / 2047
+    z = 1 - np.abs(xy).sum(-1, keepdims=True)
+    folded = (1 - np.abs(xy[..., ::-1])) * np.where(xy >= 0, 1, -1)
+    v = np.concatenate([np.where(z < 0, folded, xy), z], -1)
+    return (
+        np.ascontiguousarray(texels[..., :3]).view(np.float32).astype(np.float64),
+        v / np.linalg.norm(v, axis=-1, keepdims=True),
+        texels[..., 3] > 0,
+    )
+
+
+def light(renderer, name):
+    """Return the light (n, 3) of a level."""
+    codes = renderer.graph.read_back(name).reshape(-1, 2).astype(np.int64)
+    exponent = (codes[:, 1] >> 16 & 255) - 110
+    mantissa = np.stack([codes[:, 0] & 0xFFFF, codes[:, 0] >> 16, codes[:, 1] & 0xFFFF], -1)
+    return mantissa * 2.0 ** (exponent - 16)[:, None]
+
+
+def pattern(renderer, samples):
+    """Return offsets and areas of the disc and of the ring, all classes together."""
+    entries = renderer.graph.read_back("ssil/pattern").reshape(2, 16 * samples, 2).astype(np.uint32)
+    offsets = np.ascontiguousarray(entries[..., 0]).view(np.int16).reshape(2, -1, 2)
+    return offsets, np.ascontiguousarray(entries[..., 1]).view(np.float32) / 16
+
+
+@pytest.mark.parametrize("place", [(0, 0), (40, 22), (79, 44)])
+def test_samples_cover_the_screen_once(place):
+    """Of all classes together: the areas that lie on the screen add up to it, from any pixel."""
+    size, levels = (160, 90), 4
+    renderer = rendered(SCENES["cornell-point"](), size=size)
+    offsets, areas = pattern(renderer, 64)
+    covered = 0.0
+    for k in range(levels):
+        pixels = np.array([-(-size[0] >> (k + 1)), -(-size[1] >> (k + 1))])
+        at = np.array(place) >> k
+        inside = ((at + offsets[min(k, 1)] >= 0) & (at + offsets[min(k, 1)] < pixels)).all(-1)
+        covered += areas[min(k, 1)][inside].sum() * 4**k
+    assert covered == pytest.approx(80 * 45, rel=0.05)
+
+
+def test_patterns_are_a_disc_and_a_ring():
+    renderer = rendered(SCENES["cornell-point"](), "ssil.radius=40")
+    offsets, areas = pattern(renderer, 64)
+    radii = np.hypot(*offsets.transpose(2, 0, 1).astype(np.float64))
+    assert radii[0].max() <= 41 and radii[1].max() <= 41 and radii[1].min() >= 19
+    assert areas[0].sum() == pytest.approx(math.pi * 40**2, rel=0.01)
+    assert areas[1].sum() == pytest.approx(0.75 * math.pi * 40**2, rel=1e-5)
+
+
+def test_levels_choose_and_never_average():
+    """Every surfel of a coarse level is one of the finest, somewhere in its square."""
+    renderer = rendered(SCENES["courtyard"]())
+    fine, fine_normals, _ = level(renderer, 0)
+    for k in (1, 3):
+        coarse, normals, some = level(renderer, k)
+        for y, x in np.argwhere(some)[::7]:
+            square = np.s_[y << k : (y + 1) << k, x << k : (x + 1) << k]
+            same = (fine[square] == coarse[y, x]).all(-1)
+            assert same.any()
+            assert np.allclose(fine_normals[square][same], normals[y, x], atol=1e-3)
+
+
+def test_the_vote_keeps_what_is_large():
+    """A wall with a lone pixel before it: the pixel is gone at the next level, two by two pixels stay."""
+    wall = quad((-10, -10, -4), (20, 0, 0), (0, 20, 0), matte(0.5))
+    width = 2 * 3 * math.tan(0.5) / 36
+    speck = quad((0.05 * width, 0.05 * width, -3), (0.9 * width, 0, 0), (0, 0.9 * width, 0), matte(0.5))
+    scene = Scene([Instance(wall), Instance(speck)], [PointLight((0, 0, 0))])
+    scene.cameras = [Camera.look_at((0, 0, 0), (0, 0, -1), yfov_deg=math.degrees(1.0))]
+    renderer = rendered(scene)
+    assert (np.abs(level(renderer, 0)[0][..., 2] + 3) < 0.1).sum() == 1
+    assert not (np.abs(level(renderer, 1)[0][..., 2] + 3) < 0.1).any()
+
+
+@pytest.mark.parametrize("name", ["cornell-point", "courtyard", "medley"])
+def test_light_is_the_same_on_all_levels(name):
+    renderer = rendered(SCENES[name](), size=(61, 35))
+    first = light(renderer, "ssil/light").sum(0)
+    assert first.any()
+    for k in (2, 3, 4):
+        assert np.allclose(light(renderer, f"ssil/light_{k}").sum(0), first, rtol=1e-4)
+
+
+def test_light_is_radiance_times_area():
+    """A floor that fills the picture, seen straight on: its area follows from the lens."""
+    scene = Scene([Instance(grid(100.0, material=matte(0.5)))], [DirectionalLight((0, -1, 0), math.pi)])
+    scene.cameras = [Camera.look_at((0, 2, 0), (0, 0, 0), (0, 0, -1), yfov_deg=90.0)]
+    renderer = rendered(scene, size=(64, 64))
+    assert np.allclose(light(renderer, "ssil/light").sum(0), 0.5 * 4.0**2, rtol=2e-3)
+
+
+def test_two_walls_against_the_path_tracer():
+    """Two plates with nothing between: within a few percent of the light that leaves what is seen."""
+    scene = SCENES["plates"]()
+    got = rendered(scene, "ssil.start=full", frames=16).read_back("indirect")
+    settings = make_settings("path", diffuse=True, bounces=1, spp=256)
+    settings.path.visible_only = True
+    truth = Renderer(scene, size=SIZE, settings=settings)
+    truth.run(show=("indirect",))
+    expected = truth.read_back("indirect")
+    assert got.mean() == pytest.approx(expected.mean(), rel=0.06)
+
+
+def slices_of(renderer, voxels, depths):
+    near, far = renderer.graph.read_back("voxels/range").view(np.float32).ravel()
+    near = 1 / near
+    return np.log2(np.asarray(depths) / near) * (voxels - 0.01) / np.log2(far / near)
+
+
+@pytest.mark.parametrize("solids", ["auto", "none"])
+def test_voxels_of_a_box(solids):
+    """Straight on: a solid is filled from its front to its back, a shell at both."""
+    block = box((-0.5, -0.5, -4.0), (0.5, 0.5, -3.0), matte(0.5))
+    wall = quad((-10, -10, -6), (20, 0, 0), (0, 20, 0), matte(0.5))
+    scene = Scene([Instance(wall), Instance(block)], [PointLight((0, 0, 0))])
+    scene.cameras = [Camera.look_at((0, 0, 0), (0, 0, -1), yfov_deg=60.0)]
+    renderer = rendered(scene, f"voxels.solids={solids}", "voxels.coarser=0", size=(64, 64))
+    words = renderer.graph.read_back("voxels/grid_1").reshape(32, 32, 4).astype("<u4")
+    column = np.unpackbits(words[16, 16].view(np.uint8), bitorder="little").astype(bool)
+    front, back, end = slices_of(renderer, 128, [3.0, 4.0, 6.0])
+    inside = np.arange(128) + 0.5
+    filled = (inside > front) & (inside < back)
+    if solids == "auto":
+        assert (column[: int(end) - 1] == filled[: int(end) - 1]).all()
+    else:
+        assert column[int(front)] and column[int(back)] and not column[int(front) + 2 : int(back) - 1].any()
+    beside = np.unpackbits(words[2, 2].view(np.uint8), bitorder="little").astype(bool)
+    assert not beside[: int(end) - 1].any() and beside[int(end) - 1 :].any()
+
+
+def test_shrinking_leaves_what_all_have():
+    renderer = rendered(SCENES["medley"](), "voxels.coarser=0", "voxels.finer=0", size=(61, 35))
+    fine = renderer.graph.read_back("voxels/grid_1").reshape(18, 31, 4)
+    coarse = renderer.graph.read_back("voxels/grid_2").reshape(9, 16, 4)
+    padded = np.pad(fine, ((0, 0), (0, 1), (0, 0)), mode="edge")
+    expected = padded[::2, ::2] & padded[1::2, ::2] & padded[::2, 1::2] & padded[1::2, 1::2]
+    assert fine.any() and np.array_equal(coarse, expected)

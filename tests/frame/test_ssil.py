@@ -1,0 +1,160 @@
+"""What a frame of SSIL keeps and leaves out: surfels and voxels do not depend on light; a still view comes to rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.medley import at
+from helpers.techniques import SCENES, make_settings
+
+from wgpu_gi.__main__ import main
+from wgpu_gi.camera import Camera
+from wgpu_gi.renderer import Renderer
+from wgpu_gi.settings import assign
+
+SHOW = ("radiance",)
+SURFELS = {"ssil/first", "ssil/vote_1", "ssil/vote_4"}
+VOXELS = {"voxels/bounds", "voxels/opaque", "voxels/fill"}
+LIGHT = {"ssil/light", "ssil/sum_4", "ssil/gather_1", "ssil/gather_4", "ssil/combine_1", "ssil/indirect"}
+
+
+def make(scene, *texts, frames=1, bounces=1, size=(48, 27), **fields):
+    settings = make_settings("ssil", frames, bounces=bounces, **fields)
+    for text in ("ssil.start=half", *texts):
+        assign(settings, text)
+    return Renderer(scene, size=size, settings=settings)
+
+
+def passes(renderer):
+    """Step once; return the names of the passes that ran, and of those that were kept, by the plan."""
+    assert renderer.step(show=SHOW)
+    states = [line.split()[:2] for line in renderer.plan().splitlines()[1:]]
+    return tuple({name for name, state in states if state == wanted} for wanted in ("ran", "kept"))
+
+
+@pytest.fixture
+def renderer():
+    """A room that has been lit and seen."""
+    renderer = make(SCENES["cornell-point"]())
+    ran, _ = passes(renderer)
+    assert ran >= SURFELS | VOXELS | LIGHT | {"ssil/pattern", "ssil/glossy_1"}
+    assert not renderer.step(show=SHOW)
+    return renderer
+
+
+def test_a_light_move_keeps_surfels_and_voxels(renderer):
+    renderer.scene.lights[0].position = np.array((2.0, 4.0, 2.0))
+    ran, kept = passes(renderer)
+    assert ran >= LIGHT and kept >= SURFELS | VOXELS | {"ssil/pattern"}
+
+
+def test_a_camera_move_keeps_the_pattern(renderer):
+    renderer.camera = Camera.look_at((2.7, 2.7, -7.0), (2.7, 2.7, 0.0))
+    ran, kept = passes(renderer)
+    assert ran >= SURFELS | VOXELS | LIGHT and "ssil/pattern" in kept
+
+
+def test_a_moved_mesh_keeps_the_pattern(renderer):
+    renderer.scene.instances[0].world_from_local = at(0.0, 0.1) @ renderer.scene.instances[0].world_from_local
+    ran, kept = passes(renderer)
+    assert ran >= SURFELS | VOXELS | LIGHT and "ssil/pattern" in kept
+
+
+@pytest.mark.parametrize(
+    ("text", "fields", "name", "reason"),
+    [
+        ("ssil.visibility=none", {}, "voxels", "ssil.visibility is none"),
+        ("ssil.samples=64", {"diffuse": True}, "ssil/glossy", "every material is Lambert"),
+        ("ssil.glossy_samples=0", {}, "ssil/glossy", "ssil.glossy_samples is 0"),
+        ("temporal.frames=1", {}, "temporal/accumulate", "temporal.frames is 1"),
+        ("ssil.samples=64", {}, "ssil/reflectors", "one bounce"),
+        ("ssil.samples=64", {}, "voxels/masked", "no alpha-masked material"),
+    ],
+)
+def test_what_is_left_out_and_why(text, fields, name, reason):
+    renderer = make(SCENES["cornell-point"](), text, **fields)
+    renderer.step(show=SHOW)
+    line = next(line for line in renderer.plan().splitlines()[1:] if line.split()[0] == name)
+    assert line.split()[1] == "culled" and line.endswith(reason)
+
+
+@pytest.mark.parametrize("visibility", ["voxels", "depth", "exact", "none"])
+def test_every_kind_of_visibility(visibility):
+    renderer = make(SCENES["medley"](), f"ssil.visibility={visibility}", "ssil.samples=16", bounces=2)
+    renderer.run(check=True)
+    assert renderer.read_back("indirect").any()
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        ("ssil.start=full", "ssil.levels=6"),
+        ("ssil.start=quarter", "ssil.levels=3", "voxels.coarser=2", "voxels.bits=1024"),
+        ("ssil.samples=1", "ssil.radius=1", "voxels.bits=32", "voxels.steps=4", "voxels.finer=6"),
+        ("ssil.form_factor=plain", "ssil.bounces=4", "ssil.visible_bounces=all", "temporal.frames=8"),
+    ],
+)
+@pytest.mark.parametrize("size", [(1, 1), (3, 40), (37, 21)])
+def test_settings_at_their_ends(texts, size):
+    renderer = make(SCENES["medley"](), *texts, bounces=None, size=size)
+    renderer.run(check=True)
+    assert np.isfinite(renderer.read_back("indirect")).all()
+
+
+def test_a_dim_bounce_is_left_out():
+    """The second bounce is dimmer than what counts: the picture is that of one."""
+    one = make(SCENES["cornell-point"](), diffuse=True)
+    dim = make(SCENES["cornell-point"](), "ssil.least_light=1", bounces=2, diffuse=True)
+    two = make(SCENES["cornell-point"](), bounces=2, diffuse=True)
+    for each in (one, dim, two):
+        each.run()
+    assert np.array_equal(one.read_back("indirect"), dim.read_back("indirect"))
+    assert two.read_back("indirect").mean() > 1.1 * one.read_back("indirect").mean()
+
+
+def test_no_ghost_lasts_longer_than_the_filter():
+    """A lamp goes out: after as many frames as count, nothing is left of its light."""
+    scene = SCENES["cornell-point"]()
+    renderer = make(scene, "temporal.frames=8", diffuse=True)
+    for _ in range(10):
+        renderer.step(force=True)
+    lit = renderer.read_back("indirect").mean()
+    scene.lights.clear()
+    left = []
+    for _ in range(24):
+        renderer.step(force=True)
+        left.append(renderer.read_back("indirect").mean() / lit)
+    assert left[0] < 1 and left[-1] < 0.06
+
+
+def test_away_and_back_with_the_filter():
+    """Once as many frames have passed as count, the view is what it was, within 1 %."""
+    scene = SCENES["cornell-point"]()
+    renderer = make(scene, "temporal.frames=8", diffuse=True)
+    home = renderer.camera
+    for _ in range(10):
+        renderer.step(force=True)
+    first = renderer.read_back("indirect")
+    renderer.camera = Camera.look_at(
+        home.position + np.array((0.3, 0.2, 0.1)), home.position - home.world_from_view[:3, 2]
+    )
+    for _ in range(3):
+        renderer.step(force=True)
+    renderer.camera = home
+    for _ in range(30):
+        renderer.step(force=True)
+    assert np.abs(renderer.read_back("indirect") - first).mean() <= 0.01 * first.mean()
+
+
+def test_visible_only_by_the_command_line(tmp_path, capsys):
+    """It says where it changes nothing; of the path tracer it leaves light out, and never adds any."""
+    target = str(tmp_path / "a.npy")
+    common = ["render", "cornell-point", "-o", target, "--size", "32x18", "--spp", "16", "--show", "indirect"]
+    means = []
+    for more in ([], ["--visible-only"]):
+        assert main([*common, "--bounces", "1", *more]) == 0
+        means.append(np.load(target).mean())
+    assert 0 < means[1] < 0.95 * means[0]
+    capsys.readouterr()
+    assert main([*common, "--gi", "ssil", "--set", "camera.frames=1", "--visible-only"]) == 0
+    assert "--visible-only changes nothing" in capsys.readouterr().err

@@ -1,0 +1,42 @@
+"""Which meshes are solids: those that every line meets an even number of times."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.scene import Mesh
+from wgpu_gi.scene.shapes import box, grid, quad, sphere
+from wgpu_gi.scene.solids import is_closed
+
+
+def without(mesh: Mesh, triangle: int) -> Mesh:
+    return Mesh(mesh.positions, np.delete(mesh.triangles, triangle, 0), mesh.materials)
+
+
+@pytest.mark.parametrize("mesh", [box((0, 0, 0), (1, 2, 3), matte(0.5)), sphere((0, 1, 0), 0.5)])
+def test_boxes_and_spheres_are_closed(mesh):
+    """Also where corners have a vertex for each face."""
+    assert is_closed(mesh)
+    assert not is_closed(without(mesh, 3))
+
+
+@pytest.mark.parametrize("mesh", [quad((0, 0, 0), (1, 0, 0), (0, 1, 0), matte(0.5)), grid(2.0, 4)])
+def test_sheets_are_open(mesh):
+    assert not is_closed(mesh)
+
+
+def test_two_sheets_back_to_back_are_closed():
+    """A line meets both or none."""
+    positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
+    assert is_closed(Mesh(positions, np.array([(0, 1, 2), (0, 2, 1)], np.uint32)))
+
+
+def test_signed_zeros_are_one_place():
+    """Half of the corners have a minus before their zeros."""
+    mesh = box((-1, 0, 0), (0, 1, 1), matte(0.5))
+    positions = mesh.positions.copy()
+    rows = np.arange(len(positions)) % 2 == 0
+    positions[rows] = np.where(positions[rows] == 0, np.float32(-0.0), positions[rows])
+    assert is_closed(Mesh(positions, mesh.triangles))

@@ -1,0 +1,290 @@
+"""Indirect light in screen space: each pixel gathers from all that the picture shows, far pixels from coarse levels.
+
+Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination". Departures: eq. 4 with the factor
+of pi that it lacks; patterns of samples are dealt out to interleaved classes of pixels and go round from frame to
+frame; light is summed over pixels and not averaged, so that none is lost where surfaces do not survive the vote; the
+default radius is twice the least that covers the screen. Bounces on alternate frames are not there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..gpu.graph import Graph
+from ..gpu.handles import Buffer
+from ..gpu.wgsl import load
+from ..settings import setting
+from .gbuffer import FOUR_FLOATS, Gbuffer
+from .scene_inputs import SceneInputs
+from .ssil_glossy import declare_glossy
+from .ssil_levels import Levels, declare_levels, declare_light_levels, declare_reflected, declare_sent, level_buffer
+from .temporal import TemporalSettings, declare_accumulate
+from .voxels import Voxels, VoxelSettings, declare_voxels
+
+STARTS = ("full", "half", "quarter")
+_SIDE, _CLASSES = (int(load("ssil/classes.wgsl").constants[name]) for name in ("SIDE", "CLASSES"))
+
+
+@dataclass
+class SsilSettings:
+    """How light is gathered from what the picture shows."""
+
+    start: str = setting("half", "Resolution that gathering starts at.", choices=STARTS, presets={"low": "quarter"})
+    levels: int = setting(4, "Levels that are gathered at, each of half the resolution.", "levels", range=(3, 6))
+    samples: int = setting(
+        64,
+        "Samples of each pixel at each level.",
+        "samples",
+        range=(1, 1024),
+        presets={"low": 32, "high": 128},
+    )
+    radius: float | None = setting(
+        None,
+        "Radius of the samples about a pixel of their level; none for twice the least that covers the screen.",
+        "pixels",
+        range=(1, 8192),
+    )
+    visibility: str = setting(
+        "voxels",
+        "What tells whether a pixel sees a sample: voxels, the picture's depths, rays, or nothing.",
+        choices=("voxels", "depth", "exact", "none"),
+    )
+    visible_bounces: str = setting(
+        "first",
+        "Bounces that visibility is found for; in the others light passes through all.",
+        choices=("first", "all"),
+        presets={"high": "all"},
+    )
+    form_factor: str = setting(
+        "disc", "Form factor of a sample: a disc of its area, bounded, or the plain one.", choices=("disc", "plain")
+    )
+    glossy_samples: int = setting(
+        16,
+        "Samples of each coated pixel at each level for what its coat reflects.",
+        "samples",
+        range=(0, 256),
+        presets={"low": 8, "high": 64},
+    )
+    bounces: int = setting(2, "Bounces where all are asked for.", "bounces", range=(1, 16), presets={"high": 4})
+    least_light: float = setting(
+        0.001, "Later bounces whose brightest light is this share of the first's are left out.", range=(0, 1)
+    )
+
+
+@dataclass(frozen=True)
+class _Gathering:
+    """What every bounce shares."""
+
+    settings: SsilSettings
+    scene: SceneInputs
+    levels: Levels
+    pattern: Buffer
+    voxels: Voxels | None
+    first_peak: Buffer
+
+
+def declare_ssil(
+    graph: Graph,
+    settings: SsilSettings,
+    voxel_settings: VoxelSettings,
+    temporal: TemporalSettings,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    motion: Buffer,
+    direct: Buffer,
+    bounces: int | None,
+    seed: int,
+) -> Buffer:
+    """Declare the indirect light: (r, g, b, 1) per pixel, W/(m2 sr), of `bounces` bounces of the light `direct`."""
+    levels = declare_levels(graph, scene, gbuffer, STARTS.index(settings.start), settings.levels)
+    pattern = _declare_pattern(graph, settings, levels, seed)
+    voxels: Voxels | None = None
+    if settings.visibility == "voxels":
+        voxels = declare_voxels(graph, voxel_settings, scene, levels)
+    else:
+        graph.skip("voxels", f"ssil.visibility is {settings.visibility}")
+    light, peak = declare_sent(graph, scene, gbuffer, levels, direct)
+    gathering = _Gathering(settings, scene, levels, pattern, voxels, peak)
+    lights = declare_light_levels(graph, levels, light, "")
+    total = got = _declare_bounce(graph, gathering, lights, peak, "")
+    count = settings.bounces if bounces is None else bounces
+    if count == 1:
+        graph.skip("ssil/reflectors", "one bounce")
+    else:
+        reflectors = declare_sent(graph, scene, gbuffer, levels, None)[0]
+    if settings.visible_bounces == "first":
+        gathering = replace(gathering, settings=replace(settings, visibility="none"), voxels=None)
+    coated = scene.features["HAS_COATS"] and settings.glossy_samples > 0
+    for bounce in range(2, count + 1):
+        suffix = f"_bounce_{bounce}"
+        if bounce == count and coated:
+            # What coats reflect has been scattered by all bounces but the last.
+            sent = declare_reflected(graph, reflectors, total, "_all", light)[0]
+            lights = declare_light_levels(graph, levels, sent, "_all")
+        sent, peak = declare_reflected(graph, reflectors, got, suffix)
+        got = _declare_bounce(graph, gathering, declare_light_levels(graph, levels, sent, suffix), peak, suffix)
+        total = _declare_sum(graph, total, got, suffix)
+    radius = _radius(settings, levels)
+    glossy = declare_glossy(graph, scene, gbuffer, levels, voxels, lights, settings.glossy_samples, radius, seed)
+    return _declare_last(graph, temporal, scene, gbuffer, motion, levels, total, glossy)
+
+
+def default_radius(size: tuple[int, int], levels: int) -> float:
+    """Return the radius, in pixels of a level, for a first level of `size`: twice the least that covers the screen.
+
+    With it the last ring but one reaches from corner to corner, and light from afar is found at a finer level. Measured
+    with rays for visibility, 320x180, start half, 4 levels, one bounce against the truth of what the picture shows:
+    relMSE 0.015 instead of 0.098 on Cornell's spot, 0.020 instead of 0.047 with the point light, at the same time.
+    """
+    return max(math.hypot(*size) / 2 ** (levels - 2), 1.0)
+
+
+def _radius(settings: SsilSettings, levels: Levels) -> float:
+    return settings.radius or default_radius(levels.surfels[levels.first].size, settings.levels)
+
+
+def _declare_pattern(graph: Graph, settings: SsilSettings, levels: Levels, seed: int) -> Buffer:
+    """Declare where samples lie about a pixel, for each class of pixels: in the disc, then in the ring."""
+    pattern = graph.buffer("ssil/pattern", dtype=np.dtype((np.uint32, 2)), count=2 * _CLASSES * settings.samples)
+    graph.compute(
+        "ssil/pattern",
+        "ssil/pattern.wgsl",
+        over=pattern,
+        writes={"pattern": pattern},
+        params={"radius": _radius(settings, levels), "seed": seed},
+        constants={"SAMPLES": settings.samples},
+    )
+    return pattern
+
+
+def _declare_bounce(graph: Graph, gathering: _Gathering, lights: list[Buffer], peak: Buffer, suffix: str) -> Buffer:
+    """Declare the irradiance of the first level by the light that it sends: gathered at all levels, and combined."""
+    levels = gathering.levels
+    combined: Buffer | None = None
+    for k in reversed(levels.gathered):
+        own = _declare_gather(graph, gathering, k, lights[k - levels.first], peak, suffix)
+        if combined is None:
+            combined = own
+            continue
+        finer = level_buffer(graph, f"ssil/combined_{k}{suffix}", levels.surfels[k].size)
+        graph.compute(
+            f"ssil/combine_{k}{suffix}",
+            "ssil/combine.wgsl",
+            over=levels.surfels[k],
+            reads={
+                "surfels": levels.surfels[k],
+                "coarse_surfels": levels.surfels[k + 1],
+                "own": own,
+                "coarse": combined,
+                "coarse_glossy": graph.neutral("buffer"),
+            },
+            writes={"combined": finer},
+        )
+        combined = finer
+    assert combined is not None
+    return combined
+
+
+def _declare_gather(graph: Graph, gathering: _Gathering, k: int, light: Buffer, peak: Buffer, suffix: str) -> Buffer:
+    """Declare the irradiance of a level by its own disc or ring."""
+    settings, levels, voxels = gathering.settings, gathering.levels, gathering.voxels
+    width, height = levels.surfels[k].size
+    irradiance = level_buffer(graph, f"ssil/irradiance_{k}{suffix}", (width, height))
+    shader = f"ssil/gather_{settings.visibility}.wgsl"
+    rays = settings.visibility == "exact"
+    # Whole workgroups of 8x8 pixels of each class, a band of the picture after the other.
+    block = 8 * _SIDE
+    graph.compute(
+        f"ssil/gather_{k}{suffix}",
+        shader,
+        over=(-(-width // block) * 8, -(-height // block) * _CLASSES * 8),
+        reads={
+            "surfels": levels.surfels[k],
+            "light": light,
+            "pattern": gathering.pattern,
+            "peak": peak,
+            "first_peak": gathering.first_peak,
+            **(gathering.scene.surfaces if rays else {}),
+            **(voxels.reads(k) if voxels is not None else {}),
+        },
+        writes={"irradiance": irradiance},
+        constants={
+            **gathering.scene.constants(shader),
+            **(voxels.constants(k) if voxels is not None else {}),
+            "SAMPLES": settings.samples,
+            "FINEST": k == levels.first,
+            "BOUNDED": settings.form_factor == "disc",
+            "LEAST_LIGHT": settings.least_light if suffix else 0.0,
+        },
+    )
+    return irradiance
+
+
+def _declare_sum(graph: Graph, before: Buffer, irradiance: Buffer, suffix: str) -> Buffer:
+    total = level_buffer(graph, f"ssil/total{suffix}", (before.width, before.count // before.width))
+    graph.compute(
+        f"ssil/add{suffix}",
+        "ssil/add.wgsl",
+        over=total,
+        reads={"before": before, "irradiance": irradiance},
+        writes={"total": total},
+    )
+    return total
+
+
+def _declare_last(
+    graph: Graph,
+    temporal: TemporalSettings,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    motion: Buffer,
+    levels: Levels,
+    irradiance: Buffer,
+    glossy: Buffer | None,
+) -> Buffer:
+    """Declare the light that pixels of the picture reflect: of the irradiance, and of `glossy`, of the first level."""
+    if temporal.frames == 1:
+        graph.skip("temporal/accumulate", "temporal.frames is 1")
+        return _declare_full(graph, scene, gbuffer, levels, irradiance, "indirect", glossy, {})
+    full = _declare_full(graph, scene, gbuffer, levels, irradiance, "irradiance", None, {"REFLECTED": False})
+    mean = declare_accumulate(graph, temporal, scene, gbuffer, motion, full).averaged
+    return _declare_full(graph, scene, gbuffer, levels, mean, "indirect", glossy, {"UPSAMPLED": True})
+
+
+def _declare_full(
+    graph: Graph,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    levels: Levels,
+    coarse: Buffer,
+    name: str,
+    glossy: Buffer | None,
+    constants: dict[str, bool],
+) -> Buffer:
+    """Declare what pixels of the picture get, or reflect, of the light of the first level."""
+    width, height = graph.size
+    full = graph.buffer(f"ssil/{name}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    shader = "ssil/last.wgsl"
+    graph.compute(
+        f"ssil/{name}",
+        shader,
+        over=(width, height),
+        reads={
+            "surfaces": gbuffer.surfaces,
+            "surfels": levels.surfels[0],
+            "coarse_surfels": levels.surfels[levels.first],
+            "coarse": coarse,
+            "coarse_glossy": graph.neutral("buffer") if glossy is None else glossy,
+        },
+        writes={"full": full},
+        constants={
+            **scene.constants(shader),
+            "SQUARE": 1 << levels.first,
+            "HAS_GLOSSY": glossy is not None,
+            **constants,
+        },
+    )
+    return full

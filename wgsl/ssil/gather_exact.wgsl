@@ -1,0 +1,19 @@
+// The gathering of light with a ray to each sample.
+#import "ssil/gather.wgsl"
+#import "scene/surface.wgsl"
+
+fn prepare() {}
+
+fn visibility(start: Place, end: Place, number: u32) -> f32 {
+    let size = max3(abs(scene.centre)) + scene.radius + length(start.position);
+    let way = end.position - start.position;
+    // Both ends are off their surfaces by rounding.
+    let gap = normalize_or(way, vec3f(0.0)) * (64.0 * POSITION_ULPS * size);
+    let shadow = Ray(view.position + start.position + gap, way - 2.0 * gap);
+    return select(1.0, 0.0, trace_all(Rays(shadow, 1.0, shadow, 0.0, shadow, 0.0)).occluded_a);
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
+    gather(group, thread);
+}

@@ -1,0 +1,13 @@
+// The gathering of light without visibility. Errs bright where something stands between.
+#import "ssil/gather.wgsl"
+
+fn prepare() {}
+
+fn visibility(start: Place, end: Place, number: u32) -> f32 {
+    return 1.0;
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
+    gather(group, thread);
+}

@@ -1,0 +1,8 @@
+// The gathering of light with visibility by voxels.
+#import "ssil/gather.wgsl"
+#import "ssil/through_voxels.wgsl"
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
+    gather(group, thread);
+}

@@ -1,0 +1,126 @@
+// One invocation gathers from one level what the coat of a pixel of the first level reflects (the last bounce only).
+// Who imports this defines fn prepare() and fn visibility(start: Place, end: Place, number: u32) -> f32.
+//
+// L = sum_i Phi_i cos_i cos'_i F D V_i / (d_i^2 + R_i^2) / p_i. Samples lie in the disc or the ring as those of
+// `gather.wgsl`, but their angles about the pixel follow the projected lobe: f = 0.1 + exp(-s x^2 / 2 pi), x the angle
+// from the mirrored direction's projection (section 4). Departure: Phong's exponent is that of a GGX lobe of the same
+// width at its peak, s = 2 / alpha^2 - 2 (Walter et al. 2007), and lobes are widened by what samples span. In: G-buffer,
+// surfels and light of the level. Out: radiance over coat_tint(), added to that of other levels. Errs noisy, and dark
+// where the mirrored direction leaves the picture.
+#import "scene/sequence.wgsl"
+#import "gbuffer/load.wgsl"
+#import "gather/coat.wgsl"
+#import "ssil/place.wgsl"
+#import "ssil/surfel.wgsl"
+#import "common/light_code.wgsl"
+#import "common/random.wgsl"
+
+override SAMPLES: u32 = 16u;
+override SQUARE: u32 = 2u;      // pixels of the picture along the side of one of the first level
+override SHIFT: u32 = 0u;       // levels above the first
+override RADIUS: f32 = 23.0;    // r
+override FINEST: bool = true;   // the disc, else the ring
+
+@group(1) @binding(11) var surfels: texture_storage_2d<rgba32uint, read>;
+@group(1) @binding(12) var<storage, read> light: array<vec2u>;
+@group(1) @binding(13) var<storage, read_write> glossy: array<vec4f>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    size: vec2u,  // of the first level
+    seed: u32,
+}
+
+const LEAST_DENSITY: f32 = 0.1;  // alpha of section 4
+const ROOT_TWO_PI: f32 = 2.5066283;
+
+struct Turn {
+    angle: f32,   // from the lobe's
+    weight: f32,  // of a uniform angle's density over its own
+}
+
+// Draws an angle in proportion to f.
+fn draw_turn(alpha: f32, choice: f32, u: vec2f) -> Turn {
+    let exponent = max(2.0 / (alpha * alpha) - 2.0, 0.5);
+    let width = sqrt(PI / exponent);
+    let uniform_mass = LEAST_DENSITY * TWO_PI;
+    let lobe_mass = width * ROOT_TWO_PI;
+    let is_uniform = choice * (uniform_mass + lobe_mass) < uniform_mass;
+    let normal = width * sqrt(-2.0 * log(max(1.0 - u.x, 1e-7))) * cos(TWO_PI * u.y);
+    let drawn = select(normal, TWO_PI * u.x, is_uniform);
+    let angle = drawn - TWO_PI * round(drawn / TWO_PI);
+    // Wide lobes go round.
+    let x = vec3f(angle - TWO_PI, angle, angle + TWO_PI) / width;
+    let lobe = exp(-0.5 * x * x);
+    let density = (LEAST_DENSITY + lobe.x + lobe.y + lobe.z) / (uniform_mass + lobe_mass);
+    return Turn(angle, 1.0 / (TWO_PI * density));
+}
+
+// Returns the direction over the picture, pixels right and down, in which a direction leads away from a point.
+fn projected(position: vec3f, direction: vec3f) -> vec2f {
+    let step = direction * (0.01 * length(position));
+    let half = vec2f(dot(view.right, view.right), dot(view.up, view.up));
+    let a = vec3f(dot(position, view.right), dot(position, view.up), dot(position, view.forward));
+    let b = a + vec3f(dot(step, view.right), dot(step, view.up), dot(step, view.forward));
+    let perspective = b.xy / max(b.z, 1e-30) - a.xy / max(a.z, 1e-30);
+    let moved = select(perspective, b.xy - a.xy, view.orthographic != 0u) / half;
+    return moved * vec2f(view.size) * vec2f(1.0, -1.0);
+}
+
+fn gather_glossy(id: vec3u) {
+    if (any(id.xy >= params.size)) {
+        return;
+    }
+    let index = id.y * params.size.x + id.x;
+    let pixel = min(id.xy * SQUARE + SQUARE / 2u, view.size - 1u);
+    let seen = load_distance(pixel);
+    let surface = load_surface(pixel);
+    let brdf = gbuffer_brdf(surface);
+    if (seen <= 0.0 || (surface.flags & GBUFFER_UNLIT) != 0u || !brdf.glossy) {
+        glossy[index] = select(glossy[index], vec4f(0.0), FINEST);
+        return;
+    }
+    prepare();
+    let ray = pixel_ray(pixel);
+    let size = vec2i(textureDimensions(surfels));
+    let start = Place(vec2i(id.xy >> vec2u(SHIFT)), ray.origin - view.position + ray.direction * seen);
+    let normal = surface.normal;
+    let to_eye = -ray.direction;
+    let mirrored = projected(start.position, reflect(ray.direction, normal));
+    let forward = mirrored * inverseSqrt(max(dot(mirrored, mirrored), 1e-30));
+    let pixel_seed = hash2(id.x, hash2(id.y, params.seed ^ SHIFT));
+    var sum = vec3f(0.0);
+    for (var k = 0u; k < SAMPLES; k += 1u) {
+        let number = sequence.index * SAMPLES + k;
+        let u = sobol_2d(number, pixel_seed);
+        let turn = draw_turn(brdf.alpha, u.y, sobol_2d(number, ~pixel_seed));
+        let radius = RADIUS * select(sqrt(0.25 + 0.75 * u.x), u.x, FINEST);
+        let area = PI * RADIUS * select(0.75 * RADIUS, 2.0 * radius, FINEST) / f32(SAMPLES);
+        let c = cos(turn.angle);
+        let s = sin(turn.angle);
+        let offset = radius * vec2f(c * forward.x - s * forward.y, s * forward.x + c * forward.y);
+        let place = start.pixel + vec2i(round(offset));
+        let inside = all(place >= vec2i(0)) && all(place < size);
+        let code = light[select(0, place.y * size.x + place.x, inside)];
+        if (!inside || (code.x | (code.y & 0xffffu)) == 0u) {
+            continue;
+        }
+        let texel = textureLoad(surfels, vec2u(place));
+        let end = Place(place, surfel_position(texel));
+        let way = end.position - start.position;
+        let squared = dot(way, way);
+        let arriving = max(dot(normal, way), 0.0);
+        let leaving = max(-dot(surfel_normal(texel), way), 0.0);
+        if (arriving * leaving <= 0.0) {
+            continue;
+        }
+        let count = area * turn.weight;
+        let facing = leaving * inverseSqrt(squared) * count * surfel_area(texel);
+        let reach = squared + facing * INV_PI;
+        let shine = shine_of(brdf, normal, to_eye, way, reach, facing);
+        let term = count * arriving * leaving / max(squared * reach, 1e-37) * shine.lobe;
+        sum += unpack_light(code) * shine.fresnel * (term * visibility(start, end, number));
+    }
+    let added = select(glossy[index].rgb, vec3f(0.0), FINEST);
+    glossy[index] = vec4f(added + sum / coat_tint(brdf, normal, to_eye), 1.0);
+}

@@ -1,0 +1,6 @@
+// One end of a way that light takes.
+
+struct Place {
+    pixel: vec2i,     // of the level
+    position: vec3f,  // metres from the camera, along the axes of the world
+}

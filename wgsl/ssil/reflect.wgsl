@@ -1,0 +1,28 @@
+// One invocation finds the light that a pixel of the first level sends on, from what it got: Phi = E * sum rho / pi ds.
+// With ADDED, together with what it sends already. In: irradiance, W/m2. Out: codes of `common/light_code.wgsl`, and the largest of them as bits of a float.
+#import "common/light_code.wgsl"
+
+override ADDED: bool = false;
+
+@group(1) @binding(11) var<storage, read> reflectors: array<vec2u>;
+@group(1) @binding(12) var<storage, read> irradiance: array<vec4f>;
+@group(1) @binding(13) var<storage, read_write> light: array<vec2u>;
+@group(1) @binding(14) var<storage, read_write> peak: array<atomic<u32>>;
+@group(1) @binding(15) var<storage, read> before: array<vec2u>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (id.x >= arrayLength(&light)) {
+        return;
+    }
+    var sent = irradiance[id.x].rgb * unpack_light(reflectors[id.x]);
+    if (ADDED) {
+        sent += unpack_light(before[id.x]);
+    }
+    light[id.x] = pack_light(sent);
+    let bits = bitcast<u32>(max3(sent));
+    // Reading first is cheaper where it is not the largest, which is the rule.
+    if (bits > atomicLoad(&peak[0])) {
+        atomicMax(&peak[0], bits);
+    }
+}

@@ -1,0 +1,70 @@
+// One invocation chooses which of a pixel's four finer pixels it stands for: position and normal of the one with the
+// largest score survive, nothing is averaged but the area, which is the sum.
+//
+// s(i) = sum_j g1(|p_i - p_j|) g2(1 - n_i . n_j) g3(d_ij) over the pixels j within one step of i (eq. 5). Departure:
+// d_ij is the distance from the tangent plane of i in widths of a pixel, not a difference of depths, so that floors
+// seen at a glancing angle are one surface. Equal scores, the rule on flat walls, are decided for one corner, and at
+// the next level for the one opposite, so that what survives is never far from the middle. In: surfels. Out: surfels of the next level. Errs by leaving out what is thinner than a pixel.
+#import "ssil/surfel.wgsl"
+
+@group(1) @binding(11) var finer: texture_storage_2d<rgba32uint, read>;
+@group(1) @binding(12) var surfels: texture_storage_2d<rgba32uint, write>;
+
+// Widths of the Gaussians, all chosen: pixels, cosines, widths of a pixel.
+const STEP_WIDTH: f32 = 1.0;
+const NORMAL_WIDTH: f32 = 0.1;
+const PLANE_WIDTH: f32 = 1.0;
+// What the corner is ahead. Chosen: above the rounding of scores, below what any other surface takes away.
+const AHEAD: f32 = 1e-3;
+
+override CORNER: i32 = 3;  // the pixel that is ahead, 0 or 3
+
+// Returns what a neighbour adds to the score of a surfel.
+fn vote(position: vec3f, normal: vec3f, per_width: f32, other: vec4u) -> f32 {
+    let turned = (1.0 - dot(normal, surfel_normal(other))) / NORMAL_WIDTH;
+    let off = dot(normal, surfel_position(other) - position) * per_width / PLANE_WIDTH;
+    let score = exp(-0.5 * (turned * turned + min(off * off, 1e4)));
+    return select(score, 0.0, is_empty(other));
+}
+
+fn load(pixel: vec2i) -> vec4u {
+    let size = vec2i(textureDimensions(finer));
+    let texel = textureLoad(finer, vec2u(clamp(pixel, vec2i(0), size - 1)));
+    return select(texel, vec4u(0u), any(pixel < vec2i(0)) || any(pixel >= size));
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (any(id.xy >= textureDimensions(surfels))) {
+        return;
+    }
+    var best = vec4u(0u);
+    var best_score = 0.0;
+    var area = 0.0;
+    let near = exp(-0.5 / (STEP_WIDTH * STEP_WIDTH));
+    for (var k = 0; k < 4; k += 1) {
+        let pixel = 2 * vec2i(id.xy) + vec2i(k & 1, k >> 1u);
+        let own = load(pixel);
+        if (is_empty(own)) {
+            continue;
+        }
+        area += surfel_area(own);
+        let position = surfel_position(own);
+        let normal = surfel_normal(own);
+        let width = f32(view.size.x) / f32(textureDimensions(finer).x);
+        let per_width = inverseSqrt(max(facing_area(position), 1e-37)) / width;
+        let sides = vote(position, normal, per_width, load(pixel - vec2i(1, 0)))
+            + vote(position, normal, per_width, load(pixel + vec2i(1, 0)))
+            + vote(position, normal, per_width, load(pixel - vec2i(0, 1)))
+            + vote(position, normal, per_width, load(pixel + vec2i(0, 1)));
+        let score = 1.0 + near * sides + select(0.0, AHEAD, k == CORNER);
+        if (score > best_score) {
+            best_score = score;
+            best = own;
+        }
+    }
+    if (best_score > 0.0) {
+        best = pack_surfel(Surfel(surfel_position(best), surfel_normal(best), area));
+    }
+    textureStore(surfels, id.xy, best);
+}

@@ -1,0 +1,30 @@
+// One invocation makes a cell of the next level: what all four finer cells have in common, slice by slice. In, out:
+// voxels. Errs by leaving out what is thinner than a cell, never by blocking what is free.
+
+override BITS: u32 = 128u;
+
+struct Params {
+    finer_size: vec2u,  // cells
+    size: vec2u,
+}
+
+@group(1) @binding(11) var<storage, read> finer: array<u32>;
+@group(1) @binding(12) var<storage, read_write> voxels: array<u32>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (any(id.xy >= params.size)) {
+        return;
+    }
+    let words = BITS / 32u;
+    let index = (id.y * params.size.x + id.x) * words;
+    for (var word = 0u; word < words; word += 1u) {
+        var common_bits = 0xffffffffu;
+        for (var k = 0u; k < 4u; k += 1u) {
+            let cell = min(2u * id.xy + vec2u(k & 1u, k >> 1u), params.finer_size - 1u);
+            common_bits &= finer[(cell.y * params.finer_size.x + cell.x) * words + word];
+        }
+        voxels[index + word] = common_bits;
+    }
+}
