@@ -12,6 +12,7 @@ from .gpu.graph import Graph
 from .gpu.handles import Buffer, Handle
 from .scene.sequences import GOLDEN, R2
 from .settings import setting
+from .techniques.compensation import declare_compensation
 from .techniques.composite import declare_display, declare_mean, declare_sum
 from .techniques.debug import (
     declare_ism_views,
@@ -279,7 +280,7 @@ def _declare_deferred(
     indirect: Buffer | None = None
     views: dict[str, Buffer] = {}
     if settings.gi == "many-light" and settings.bounces != 0:
-        indirect, views = _declare_many_light(graph, settings, scene, gbuffer, motion)
+        indirect, views = _declare_many_light(graph, settings, scene, gbuffer, motion, direct)
     if sources is not None and occlusion is not None and settings.bounces != 0 and settings.ssdo.bounce:
         indirect = declare_bounce(
             graph, settings.ssdo, scene, sources, occlusion, direct, atlas, ambient, settings.seed
@@ -303,7 +304,7 @@ def _declare_ssil(
 
 
 def _declare_many_light(
-    graph: Graph, settings: Settings, scene: SceneInputs, gbuffer: Gbuffer, motion: Buffer
+    graph: Graph, settings: Settings, scene: SceneInputs, gbuffer: Gbuffer, motion: Buffer, direct: Buffer
 ) -> tuple[Buffer | None, dict[str, Buffer]]:
     """Declare light from virtual point lights (Linke 2016), None where none can be reflected; and its debug views."""
     points = declare_points(graph, scene, POINTS)
@@ -319,6 +320,7 @@ def _declare_many_light(
         views |= declare_rsm_views(graph, scene, rsm)
     if ism is not None:
         views |= declare_ism_views(graph, ism)
+    gathered = declare_compensation(graph, scene, gbuffer, direct, gathered, settings.bounces, settings.seed)
     if settings.temporal.frames > 1:
         accumulated = declare_temporal(graph, settings.temporal, scene, gbuffer, motion, gathered)
         gathered = accumulated.gathered

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.vpls import Gatherer, vpl_texels
+from mitsuba_scene import camera_rays, pixel_centres
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.gpu.wgsl import load
@@ -14,6 +15,16 @@ from wgpu_gi.scene.shapes import quad
 
 SIZE = (70, 45)  # no multiple of any tile
 BOUND_SHARE = float(load("gather/gather.wgsl").constants["BOUND_SHARE"])  # of a VPL's area
+
+
+def corner(distance, half_width, height):
+    """Return the form factor of a point of a floor to a wall, `distance` away and `half_width` to both sides of it.
+
+    Twice Howell's configuration of a plane element to a rectangle in a plane at 90 degrees, above the element's.
+    """
+    x, y = height / half_width, distance / half_width
+    root = np.hypot(x, y)
+    return (np.arctan(1 / y) - y / root * np.arctan(1 / root)) / np.pi
 
 
 def many(count, seed=0, low=(-2, 0, -2), high=(2, 2, 2)):
@@ -157,3 +168,36 @@ def test_interleaving_keeps_the_mean_of_a_coat():
     table = many(64, low=(-1, 1, -1))
     apart, together = (gatherer(table, 64, interleave=n) for n in (4, 1))
     assert np.allclose(apart.mean((0, 1)), together.mean((0, 1)), rtol=0.05)
+
+
+@pytest.mark.parametrize("visibility", ["none", "sampled"])
+@pytest.mark.parametrize("height", [None, 1.6])
+def test_what_the_bound_takes_from_a_corner_is_found_again(visibility, height):
+    """Before a wall of radiosity 1, by VPLs that stand for large areas, E of a floor is the form factor."""
+    size = (160, 90)
+    floor = quad((-2, 0, 0), (0, 0, 2), (4, 0, 0), matte(0.5))
+    wall = quad((-2, 0, 0), (4, 0, 0), (0, 2, 0), matte(0.5))
+    camera = Camera.look_at((0, 1.6, 1.6), (0, 0, 0), yfov_deg=40)
+    camera.orthographic_height = height
+    gatherer = Gatherer(Scene([Instance(floor), Instance(wall)]), size, camera)
+    starts, ways = (v.reshape(90, 160, 3) for v in camera_rays(camera, size, pixel_centres(size)))
+    points = starts + ways * np.minimum(-starts[..., 1] / ways[..., 1], -starts[..., 2] / ways[..., 2])[..., None]
+    on_floor = points[..., 1] < 1e-6
+    direct = np.repeat(np.where(on_floor, 0.0, 1 / np.pi)[..., None], 3, -1)
+    side, area = 0.05, 0.4  # the bound is about nine pixels long
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(80) * side - 1.975, np.arange(40) * side + 0.025))
+    table = vpl_texels(
+        np.stack([x, y, 0 * x], -1) - gatherer.upload.origin,
+        np.tile((0.0, 0.0, 1.0), (len(x), 1)),
+        np.full((len(x), 3), side**2),
+        np.full(len(x), area),
+    )
+    # Nearer than the bound is long, in the middle.
+    near = on_floor & (points[..., 2] < np.sqrt(BOUND_SHARE * area / np.pi)) & (np.abs(points[..., 0]) < 0.8)
+    expected = 0.5 / np.pi * corner(points[near, 2], 2.0, 2.0)
+    lost, found = (
+        gatherer(table, len(x), interleave=1, direct=d, visibility=visibility)[near, 0].sum() / expected.sum()
+        for d in (None, direct)
+    )
+    assert lost < 0.6
+    assert found == pytest.approx(1.0, abs=0.03)

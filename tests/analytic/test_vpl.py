@@ -10,7 +10,7 @@ from helpers.skies import gradient_sky
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import Renderer, Settings
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.builtin import cornell_point, matte
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
 from wgpu_gi.scene.shapes import box, quad
 
@@ -113,3 +113,16 @@ def test_every_nth_light_is_a_sample_of_all():
 def test_black_surfaces_make_black_lights():
     _, flux, _ = drawn(closed_box(0.0, [PointLight((0, 0, 0), 3.0)]), None)
     assert not flux.any()
+
+
+@pytest.mark.parametrize("importance", ["flux", "view"])
+def test_lights_stay_where_they_are_while_their_lamp_moves_a_little(importance):
+    """In a still view: by 0.2 % of the room's diagonal, few of them go further than 5 % of it."""
+    scene = cornell_point()
+    length = float(np.linalg.norm(np.diff(scene.bounds(), axis=0)))
+    before = drawn(scene, 1, importance=importance)[0]
+    scene.lights[0].position = np.asarray(scene.lights[0].position) + 0.002 * length * np.array((0.6, 0.0, 0.8))
+    after = drawn(scene, 1, importance=importance)[0]
+    way = np.linalg.norm(after - before, axis=-1) / length
+    assert (way > 0.05).mean() <= 0.12
+    assert np.median(way) <= 0.01

@@ -126,10 +126,10 @@ def test_a_view_that_a_run_lacks_says_so(name, sections):
         view(name, **sections)
 
 
-def test_maps_larger_than_a_buffer_are_an_error_with_a_remedy():
+def test_maps_larger_than_a_buffer_are_an_error_with_a_remedy(monkeypatch):
     settings = make_settings("many-light")
     settings.gather.visibility, settings.vpl.count = "ism", 16384
     renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=settings)
-    renderer.graph.device.limits["max-storage-buffer-binding-size"] = 2**23
+    monkeypatch.setitem(renderer.graph.device.limits, "max-storage-buffer-binding-size", 2**23)
     with pytest.raises(GiError, match=r"raise ism\.cell or lower ism\.resolution"):
         renderer.step(show=SHOW)

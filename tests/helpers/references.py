@@ -2,7 +2,7 @@
 
 References are made by `tools/make_references.py --size 128x72`, where their layers are explained: linear radiance of
 the pixel centres by number of scatterings, every material Lambert, with standard errors. `courtyard_sun` is the
-built-in courtyard with `--env 0`, `leak_corridor_a` the corridor with `--camera a`.
+built-in courtyard with `--env 0`, `leak_corridor_a` the corridor with `--camera a`, `curtain` a built-in scene.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ SCENES: dict[str, tuple[str, Environment | None]] = {
     "cornell_point": ("cornell/cornell_point.glb", None),
     "cornell_spot": ("cornell/cornell_spot.glb", None),
     "leak_corridor_a": ("leak_corridor/leak_corridor.glb", None),
+    "curtain": ("curtain", None),
     "courtyard_sun": ("courtyard", Environment((0.0, 0.0, 0.0))),
     "courtyard_sky": ("courtyard", None),
 }

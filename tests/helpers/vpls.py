@@ -11,6 +11,7 @@ from wgpu_gi.gpu.graph import Graph
 from wgpu_gi.gpu.wgsl import load
 from wgpu_gi.scene.scene import Scene
 from wgpu_gi.scene.upload import SceneUpload
+from wgpu_gi.techniques.compensation import declare_compensation
 from wgpu_gi.techniques.denoise import DenoiseSettings, declare_denoise
 from wgpu_gi.techniques.gather import GatherSettings, declare_gather
 from wgpu_gi.techniques.gbuffer import declare_gbuffer
@@ -56,8 +57,14 @@ class Gatherer:
         self.graph.uniform("sequence", np.zeros((), load("scene/sequence.wgsl").struct_dtype("Sequence")))
         self.graph.uniform("view", self.upload.view(camera or scene.cameras[0], size, False))
 
-    def __call__(self, table: np.ndarray, count: int, blur: bool = True, **settings: object) -> np.ndarray:
-        """Return the indirect radiance, (h, w, 3); every buffer is checked."""
+    def __call__(
+        self, table: np.ndarray, count: int, blur: bool = True, direct: np.ndarray | None = None, **settings: object
+    ) -> np.ndarray:
+        """Return the indirect radiance, (h, w, 3); every buffer is checked.
+
+        Pixels are blurred over the squares that share the VPLs. With the light scattered once, `direct` (h, w, 3), what
+        the bound takes is found again.
+        """
         graph, gpu = self.graph, self.device.gpu
         usage = wgpu.TextureUsage.STORAGE_BINDING | wgpu.TextureUsage.COPY_DST | wgpu.TextureUsage.TEXTURE_BINDING
         size = (table.shape[1], table.shape[0], 1)
@@ -67,9 +74,15 @@ class Gatherer:
         scene = share_scene(graph, self.upload)
         gbuffer = declare_gbuffer(graph, scene)[0]
         vpls = Vpls(graph.share("vpl/table", texture), count)
-        choice = GatherSettings(**{"visibility": "none", **settings})
+        choice = GatherSettings(**{"visibility": "none", "compensation": direct is not None, **settings})
         gathered = declare_gather(graph, choice, scene, gbuffer, vpls, None, 0)
-        indirect = declare_denoise(graph, DenoiseSettings(choice.interleave if blur else 1), gbuffer, gathered, 1)
+        if direct is not None:
+            data = np.concatenate([direct, np.ones_like(direct[..., :1])], -1).astype(np.float32)
+            buffer = gpu.create_buffer_with_data(data=data.tobytes(), usage=wgpu.BufferUsage.STORAGE)
+            shared = graph.share("direct", buffer, version=data.tobytes())
+            gathered = declare_compensation(graph, scene, gbuffer, shared, gathered, 1, 0)
+        radius = choice.interleave if blur else 1
+        indirect = declare_denoise(graph, DenoiseSettings(radius), gbuffer, gathered, 1)
         graph.compile([indirect])
         graph.run(force=True, check=True)
         pixels = graph.read_back(indirect).reshape(self.size[1], self.size[0], 4)

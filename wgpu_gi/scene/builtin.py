@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -231,6 +232,27 @@ def corridor(lamp: float = 300.0, sealed_lamp: float = 1200.0) -> Scene:
     return scene
 
 
+def curtain(lamp: float = 60.0) -> Scene:
+    """A room parted by a curtain of no thickness, with a lamp of `lamp` cd close to it on one side; no closed form.
+
+    The curtain is a flat sheet whose front is the dark side, then a cloth in folds, then a gap of 1.2 m. The lamp's
+    cone ends before the gap, so that the half that is seen has no direct light: all comes around the curtain.
+    """
+    room = box((-3.0, 0.0, -2.0), (3.0, 2.6, 2.0), matte((0.7, 0.68, 0.64), "plaster"), inward=True, name="room")
+    sheet = matte((0.25, 0.4, 0.7), "sheet", double_sided=False)
+    flat = quad((0.0, 0.0, -0.6), (0.0, 0.0, -1.4), (0.0, 2.6, 0.0), sheet, "sheet")
+    z = np.linspace(-0.6, 0.8, 57)
+    folds = pairwise(zip(0.04 * np.sin(10 * np.pi * (z + 0.6)), z, strict=True))
+    strips = [((x0, 0.0, z0), (x1, 0.0, z1), (x1, 2.6, z1), (x0, 2.6, z0)) for (x0, z0), (x1, z1) in folds]
+    cloth = quads(strips, matte((0.7, 0.35, 0.25), "cloth"), "cloth")
+    spot = SpotLight(
+        (-0.7, 2.0, -1.2), (0, -1, 0), math.radians(30), math.radians(45), lamp, (1.0, 0.9, 0.75), name="lamp"
+    )
+    return _scene(
+        [room, flat, cloth], Camera.look_at((2.7, 1.6, -1.5), (0.2, 1.1, 0.5), yfov_deg=65.0, name="dark"), [spot]
+    )
+
+
 # ------------------------------------------------------------------------------------------------ outdoors
 
 # Blocks stand 10 cm deep in the ground. The wall with the gate lies along x at z = -6, open between x = -1.5 and 1.5.
@@ -284,5 +306,6 @@ BUILTIN_SCENES: dict[str, Callable[[], Scene]] = {
     "plane-point": plane_point,
     "plane-sun": plane_sun,
     "corridor": corridor,
+    "curtain": curtain,
     "courtyard": courtyard,
 }

@@ -11,18 +11,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
 from ..gpu.wgsl import load
 from ..settings import setting
 from .gather import Gathered
-from .gbuffer import FOUR_FLOATS, Gbuffer
+from .gbuffer import FOUR_FLOATS, TWO_FLOATS, Gbuffer
 
 SHADER = "denoise/blur.wgsl"
 GUIDED_FROM = int(load(SHADER).constants["GUIDED_FROM"])
-TWO_FLOATS = np.dtype((np.float32, 2))
 
 
 @dataclass
@@ -73,9 +70,10 @@ def declare_blur(
     """Declare the average of `light` over squares of `radius` pixels: rows first, then columns.
 
     Light is (r, g, b, depth of `wgsl/denoise/plane.wgsl`) per pixel, `normals` as the gathering pass leaves them. With
-    `reflected` it is irradiance in W/m2, `glossy` what coats add, and both become radiance, W/(m2 sr). With `shares` it
-    is a share from 0 to 1. `frames` make a still picture. With a `stride` above 1, all are of pixels that lie so far
-    apart, and `reflected` is not for them. `view` is the uniform of the camera whose picture it is.
+    `reflected` it is irradiance in W/m2, `glossy` what coats add, and both become radiance, W/(m2 sr). Else light is
+    divided by the average of `glossy`, if given. With `shares` it is a share from 0 to 1. `frames`: of a still picture.
+    With a `stride` above 1, all are of pixels that lie so far apart, and `reflected` is not for them. `view` is the
+    uniform of the camera whose picture it is.
     """
     width, height = (-(-side // stride) for side in graph.size)
     nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
@@ -125,7 +123,13 @@ def declare_blur(
         over=(width, -(-height // 4)),
         reads={"light": light, "glossy": glossy or graph.neutral("buffer"), **guides},
         writes={"blurred": blurred, "blurred_glossy": nothing},
-        constants={**constants, "HAS_COATS": has_coats and reflected, "VERTICAL": True, "LAST": reflected},
+        constants={
+            **constants,
+            "HAS_COATS": has_coats,
+            "VERTICAL": True,
+            "LAST": reflected,
+            "RATIO": has_coats and not reflected,
+        },
         uniforms={"view": view},
     )
     return blurred

@@ -16,7 +16,7 @@ from ..gpu.handles import Buffer
 from ..gpu.wgsl import load
 from ..settings import setting
 from .clusters import Clusters, declare_clusters
-from .gbuffer import FOUR_FLOATS, Gbuffer
+from .gbuffer import FOUR_FLOATS, TWO_FLOATS, Gbuffer
 from .ism import Ism
 from .scene_inputs import SceneInputs
 from .vpl import Vpls
@@ -47,6 +47,9 @@ class GatherSettings:
     clamping: str = setting(
         "disc", "Bound of the light of near VPLs: that of a disc of their area, or none.", choices=("disc", "none")
     )
+    compensation: bool = setting(
+        True, "Find the light that the bound takes by what is near in the picture.", presets={"low": False}
+    )
 
 
 @dataclass
@@ -56,7 +59,8 @@ class Gathered:
     irradiance: (r, g, b) in W/m2 and the depth as `wgsl/denoise/plane.wgsl` has it, 0 where there is nothing.
     normals: packed as there. glossy: the light that coats reflect, W/(m2 sr), over `coat_tint` of
     `wgsl/gather/coat.wgsl`; None if no material is coated. interleave: the side of the squares whose pixels differ.
-    clusters: the lists that they went by.
+    clusters: the lists that they went by. bound_sums: of bounds of near VPLs, as `wgsl/gather/common.wgsl` has them;
+    None if what they take is not to be found.
     """
 
     irradiance: Buffer
@@ -64,6 +68,7 @@ class Gathered:
     normals: Buffer
     interleave: int
     clusters: Clusters
+    bound_sums: Buffer | None
 
 
 def declare_gather(
@@ -80,6 +85,10 @@ def declare_gather(
         "gather/glossy", dtype=FOUR_FLOATS, count=width * height if coated else 1, width=width, nonnegative=True
     )
     normals = graph.buffer("gather/normals", dtype=np.uint32, count=width * height, width=width)
+    compensated = settings.compensation and settings.clamping != "none"
+    bound_sums = graph.buffer(
+        "gather/bound_sums", dtype=TWO_FLOATS, count=width * height if compensated else 1, width=width
+    )
     clusters = declare_clusters(graph, settings.culling, gbuffer, vpls, n)
     # Whole workgroups of each class.
     block = (_GROUP[0] * n, _GROUP[1] * _PIXELS * n)
@@ -103,7 +112,7 @@ def declare_gather(
                 **(scene.surfaces if exact or sampled else {}),
                 **(maps.reads if maps is not None else {}),
             },
-            writes={"irradiance": irradiance, "glossy": glossy, "normals": normals},
+            writes={"irradiance": irradiance, "glossy": glossy, "normals": normals, "bound_sums": bound_sums},
             params={"first": first} if exact else {"seed": seed} if sampled else None,
             constants={
                 **scene.constants(shader),
@@ -114,7 +123,8 @@ def declare_gather(
                 "ADDED": exact,
                 **({"RAYS": settings.rays} if sampled else {}),
                 "BOUNDED": settings.clamping == "disc",
+                "COMPENSATED": compensated,
             },
-            clear=[irradiance, glossy] if exact and not first else (),
+            clear=[irradiance, glossy, bound_sums] if exact and not first else (),
         )
-    return Gathered(irradiance, glossy if coated else None, normals, n, clusters)
+    return Gathered(irradiance, glossy if coated else None, normals, n, clusters, bound_sums if compensated else None)

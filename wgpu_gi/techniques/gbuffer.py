@@ -25,6 +25,7 @@ from .culling import CameraDraws, ViewCulling
 from .scene_inputs import SceneInputs
 
 SURFACE = np.dtype((np.uint32, 4))
+TWO_FLOATS = np.dtype((np.float32, 2))
 FOUR_FLOATS = np.dtype((np.float32, 4))
 
 

@@ -26,7 +26,11 @@ def declare_sky_occlusion(
         graph.skip("sky/occlusion", "there is no environment" if absent else "environment.rays is 0 or ambient off")
         return None
     width, height = graph.size
-    occlusion = graph.buffer("sky/occlusion", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    pictured = scene.features["HAS_PICTURED_ENVIRONMENT"]
+    arriving = graph.buffer("sky/arriving", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    sent = graph.buffer(
+        "sky/sent", dtype=FOUR_FLOATS, count=width * height if pictured else 1, width=width, nonnegative=True
+    )
     normals = graph.buffer("sky/normals", dtype=np.uint32, count=width * height, width=width)
     shader = "sky/occlusion.wgsl"
     graph.compute(
@@ -36,14 +40,18 @@ def declare_sky_occlusion(
         reads={
             **scene.surfaces,
             **gbuffer.tiles,
-            "environment": scene.lights["environment"],
+            **scene.lights,
             "visibility": gbuffer.visibility,
             "surfaces": gbuffer.surfaces,
             "distance": gbuffer.distance,
         },
-        writes={"occlusion": occlusion, "normals": normals},
+        writes={"arriving": arriving, "normals": normals, "sent": sent},
         params={"seed": seed},
         constants={**scene.constants(shader), "RAYS": settings.rays, "INTERLEAVE": INTERLEAVE},
-        clear=[occlusion],
+        clear=[arriving, sent],
     )
-    return declare_blur(graph, "sky", gbuffer, occlusion, normals, INTERLEAVE, frames=frames, shares=True)
+    # What arrives of a constant environment is the share itself.
+    whole = sent if pictured else None
+    return declare_blur(
+        graph, "sky", gbuffer, arriving, normals, INTERLEAVE, frames=frames, shares=not pictured, glossy=whole
+    )

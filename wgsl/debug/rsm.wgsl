@@ -26,7 +26,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (place.x < columns && light < count) {
         let map = rsm_lights[light];
         let texel = (id.xy % cell) * (1u << map.level) / cell;
-        let number = map.first + morton_code(texel);
+        let number = map.first + number_of_texel(texel, map.level);
         let v = unpack_vpl(rsm[2u * number], rsm[2u * number + 1u]);
         let seen = select(0.0, 1.0, v.area > 0.0);
         shown = seen * select(select(v.flux, v.normal, KIND == 1u), v.position, KIND == 0u);

@@ -17,6 +17,7 @@ override LAST: bool = false;   // out: radiance
 override GUIDED: bool = false; // there are moments
 override SHARES: bool = false; // the light is a share, from 0 to 1
 override STRIDE: u32 = 1u;     // pixels from one of the grid that is blurred to the next
+override RATIO: bool = false;  // out: light over `glossy`
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read> normals: array<u32>;
@@ -85,6 +86,8 @@ fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
             radiance += coat * coat_tint(brdf, surface.normal, -pixel_ray(pixel).direction);
         }
         blurred[index] = vec4f(radiance, 1.0);
+    } else if (RATIO) {
+        blurred[index] = vec4f(select(vec3f(0.0), color / max(coat, vec3f(1e-37)), coat > vec3f(0.0)), depth);
     } else {
         blurred[index] = vec4f(color, depth);
         if (HAS_COATS) {

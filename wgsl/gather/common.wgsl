@@ -13,11 +13,25 @@ const BOUND_SHARE: f32 = 0.25;
 override BOUNDED: bool = true; // the geometry term, by the VPL's area
 override CULLED: bool = true;  // clusters have lists
 override ADDED: bool = false;  // to what other passes have found
+override COMPENSATED: bool = false;  // what the bound takes is found later, by `compensate.wgsl`
 
 @group(1) @binding(11) var<storage, read_write> irradiance: array<vec4f>;  // W/m2; depth of `denoise/plane.wgsl`
 @group(1) @binding(12) var<storage, read_write> normals: array<u32>;       // of `denoise/plane.wgsl`
 @group(1) @binding(13) var<storage, read> lists: array<u32>;               // bits of VPLs, by cluster
 @group(1) @binding(14) var<storage, read_write> glossy: array<vec4f>;      // W/(m2 sr), over coat_tint()
+@group(1) @binding(15) var<storage, read_write> bound_sums: array<vec2f>;  // of `Bounds`
+
+// The mean bound of the VPLs that light a pixel is `bounds` / `weights`, m2: weighed by how much of their light it takes.
+struct Bounds {
+    bounds: vec4f,   // of four pixels
+    weights: vec4f,
+}
+
+// Adds a VPL that gives light of luminance `light`, bound and all.
+fn add_bound(b: Bounds, bound: f32, squared: vec4f, light: vec4f) -> Bounds {
+    let weights = light * bound / max(squared + bound, vec4f(1e-37));
+    return Bounds(b.bounds + bound * weights, b.weights + weights);
+}
 
 // Returns where the list of a pixel's cluster begins.
 fn list_of(pixel: vec2u, class_number: u32) -> u32 {
@@ -54,7 +68,7 @@ fn bound_of(vpl: Vpl) -> f32 {
     return select(0.0, BOUND_SHARE * INV_PI * vpl.area, BOUNDED);
 }
 
-fn store(pixel: vec2u, color: vec3f, coat: vec3f, receiver: Receiver) {
+fn store(pixel: vec2u, color: vec3f, coat: vec3f, bounds: vec2f, receiver: Receiver) {
     if (pixel.y >= view.size.y) {
         return;
     }
@@ -65,6 +79,13 @@ fn store(pixel: vec2u, color: vec3f, coat: vec3f, receiver: Receiver) {
     }
     irradiance[index] = vec4f(sum, receiver.depth);
     normals[index] = pack_view_normal(receiver.normal);
+    if (COMPENSATED) {
+        var sums = bounds;
+        if (ADDED) {
+            sums += bound_sums[index];
+        }
+        bound_sums[index] = sums;
+    }
     if (HAS_COATS) {
         var radiance = coat / coat_tint(receiver.brdf, receiver.normal, receiver.to_eye);
         if (ADDED) {

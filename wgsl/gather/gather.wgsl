@@ -27,6 +27,7 @@ fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
 
     var sum = mat3x4f();  // red, green, blue of the four
     var shine = mat3x4f();
+    var bounds = Bounds(vec4f(0.0), vec4f(0.0));
     for (var k = 0u; k < word_count; k += 1u) {
         let word = first_word + k;
         var bits = slots_of_word(place.class_number, word);
@@ -48,6 +49,9 @@ fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
             var term = leaving * arriving / max(squared * (squared + bound), vec4f(1e-37));
             if (all(term <= vec4f(0.0))) {
                 continue;
+            }
+            if (COMPENSATED) {
+                bounds = add_bound(bounds, bound, squared, luminance(vpl.flux) * term);
             }
             term *= visibility(slot, vpl, Four(a, b, c, d));
             let red = vpl.flux.r * term;
@@ -77,8 +81,9 @@ fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
     let scale = f32(class_count()) * INV_PI;
     let colors = transpose(sum) * scale;
     let coats = transpose(shine) * scale;
-    store(place.pixel, colors[0], coats[0], a);
-    store(place.pixel + step, colors[1], coats[1], b);
-    store(place.pixel + 2u * step, colors[2], coats[2], c);
-    store(place.pixel + 3u * step, colors[3], coats[3], d);
+    let means = transpose(mat2x4f(bounds.bounds, bounds.weights));
+    store(place.pixel, colors[0], coats[0], means[0], a);
+    store(place.pixel + step, colors[1], coats[1], means[1], b);
+    store(place.pixel + 2u * step, colors[2], coats[2], means[2], c);
+    store(place.pixel + 3u * step, colors[3], coats[3], means[3], d);
 }

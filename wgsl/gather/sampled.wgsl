@@ -34,6 +34,7 @@ struct Light {
     irradiance: vec3f,
     glossy: vec3f,     // radiance
     weight: f32,
+    squared: f32,      // of the distance, m2
 }
 
 fn light_of(vpl: Vpl, at: Receiver) -> Light {
@@ -46,13 +47,14 @@ fn light_of(vpl: Vpl, at: Receiver) -> Light {
     let term = leaving * arriving / max(squared * reach, 1e-37);
     let flux = vpl.flux * term;
     if (!HAS_COATS) {
-        return Light(flux, vec3f(0.0), luminance(flux));
+        return Light(flux, vec3f(0.0), luminance(flux), squared);
     }
     let shine = shine_of(at.brdf, at.normal, at.to_eye, -way, reach, vpl.area);
     let passed = flux * (1.0 - shine.fresnel);
     let coat = flux * shine.fresnel * shine.lobe;
     // Black surfaces, too, share the light out: the blur averages irradiance.
-    return Light(passed, coat, luminance(passed * max(at.brdf.diffuse, vec3f(0.01)) * INV_PI + coat));
+    let weight = luminance(passed * max(at.brdf.diffuse, vec3f(0.01)) * INV_PI + coat);
+    return Light(passed, coat, weight, squared);
 }
 
 // Returns the slot of a run that holds the place `wanted` in the sum of its weights.
@@ -95,6 +97,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let words = run_words();
     var sums: array<vec4f, RUNS>;
     var total = vec4f(0.0);
+    var bounds = Bounds(vec4f(0.0), vec4f(0.0));
     for (var run = 0u; run < RUNS; run += 1u) {
         var sum = vec4f(0.0);
         let end = min((run + 1u) * words, words_per_class());
@@ -106,9 +109,16 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
             while (bits != 0u) {
                 let vpl = load_vpl(slot_of(class_number, 32u * word + firstTrailingBit(bits)));
                 bits &= bits - 1u;
-                sum += vec4f(
-                    light_of(vpl, at.a).weight, light_of(vpl, at.b).weight, light_of(vpl, at.c).weight,
-                    light_of(vpl, at.d).weight);
+                let a = light_of(vpl, at.a);
+                let b = light_of(vpl, at.b);
+                let c = light_of(vpl, at.c);
+                let d = light_of(vpl, at.d);
+                let weights = vec4f(a.weight, b.weight, c.weight, d.weight);
+                sum += weights;
+                if (COMPENSATED) {
+                    let squared = vec4f(a.squared, b.squared, c.squared, d.squared);
+                    bounds = add_bound(bounds, bound_of(vpl), squared, weights);
+                }
             }
         }
         sums[run] = sum;
@@ -157,8 +167,9 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     }
     let scale = f32(class_count()) * INV_PI / f32(RAYS);
     let step = vec2u(0u, INTERLEAVE);
-    store(place.pixel, colors[0] * scale, coats[0] * scale, at.a);
-    store(place.pixel + step, colors[1] * scale, coats[1] * scale, at.b);
-    store(place.pixel + 2u * step, colors[2] * scale, coats[2] * scale, at.c);
-    store(place.pixel + 3u * step, colors[3] * scale, coats[3] * scale, at.d);
+    let means = transpose(mat2x4f(bounds.bounds, bounds.weights));
+    store(place.pixel, colors[0] * scale, coats[0] * scale, means[0], at.a);
+    store(place.pixel + step, colors[1] * scale, coats[1] * scale, means[1], at.b);
+    store(place.pixel + 2u * step, colors[2] * scale, coats[2] * scale, means[2], at.c);
+    store(place.pixel + 3u * step, colors[3] * scale, coats[3] * scale, means[3], at.d);
 }

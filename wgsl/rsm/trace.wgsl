@@ -4,7 +4,7 @@
 // Departure: the texels' rays go through the scene's hierarchy instead of a rasterisation for each view, because few
 // texels are needed. So a point light has one map instead of six, and every texel of a light stands for an equal solid
 // angle, or for an equal area across a sun's rays: flux = power in the texel * reflectance. The numbers of texels run
-// along a Morton curve over the map, so that neighbours in the list are neighbours on the map.
+// along a Hilbert curve over the map, so that neighbours in the list are neighbours on the map.
 #import "rsm/layout.wgsl"
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
@@ -38,10 +38,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let map = rsm_lights[low];
     let light = lights[low];
-    let code = texel - map.first;
     let random = sobol_2d(sequence.index, hash2(texel, params.seed));
     let inside = select(vec2f(0.5), random, params.jitter != 0u);
-    let uv = (vec2f(f32(even_bits(code)), f32(even_bits(code >> 1u))) + inside) / f32(1u << map.level);
+    let uv = (vec2f(texel_of_number(texel - map.first, map.level)) + inside) / f32(1u << map.level);
     let texels = f32(1u << (2u * map.level));
     let sent = sample_ray_of(light, 0.0, uv, uv);
     let hit = trace(sent.ray, FLOAT_MAX);

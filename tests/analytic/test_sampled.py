@@ -1,0 +1,94 @@
+"""Gathering by few rays to VPLs drawn by their light: it has the mean of rays to all of them, and its own noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.vpls import Gatherer, vpl_texels
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.renderer import CameraSettings, Renderer, Settings
+from wgpu_gi.scene.builtin import corridor, courtyard, matte
+from wgpu_gi.scene.scene import Instance, Material, PointLight, Scene
+from wgpu_gi.scene.shapes import box, quad, sphere
+from wgpu_gi.settings import assign
+
+SIZE = (32, 18)
+
+
+def room(glossy=True):
+    """A closed room with a board that hides much of it, and a ball, coated if `glossy`."""
+    walls = box((-2, 0, -2), (2, 3, 2), matte((0.7, 0.6, 0.5)), inward=True)
+    board = quad((-1.2, 0.0, 0.2), (1.6, 0, 0), (0, 2, 0), matte((0.3, 0.5, 0.7)))
+    shiny = Material(base_color=(0.8, 0.6, 0.3, 1.0), metallic=0.7, roughness=0.5)
+    ball = sphere((0.8, 0.6, 0.9), 0.6, material=shiny if glossy else matte(0.5))
+    scene = Scene([Instance(walls), Instance(board), Instance(ball)], [PointLight((-0.5, 2.4, -0.8), 20.0)])
+    scene.cameras = [Camera.look_at((1.6, 1.5, 1.9), (-0.4, 1.0, -0.4), yfov_deg=70)]
+    return scene
+
+
+def drawn(scene, frames=1, *texts, bounces=None, size=SIZE):
+    settings = Settings(gi="many-light", bounces=bounces, camera=CameraSettings(jitter=False, frames=frames))
+    settings.vpl.count, settings.vpl.paths, settings.rsm.texels = 256, 1024, 4096
+    # What the blur averages depends on noise.
+    for text in ("denoise.radius=1", "gather.interleave=2", *texts):
+        assign(settings, text)
+    renderer = Renderer(scene, size=size, settings=settings)
+    renderer.run(show=("indirect",), check=True)
+    return renderer.read_back("indirect").astype(np.float64)
+
+
+@pytest.mark.parametrize("glossy", [False, True])
+def test_it_is_unbiased(glossy):
+    """Of the same VPLs, the mean over frames is that of rays to all, in all parts of the picture and all channels."""
+    scene = room(glossy)
+    sampled, exact = (drawn(scene, 128, f"gather.visibility={v}") for v in ("sampled", "exact"))
+    assert sampled.mean((0, 1)) == pytest.approx(exact.mean((0, 1)), rel=0.01)
+    parts = [p.reshape(3, 6, 4, 8, 3).mean((1, 3)) for p in (sampled, exact)]
+    assert parts[0] == pytest.approx(parts[1], rel=0.05)
+
+
+def test_more_rays_have_less_noise():
+    scene = room()
+    exact = drawn(scene, 1, "gather.visibility=exact")
+    errors = [((drawn(scene, 1, f"gather.rays={rays}") - exact) ** 2).mean() for rays in (1, 2, 4, 8)]
+    assert errors[0] > 1.5 * errors[1] > 2.25 * errors[2] > 3.3 * errors[3] > 0
+
+
+@pytest.mark.parametrize("scene", [room, courtyard])
+@pytest.mark.parametrize("interleave", [1, 4])
+def test_culling_changes_no_bit(scene, interleave):
+    gatherer = Gatherer(scene(), (70, 45), diffuse=False)
+    low, high = gatherer.upload.box
+    rng = np.random.default_rng(3)
+    normal = rng.normal(size=(200, 3))
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    table = vpl_texels(rng.uniform(low, high, (200, 3)), normal, rng.random((200, 3)), rng.uniform(0.001, 0.1, 200))
+    pictures = [
+        gatherer(table, 200, interleave=interleave, culling=culling, visibility="sampled")
+        for culling in ("none", "tiled", "clustered")
+    ]
+    assert pictures[0].any()
+    assert np.array_equal(pictures[0], pictures[1])
+    assert np.array_equal(pictures[0], pictures[2])
+
+
+@pytest.mark.parametrize("thickness", [0.0, 0.01])
+def test_no_light_comes_through_a_closed_wall(thickness):
+    """A lamp in one of two rooms: the other is black to the last bit, or to rounding where the wall is a mere sheet."""
+    walls = box((-2, 0, -2), (2, 3, 2), matte(0.7), inward=True)
+    wall = quad((-2, 0, 0), (4, 0, 0), (0, 3, 0), matte(0.7))
+    if thickness > 0:
+        wall = box((-2.1, -0.1, 0), (2.1, 3.1, thickness), matte(0.7))
+    scene = Scene([Instance(walls), Instance(wall)], [PointLight((0.3, 1.5, -0.1), 50.0)])
+    scene.cameras = [Camera.look_at((1.5, 2.0, 1.8), (-0.3, 1.0, 0), yfov_deg=80)]
+    assert drawn(scene, 8, "denoise.radius=4").max() <= (0.0 if thickness > 0 else 1e-9)
+
+
+def test_no_light_leaves_a_sealed_chamber():
+    assert not drawn(corridor(lamp=0.0), 4).any()
+
+
+def test_it_is_deterministic():
+    first, second = (drawn(room(), 3) for _ in range(2))
+    assert first.any() and np.array_equal(first, second)
