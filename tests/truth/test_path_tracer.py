@@ -26,7 +26,7 @@ CASES: dict[str, tuple[str, Environment | None, int, float]] = {
     "cornell_point": ("cornell/cornell_point.glb", None, 192, 0.003),
     "cornell_spot": ("cornell/cornell_spot.glb", None, 128, 0.006),
     "leak_corridor_a": ("leak_corridor/leak_corridor.glb", None, 224, 0.12),
-    "curtain": ("curtain", None, 256, 0.15),
+    "curtain": ("curtain", None, 256, 0.2),
     "courtyard_sun": ("courtyard", Environment((0.0, 0.0, 0.0)), 32, 0.002),
     "courtyard_sky": ("courtyard", None, 32, 0.001),
 }

@@ -47,9 +47,7 @@ class GatherSettings:
     clamping: str = setting(
         "disc", "Bound of the light of near VPLs: that of a disc of their area, or none.", choices=("disc", "none")
     )
-    compensation: bool = setting(
-        True, "Find the light that the bound takes by what is near in the picture.", presets={"low": False}
-    )
+    compensation: bool = setting(False, "Find the light that the bound takes by what is near in the picture.")
 
 
 @dataclass
