@@ -30,7 +30,8 @@ BOUNDS = {
     "courtyard_sun": [(0.07, 0.031), (0.1, 0.027)],
     "courtyard_sky": [(0.1, 0.034), (0.12, 0.027)],
 }
-# The same of one ray for each pixel, compensated, 16 frames. The corridor gets all its light through doors: few rays to few VPLs find it.
+# The same of one ray for each pixel, compensated, 16 frames. The corridor gets all its light through doors: few rays to
+# few VPLs find it.
 COMPENSATED_BOUNDS = {
     "cornell_area": [(0.004, 0.005), (0.006, 0.004)],
     "cornell_point": [(0.004, 0.0075), (0.01, 0.006)],
