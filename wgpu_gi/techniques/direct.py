@@ -42,7 +42,6 @@ class DirectSettings:
         "Points between a surface and where a shadow map's bias ends, looked for in the picture; without direct.edges.",
         "points",
         range=(0, 64),
-        presets={"low": 8},
     )
     range: bool = setting(False, "Let lights end at the range that the file gives; physically they do not.")
 

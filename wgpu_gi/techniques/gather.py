@@ -66,7 +66,7 @@ class Gathered:
     normals: Buffer
     interleave: int
     clusters: Clusters
-    bound_sums: Buffer | None
+    bound_sums: Buffer | None = None
 
 
 def declare_gather(

@@ -25,6 +25,7 @@ from .temporal import TemporalSettings, declare_accumulate
 from .voxels import Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
+ADD_ROW = int(load("ssil/add.wgsl").constants["ROW"])
 _SIDE, _CLASSES = (int(load("ssil/classes.wgsl").constants[name]) for name in ("SIDE", "CLASSES"))
 
 
@@ -228,7 +229,7 @@ def _declare_sum(graph: Graph, before: Buffer, irradiance: Buffer, suffix: str) 
     graph.compute(
         f"ssil/add{suffix}",
         "ssil/add.wgsl",
-        over=total,
+        over=(ADD_ROW, -(-total.count // ADD_ROW)),
         reads={"before": before, "irradiance": irradiance},
         writes={"total": total},
     )

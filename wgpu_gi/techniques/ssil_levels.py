@@ -11,10 +11,12 @@ import numpy as np
 
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer, Texture
+from ..gpu.wgsl import load
 from .gbuffer import Gbuffer
 from .scene_inputs import SceneInputs
 
 LIGHT = np.dtype((np.uint32, 2))  # codes of wgsl/common/light_code.wgsl
+REFLECT_ROW = int(load("ssil/reflect.wgsl").constants["ROW"])
 
 
 @dataclass
@@ -101,7 +103,7 @@ def declare_reflected(
     graph.compute(
         f"ssil/reflect{suffix}",
         "ssil/reflect.wgsl",
-        over=light,
+        over=(REFLECT_ROW, -(-light.count // REFLECT_ROW)),
         reads={
             "reflectors": reflectors,
             "irradiance": irradiance,

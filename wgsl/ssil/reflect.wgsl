@@ -1,8 +1,11 @@
 // One invocation finds the light that a pixel of the first level sends on, from what it got: Phi = E * sum rho / pi ds.
-// With ADDED, together with what it sends already. In: irradiance, W/m2. Out: codes of `common/light_code.wgsl`, and the largest of them as bits of a float.
+// With ADDED, together with what it sends already. In: irradiance, W/m2. Out: codes of `common/light_code.wgsl`, and the
+// largest of them as bits of a float.
 #import "common/light_code.wgsl"
 
 override ADDED: bool = false;
+
+const ROW: u32 = 4096u;  // threads along x: large pictures need more workgroups than a dispatch has along one axis
 
 @group(1) @binding(11) var<storage, read> reflectors: array<vec2u>;
 @group(1) @binding(12) var<storage, read> irradiance: array<vec4f>;
@@ -12,14 +15,15 @@ override ADDED: bool = false;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (id.x >= arrayLength(&light)) {
+    let index = id.y * ROW + id.x;
+    if (index >= arrayLength(&light)) {
         return;
     }
-    var sent = irradiance[id.x].rgb * unpack_light(reflectors[id.x]);
+    var sent = irradiance[index].rgb * unpack_light(reflectors[index]);
     if (ADDED) {
-        sent += unpack_light(before[id.x]);
+        sent += unpack_light(before[index]);
     }
-    light[id.x] = pack_light(sent);
+    light[index] = pack_light(sent);
     let bits = bitcast<u32>(max3(sent));
     // Reading first is cheaper where it is not the largest, which is the rule.
     if (bits > atomicLoad(&peak[0])) {
