@@ -20,6 +20,7 @@ from .scene.environment_files import load_environment
 from .scene.load import NO_CAMERA_NOTE, load, parse_light
 from .scene.scene import Scene
 from .settings import apply_quality, assign, describe, format_rows, validate
+from .techniques.ssil import MOST_BOUNCES
 
 
 def render(arguments: Namespace) -> int:
@@ -92,9 +93,10 @@ def settings_from(arguments: Namespace) -> Settings:
 def without_effect(settings: Settings) -> list[str]:
     """Return a sentence for each setting that is not the default and that the technique has no use for."""
     notes = []
-    gi, most = settings.gi, TECHNIQUES[settings.gi].bounces
+    gi = settings.gi
+    most = MOST_BOUNCES if gi == "ssil" else TECHNIQUES[gi].bounces
     if most is not None and (settings.bounces or 0) > most:
-        notes.append(f"--gi {gi} has at most {most} indirect bounces; bounces={settings.bounces} changes nothing")
+        notes.append(f"--gi {gi} has at most {most} indirect bounces, not {settings.bounces}")
     if gi != "path" and settings.spp != Settings().spp:
         notes.append(f"--gi {gi} averages frames, set by camera.frames; spp={settings.spp} changes nothing")
     if gi != "path" and settings.path.visible_only:

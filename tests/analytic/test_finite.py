@@ -164,8 +164,6 @@ def scene_for_settings():
 @pytest.mark.slow
 def test_every_setting_at_its_ends(technique):
     """One after the other, at 7x5 pixels, all others at their defaults; the same renderer takes them all."""
-    if technique == "ssil":
-        pytest.xfail("SSIL fails at the ends of some settings")
     renderer = Renderer(scene_for_settings(), size=(7, 5), settings=make_settings(technique))
     for text in extremes_of(renderer.settings):
         renderer.settings = make_settings(technique, frames=2)
@@ -180,8 +178,6 @@ def test_all_settings_at_one_end(technique, end):
 
     But no texture holds as many imperfect shadow maps as that of as many texels, and points fall into each of them.
     """
-    if technique == "ssil":
-        pytest.xfail("SSIL fails at the ends of some settings")
     settings = make_settings(technique)
     for row in describe(settings):
         if row.range is not None:

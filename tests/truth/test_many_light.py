@@ -23,7 +23,7 @@ FINE = (
 # The most bias and relMSE of light of one bounce and of all: what was measured, and little more. The bound of near
 # lights takes the most where lights stand for large areas, as those of the sky do: from corners.
 BOUNDS = {
-    "cornell_area": [(0.005, 0.005), (0.026, 0.0035)],
+    "cornell_area": [(0.012, 0.005), (0.026, 0.0035)],
     "cornell_point": [(0.01, 0.0065), (0.021, 0.0055)],
     "cornell_spot": [(0.002, 0.015), (0.012, 0.0035)],
     "leak_corridor_a": [(0.02, 0.024), (0.02, 0.034)],

@@ -99,8 +99,9 @@ def test_everything_is_passed_on(capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("--gi none --bounces 2", ["--gi none has at most 0 indirect bounces; bounces=2 changes nothing"]),
-        ("--gi none --set bounces=1", ["--gi none has at most 0 indirect bounces; bounces=1 changes nothing"]),
+        ("--gi none --bounces 2", ["--gi none has at most 0 indirect bounces, not 2"]),
+        ("--gi ssil --bounces 17", ["--gi ssil has at most 16 indirect bounces, not 17"]),
+        ("--gi none --set bounces=1", ["--gi none has at most 0 indirect bounces, not 1"]),
         ("--gi none --spp 7", ["--gi none averages frames, set by camera.frames; spp=7 changes nothing"]),
         ("--gi none --bounces 0", []),
         ("--gi none --bounces unlimited", []),

@@ -25,6 +25,7 @@ from .temporal import TemporalSettings, declare_accumulate
 from .voxels import Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
+MOST_BOUNCES = 16
 ADD_ROW = int(load("ssil/add.wgsl").constants["ROW"])
 _SIDE, _CLASSES = (int(load("ssil/classes.wgsl").constants[name]) for name in ("SIDE", "CLASSES"))
 
@@ -69,7 +70,9 @@ class SsilSettings:
         range=(0, 256),
         presets={"low": 8, "high": 64},
     )
-    bounces: int = setting(2, "Bounces where all are asked for.", "bounces", range=(1, 16), presets={"high": 4})
+    bounces: int = setting(
+        2, "Bounces where all are asked for.", "bounces", range=(1, MOST_BOUNCES), presets={"high": 4}
+    )
     least_light: float = setting(
         0.001, "Later bounces whose brightest light is this share of the first's are left out.", range=(0, 1)
     )
@@ -99,7 +102,10 @@ def declare_ssil(
     bounces: int | None,
     seed: int,
 ) -> Buffer:
-    """Declare the indirect light: (r, g, b, 1) per pixel, W/(m2 sr), of `bounces` bounces of the light `direct`."""
+    """Declare the indirect light: (r, g, b, 1) per pixel, W/(m2 sr), of `bounces` bounces of the light `direct`.
+
+    None stands for as many as the settings say. Each has passes of its own: beyond MOST_BOUNCES there are none.
+    """
     levels = declare_levels(graph, scene, gbuffer, STARTS.index(settings.start), settings.levels)
     pattern = _declare_pattern(graph, settings, levels, seed)
     voxels: Voxels | None = None
@@ -111,7 +117,7 @@ def declare_ssil(
     gathering = _Gathering(settings, scene, levels, pattern, voxels, peak)
     lights = declare_light_levels(graph, levels, light, "")
     total = got = _declare_bounce(graph, gathering, lights, peak, "")
-    count = settings.bounces if bounces is None else bounces
+    count = settings.bounces if bounces is None else min(bounces, MOST_BOUNCES)
     if count == 1:
         graph.skip("ssil/reflectors", "one bounce")
     else:
