@@ -109,7 +109,9 @@ def truth_from_file(path: str | Path, bounces: int | None = None) -> Truth:
     else:
         layers = {"full": load_image(path, "radiance")}
         layers |= {layer: found[layer] for layer in ("direct", "indirect") if layer in found}
-    noise = {layer: found[n] for n, layer in NOISE_LAYERS.items() if n in found}
+    # A file's standard errors are those of all bounces: of the first alone, most of that noise is not there.
+    cut = bounces == 1 and "one" in found and "multi" in found
+    noise = {} if cut else {layer: found[n] for n, layer in NOISE_LAYERS.items() if n in found}
     shape = layers["full"].shape[:2]
     surface = found["depth"] > 0 if "depth" in found else np.ones(shape, bool)
     for name, layer in [*layers.items(), *noise.items()]:
