@@ -112,6 +112,17 @@ def test_a_still_view_rejects_all_of_no_history_and_then_none():
     assert shares[0] > 0.5 and shares[-1] < 0.1
 
 
+def test_a_still_picture_is_the_mean_of_its_own_frames():
+    """Whether history is kept or not: frames that share it are no estimates of their noise."""
+    pictures = []
+    for history in (1, 8):
+        renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=make_settings("many-light", frames=5))
+        renderer.settings.temporal.frames = history
+        renderer.run(show=SHOW)
+        pictures.append(renderer.read_back())
+    assert np.array_equal(*pictures)
+
+
 @pytest.mark.parametrize(
     ("name", "sections"),
     [

@@ -2,10 +2,12 @@
 // surface, at most FRAMES, fewer where it moves.
 //
 // Where it was in the frame before says `motion`; of the four pixels there those are left out whose distance or normal
-// says that they showed something else. In: irradiance W/m2, motion, what was kept. Out: irradiance, what is kept, and
+// says that they showed something else. Later frames of a still picture are left as they are: they are averaged anyway,
+// and after the blur, which tells noise by how frames differ. In: irradiance W/m2, motion, what was kept. Out: irradiance, what is kept, and
 // the share of it that was left out. Errs late where light changes, by FRAMES at most.
 #import "gbuffer/load.wgsl"
 #import "temporal/history.wgsl"
+#import "scene/sequence.wgsl"
 
 override FRAMES: f32 = 8.0;
 override PER_PIXEL: f32 = 0.0;  // FRAMES are divided by 1 + this times the pixels that the surface moves
@@ -64,7 +66,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let most = max(FRAMES / (1.0 + PER_PIXEL * length(moved.xy)), 1.0);
     let count = select(1.0, min(round(frames / max(weight, 0.1)) + 1.0, most), found);
     let mean = mix(select(now.rgb, light / max(weight, 0.1), found), now.rgb, 1.0 / count);
-    averaged[index] = vec4f(mean, now.w);
+    averaged[index] = vec4f(select(mean, now.rgb, sequence.index > 0u), now.w);
     kept[index] = pack_history(History(mean, count, load_distance(id.xy), normal));
     rejected[index] = 1.0 - weight;
 }
