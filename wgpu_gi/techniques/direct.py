@@ -33,9 +33,7 @@ class DirectSettings:
     samples: int = setting(
         16, "Sample lights over all emitters together.", "lights", range=(1, 4096), presets={"low": 8, "high": 64}
     )
-    edges: bool = setting(
-        True, "Find visibility by rays where shadow maps are undecided, instead of filtering.", presets={"low": False}
-    )
+    edges: bool = setting(True, "Find visibility by rays where shadow maps are undecided, instead of filtering.")
     tiles: bool = setting(True, "Leave out lights that cannot reach a tile of 16x16 pixels, where there are many.")
     contacts: int = setting(
         0,
