@@ -1,11 +1,13 @@
 """Set the project up on a bare machine, then render the Cornell box or run the tests; standard library only.
 
     python3 tools/dev.py render [wgpu-gi render arguments]   # a picture: out.png
+    python3 tools/dev.py view [wgpu-gi view arguments]       # a window
     python3 tools/dev.py test [pytest arguments]             # the test suite
     python3 tools/dev.py setup                               # only the set-up
 
-Set-up makes `.venv` beside this folder, installs the package into it, and sees to a Vulkan driver. It is done once: a
-stamp in `.venv` says for which pyproject.toml and which Python. An interrupted set-up is started again from nothing.
+Set-up makes `.venv` beside this folder, installs the package into it, and sees to a Vulkan driver; for the tests also
+to Xvfb and xdotool. It is done once: a stamp in `.venv` says for which pyproject.toml and which Python. An interrupted
+set-up is started again from nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ STAMP = VENV / "wgpu_gi-setup"
 INCOMPLETE = "incomplete"
 BIN = VENV / ("Scripts" if os.name == "nt" else "bin")
 PYTHON = BIN / ("python.exe" if os.name == "nt" else "python")
+EXTRAS = ("", "[viewer]", "[dev]")  # each includes those before it
 DRIVER_PACKAGES = ("mesa-vulkan-drivers", "libvulkan1")
+DISPLAY_TOOLS = {"Xvfb": "xvfb", "xdotool": "xdotool"}  # of the tests of the window; in which package each is
 
 
 class SetupError(Exception):
@@ -43,11 +47,16 @@ def main() -> int:
         if verb == "render":
             set_up("")
             return run_tool([BIN / "wgpu-gi", "render", "-o", "out.png", *arguments])
+        if verb == "view":
+            set_up("[viewer]")
+            return run_tool([BIN / "wgpu-gi", "view", *arguments])
         if verb == "test":
             set_up("[dev]")
+            ensure_display_tools()
             return run_tool([PYTHON, "-m", "pytest", *arguments], folder=ROOT)
         if verb == "setup":
             set_up("[dev]")
+            ensure_display_tools()
             return 0
         if verb == "_vulkan":
             return 0 if count_vulkan_devices() > 0 else 1
@@ -67,8 +76,7 @@ def set_up(extras: str) -> None:
         raise SetupError(f"Python 3.10 or newer is needed, not {platform.python_version()}")
     wanted = stamp_text(extras)
     found = STAMP.read_text() if STAMP.is_file() else ""
-    # What the tests need includes what a picture needs.
-    if found not in (wanted, stamp_text("[dev]")):
+    if found not in map(stamp_text, EXTRAS[EXTRAS.index(extras) :]):
         if found.partition("\n")[0] != wanted.partition("\n")[0]:
             make_venv()
         STAMP.write_text(INCOMPLETE)
@@ -76,7 +84,7 @@ def set_up(extras: str) -> None:
         pip_install = [PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check", "-e"]
         run_quietly([*pip_install, f".{extras}"], "pip install")
         # meshoptimizer, of the [gltf] extra, comes as source only; the tests that need it can be skipped.
-        if extras and not succeeds([*pip_install, ".[gltf]"]):
+        if extras == "[dev]" and not succeeds([*pip_install, ".[gltf]"]):
             say("meshoptimizer could not be built (that needs a C++ compiler), so its tests will be skipped")
         STAMP.write_text(wanted)
     ensure_vulkan()
@@ -113,6 +121,20 @@ def ensure_vulkan() -> None:
         raise SetupError(
             "no Vulkan device answers; install your GPU's Vulkan driver, or for rendering on the CPU "
             f"(Debian, Ubuntu, as root): apt-get install {' '.join(DRIVER_PACKAGES)}"
+        )
+
+
+def ensure_display_tools() -> None:
+    """See that there is what tests open windows with: a display that no one sees, a mouse that no one moves."""
+    if sys.platform != "linux":
+        return
+    missing = [package for tool, package in DISPLAY_TOOLS.items() if shutil.which(tool) is None]
+    if missing:
+        apt_install(*missing)
+    if not all(map(shutil.which, DISPLAY_TOOLS)):
+        raise SetupError(
+            f"the tests of the window need {' and '.join(DISPLAY_TOOLS)}; "
+            f"on Debian and Ubuntu, as root: apt-get install {' '.join(missing)}"
         )
 
 

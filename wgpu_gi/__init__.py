@@ -3,6 +3,7 @@
 >>> import wgpu_gi as gi
 >>> scene = gi.load("cornell")                                    # or a path: .glb .gltf .obj .ply .stl .off
 >>> picture = gi.render(scene, size=(640, 360), gi="path", spp=64)  # (height, width, 3) float32 linear radiance
+>>> gi.show(scene)                                                # in a notebook: a live canvas
 
 Names are imported when first used, so that `import wgpu_gi` stays cheap.
 """
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
         SpotLight,
         Texture,
     )
+    from .viewer.notebook import show
 
 __version__ = "0.1.0"
 
@@ -53,6 +55,7 @@ __all__ = [
     "load_image",
     "render",
     "save_image",
+    "show",
 ]
 
 _MODULE_OF_NAME = {
@@ -64,6 +67,7 @@ _MODULE_OF_NAME = {
     "Settings": "renderer",
     "render": "renderer",
     "load": "scene.load",
+    "show": "viewer.notebook",
 }
 
 

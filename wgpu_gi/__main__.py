@@ -1,4 +1,4 @@
-"""The command line: `wgpu-gi render` makes pictures, `compare` and `bench` measure them, `info` tells what there is."""
+"""The command line: `wgpu-gi render` makes pictures, `view` shows them live, `compare` and `bench` measure them."""
 
 from __future__ import annotations
 
@@ -21,9 +21,26 @@ examples:
   wgpu-gi render scene.glb --gi none                direct light by shadow maps, in a fraction of the time
   wgpu-gi render cornell --bounces 0 -o direct.npy  the same by the path tracer, the truth
   wgpu-gi render --set help                         list every setting
+  wgpu-gi render a.glb -o f/{frame:04d}.exr --frames 0:240 --turntable --layers depth,normal --shard 1/8
+  wgpu-gi render a.glb -o around.mp4 --frames 0:240 --turntable --gi none
 
 --show, --light and --set may be given several times; several buffers need .exr or .npz.
 .npy .npz .exr hold linear radiance, float32, without exposure or tone curve; .png is sRGB with both.
+
+--frames A:B renders frames A to B-1. Files that are there already are left alone, so the same command goes on where it
+was stopped, and --shard I/N does the Ith of N parts of the work with the same pictures as the whole; .json beside the
+frames holds the command, which must stay the same, and every camera. Techniques with a memory start anew every 32
+frames, after 8 that are rendered only to fill it.
+--camera-path FILE.json is a list of keys: [{"frame": 0, "position": [0, 1, 5], "target": [0, 1, 0]}, ...].
+"""
+
+VIEW_EXAMPLES = """\
+examples:
+  wgpu-gi view scene.glb                            drag to turn it; ? in the window lists all keys
+  wgpu-gi view scene.glb --gi none --size 1280x720
+  wgpu-gi view scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8" --exposure 1
+
+It needs a display and pip install 'wgpu_gi[viewer]'. Shaders are read again when their files are saved.
 """
 
 COMPARE_EXAMPLES = """\
@@ -86,6 +103,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             from .cli_bench import bench
 
             return bench(arguments)
+        if arguments.command == "view":
+            from .cli_view import view
+
+            return view(arguments)
         from .cli_render import render
 
         return render(arguments)
@@ -103,12 +124,16 @@ def build_parser() -> Parser:
     """Return the parser of the whole command line."""
     parser = Parser(prog="wgpu-gi", description="Global illumination on WebGPU.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"wgpu_gi {__version__}")
-    commands = parser.add_subparsers(dest="command", metavar="render | compare | bench | info", required=True)
+    commands = parser.add_subparsers(dest="command", metavar="render | view | compare | bench | info", required=True)
     verbatim = argparse.RawDescriptionHelpFormatter
     render = commands.add_parser(
         "render", help="make a picture of a scene", epilog=RENDER_EXAMPLES, formatter_class=verbatim, allow_abbrev=False
     )
     _add_render_arguments(render)
+    viewer = commands.add_parser(
+        "view", help="look at a scene in a window", epilog=VIEW_EXAMPLES, formatter_class=verbatim, allow_abbrev=False
+    )
+    _add_picture_arguments(viewer, size=(960, 540), gi="many-light")
     comparison = commands.add_parser(
         "compare",
         help="tell how far a picture is from the truth",
@@ -129,28 +154,43 @@ def build_parser() -> Parser:
     return parser
 
 
-def _add_render_arguments(parser: Parser) -> None:
-    add = parser.add_argument
+def _add_picture_arguments(parser: Parser, size: tuple[int, int], gi: str) -> None:
+    add, default_size = parser.add_argument, f"{size[0]}x{size[1]}"
     add("scene", nargs="?", default="cornell", metavar="SCENE", help="a file or a built-in scene (default: cornell)")
-    add("-o", "--output", default="out.png", metavar="OUT", help=".png .exr .npy or .npz (default: out.png)")
-    add("--size", type=_size, default=(640, 360), metavar="WxH", help="pixels (default: 640x360)")
-    add("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")
-    add("--gi", default="path", metavar="GI", help="technique for light; 'help' lists them (default: path)")
+    add("--size", type=_size, default=size, metavar="WxH", help=f"pixels (default: {default_size})")
+    add(
+        "--camera",
+        metavar="CAMERA",
+        help="a camera of the scene by name or index, a .json file, or what such one holds",
+    )
+    add("--gi", default=gi, metavar="GI", help=f"technique for light; 'help' lists them (default: {gi})")
     add("--quality", choices=QUALITIES, default="medium", help="of all settings that have presets (default: medium)")
     add("--bounces", type=_bounces, metavar="N", help="indirect bounces: 0, 1 ... or unlimited (the default)")
     add("--spp", type=int, default=64, metavar="N", help="samples per pixel (default: 64)")
     add("--env", metavar="ENV", help="environment: an .hdr or .exr file, or a constant radiance R,G,B")
     add("--light", action="append", default=[], metavar="LIGHT", help='add "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
-    add("--exposure", type=float, default=0.0, metavar="EV", help="brighten the .png by 2^EV (default: 0)")
-    add("--show", action="append", default=[], metavar="BUFFER", help="what to write (radiance); 'help' lists them")
+    add("--exposure", type=float, default=0.0, metavar="EV", help="brighten what is shown by 2^EV (default: 0)")
     add("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; 'help' lists them")
     add("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
     add("--adapter", metavar="NAME", help="use the adapter whose name contains this (see wgpu-gi info)")
+    add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+    add("--visible-only", action="store_true", help="of --gi path: let light leave only surfaces in the picture")
+
+
+def _add_render_arguments(parser: Parser) -> None:
+    _add_picture_arguments(parser, size=(640, 360), gi="path")
+    add = parser.add_argument
+    add("-o", "--output", default="out.png", metavar="OUT", help=".png .exr .npy or .npz (default: out.png)")
+    add("--show", action="append", default=[], metavar="BUFFER", help="what to write (radiance); 'help' lists them")
     add("--plan", action="store_true", help="print which passes ran, and why others did not")
     add("--timings", action="store_true", help="print the time that each pass took")
     add("--check", action="store_true", help="name the first pass that makes a NaN or an infinity (slow)")
-    add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
-    add("--visible-only", action="store_true", help="of --gi path: let light leave only surfaces in the picture")
+    add("--frames", type=_frames, metavar="A:B[:STEP]", help="render frames; OUT has {frame}, as in f_{frame:04d}.exr")
+    add("--turntable", action="store_true", help="go once round the scene over the frames")
+    add("--camera-path", metavar="FILE", help="move the camera along the keys of this .json")
+    add("--layers", default="", metavar="A,B,C", help="buffers to write into an .npz beside each frame")
+    add("--shard", type=_shard, metavar="I/N", help="render the Ith of N parts of the frames, 1/N to N/N")
+    add("--fps", type=int, default=24, metavar="N", help="frames per second of an .mp4 (default: 24)")
 
 
 def _add_compare_arguments(parser: Parser) -> None:
@@ -189,6 +229,21 @@ def _size(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"a size is WIDTHxHEIGHT in pixels, such as 640x360, not {text!r}")
+    return int(match[1]), int(match[2])
+
+
+def _frames(text: str) -> range:
+    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})(?::([1-9]\d{0,8}))?", text)
+    frames = range(int(match[1]), int(match[2]), int(match[3] or 1)) if match else range(0)
+    if not frames:
+        raise argparse.ArgumentTypeError(f"frames are FIRST:END or FIRST:END:STEP, such as 0:240, not {text!r}")
+    return frames
+
+
+def _shard(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise argparse.ArgumentTypeError(f"a shard is I/N from 1/N to N/N, such as 2/8, not {text!r}")
     return int(match[1]), int(match[2])
 
 

@@ -25,33 +25,24 @@ from .techniques.ssil import MOST_BOUNCES
 
 def render(arguments: Namespace) -> int:
     """Carry out `wgpu-gi render`; return the exit code. Raises GiError for all that the user can put right."""
-    if arguments.gi == "help":
-        print("\n".join(f"{name:<12} {technique.sentence}" for name, technique in TECHNIQUES.items()))
+    if list_names(arguments):
         return 0
     settings = settings_from(arguments)
-    if "help" in arguments.set:
-        print(format_rows(describe(settings)))
-        return 0
     if "help" in arguments.show:
         print(*buffers_of(settings.gi), *views_of(settings.gi))
         return 0
     # Refuse what cannot work before any time is spent on it.
     shown = buffers_from(arguments, settings)
     check_size(*arguments.size)
+    if arguments.frames is not None:
+        from .cli_frames import render_frames
+
+        return render_frames(arguments, settings, shown)
+    check_alone(arguments)
     check_output(arguments.output, shown)
 
-    scene = scene_from(arguments)
-    camera = choose_camera(scene, arguments.camera, Path(arguments.scene).parent)
-    for note in scene.notes:
-        if note != NO_CAMERA_NOTE or arguments.camera is None:
-            print(f"note: {note}", file=sys.stderr)
-    for note in without_effect(settings):
-        print(f"note: {note}", file=sys.stderr)
-
+    renderer = renderer_from(arguments, settings)
     start = time.perf_counter()
-    renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
-    if renderer.is_cpu:
-        print(f"warning: {renderer.adapter_name} IS A CPU, not a GPU: this is slow", file=sys.stderr)
     with progress_bar() as report:
         renderer.run(progress=report, show=tuple(shown), check=arguments.check, timings=arguments.timings)
     layers = {name: renderer.read_back(name) for name in shown}
@@ -67,6 +58,46 @@ def render(arguments: Namespace) -> int:
     samples = f"{settings.spp} spp" if settings.gi == "path" else f"{picture_count(settings)} frames"
     print(f"{arguments.output}: {width}x{height}, {samples}, {seconds:.1f} s on {renderer.adapter_name}")
     return 0
+
+
+def list_names(arguments: Namespace) -> bool:
+    """Print the techniques or the settings if that is what is asked for; return whether it is."""
+    if arguments.gi == "help":
+        print("\n".join(f"{name:<12} {technique.sentence}" for name, technique in TECHNIQUES.items()))
+        return True
+    if "help" in arguments.set:
+        print(format_rows(describe(settings_from(arguments))))
+        return True
+    return False
+
+
+def check_alone(arguments: Namespace) -> None:
+    """Raise GiError if anything is asked for that one picture cannot have."""
+    of_frames = {
+        "--turntable": arguments.turntable,
+        "--camera-path": arguments.camera_path,
+        "--layers": arguments.layers,
+        "--shard": arguments.shard,
+        "{frame}": "{frame" in arguments.output,
+    }
+    for name, given in of_frames.items():
+        if given:
+            raise GiError(f"{name} is for several frames; add --frames 0:240, say")
+
+
+def renderer_from(arguments: Namespace, settings: Settings) -> Renderer:
+    """Load the scene and return a renderer of it, with notes and warnings to a person printed."""
+    scene = scene_from(arguments)
+    camera = choose_camera(scene, arguments.camera, Path(arguments.scene).parent)
+    for note in scene.notes:
+        if note != NO_CAMERA_NOTE or arguments.camera is None:
+            print(f"note: {note}", file=sys.stderr)
+    for note in without_effect(settings):
+        print(f"note: {note}", file=sys.stderr)
+    renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
+    if renderer.is_cpu:
+        print(f"warning: {renderer.adapter_name} IS A CPU, not a GPU: this is slow", file=sys.stderr)
+    return renderer
 
 
 def settings_from(arguments: Namespace) -> Settings:

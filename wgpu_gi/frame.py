@@ -79,6 +79,7 @@ BUFFERS = (
     "normal",
     "depth",
     "position",
+    "instance",
     "standard_error",  # of the path tracer
     "motion",  # of all others
 )
@@ -246,6 +247,7 @@ def declare_frame(
         "normal": Source(primary.normal),
         "depth": Source(primary.normal, 3, 1),
         "position": Source(primary.position),
+        "instance": Source(primary.position, 3, 1),
     }
 
 

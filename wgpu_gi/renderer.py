@@ -28,11 +28,14 @@ from .frame import (
 from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
+from .gpu.handles import Texture
+from .picture import Picture
 from .scene.camera_files import framing_camera
 from .scene.fingerprint import Fingerprint
 from .scene.scene import Scene
 from .scene.upload import SceneUpload
 from .settings import apply_quality, validate
+from .tables import Table
 from .techniques.composite import MEANS
 from .techniques.deferred_inputs import DeferredInputs
 from .techniques.reference import path_runs
@@ -80,7 +83,7 @@ class Renderer:
         self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
         self._frame = 0  # of the jittered ones that a still picture averages
         self._rested = False  # nothing has moved in the last step
-        self._plan = ""
+        self._plan = Table("")
         self._complete = False  # every pixel is known to have all its samples
         self._extra_runs = 0  # of the path tracer, for pixels that are behind
 
@@ -106,12 +109,28 @@ class Renderer:
 
     def release(self) -> None:
         """Free all GPU memory of this renderer; it can render again, from scratch."""
-        self._graph.release()
+        self.forget()
         if self._upload is not None:
             self._upload.release()
-        self._graph, self._upload, self._declared, self._inputs = Graph(self._device), None, None, None
+            self._upload = None
+
+    def forget(self) -> None:
+        """Drop all that earlier frames left behind; the next one is that of a new renderer. The scene stays."""
+        self._graph.release()
+        self._graph, self._declared, self._inputs = Graph(self._device), None, None
+        self._sources = {}
         self._deferred = DeferredInputs()
         self._many_light = ManyLightInputs()
+        self._extra_runs = 0
+
+    def reload(self) -> None:
+        """Let the next step declare the frame anew, from the shader files as they are then."""
+        self._declared = self._inputs = None
+
+    @property
+    def has_history(self) -> bool:
+        """True if a pass of the last step works with what the frame before it left behind."""
+        return any(p.reads_history for p in self._graph.order)
 
     def __del__(self) -> None:
         """Textures and buffers of wgpu linger until destroyed."""
@@ -198,38 +217,53 @@ class Renderer:
         self._extra_runs += -(-missing * runs // max(samples, 1))
         return missing <= 0
 
-    def read_back(self, name: str = "radiance") -> NDArray:
+    def read_back(self, name: str = "radiance") -> Picture:
         """Return a buffer of the last run as (height, width, 3) float32; `depth` as (height, width).
 
         radiance, direct, indirect, emission, standard_error: W/(m2 sr). depth: metres along the ray, 0 where nothing is
         seen. position: world, metres. normal: unit, towards the viewer. motion: pixels right and down since the frame
-        before, and the distance then in metres. display: (height, width, 3) uint8, sRGB with exposure and tone curve,
+        before, and the distance then in metres. instance: its place in the scene's list, from 1; 0 where nothing is
+        seen. display: (height, width, 3) uint8, sRGB with exposure and tone curve,
         for screens. Raises GiError for a buffer that there is not.
         """
         self._check_buffers((name,))
-        if name not in self._sources:
-            raise GiError(f"{name!r} holds nothing yet: run the renderer first")
+        self._check_filled(name)
         width, height = self._graph.size
         source = self._sources[name]
         if source.handle is None:
-            return np.zeros((height, width, 3), np.float32)
+            return self._picture(name, np.zeros((height, width, 3), np.float32))
         pixels = self._graph.read_back(source.handle).reshape(height, width, 4)
         if name == "display":
-            return np.ascontiguousarray(pixels[..., :3])
+            return self._picture(name, pixels[..., :3])
         values: NDArray = pixels[..., source.first : source.first + source.count]
         if name == "position" and self._upload is not None:
             values = np.where(pixels[..., 3:] > 0, values + self._upload.origin, 0.0)
-        return np.ascontiguousarray(values if source.count > 1 else values[..., 0], np.float32)
+        if name == "instance":
+            # Instances without triangles are not on the GPU.
+            shown = [number for number, i in enumerate(self.scene.instances, 1) if len(i.mesh.triangles)]
+            values = np.array([0, *shown])[values.astype(np.int64)]
+        return self._picture(name, (values if source.count > 1 else values[..., 0]).astype(np.float32, copy=False))
 
-    def plan(self) -> str:
+    def _picture(self, name: str, values: NDArray) -> Picture:
+        return Picture(np.ascontiguousarray(values), name, self.settings.exposure)
+
+    def display_texture(self) -> Any:
+        """Return the wgpu texture of the buffer `display`, rgba8unorm; valid until the next step."""
+        self._check_filled("display")
+        handle = self._sources["display"].handle
+        assert isinstance(handle, Texture)
+        return handle.object()
+
+    def plan(self) -> Table:
         """Return what each pass did in the last frame that ran any, and why, as a text table."""
         return self._plan
 
-    def timings(self) -> str:
+    def timings(self) -> Table:
         """Return the median milliseconds of each pass that was measured, as a text table."""
-        rows = [r for r in self._graph.plan() if r.ms is not None]
-        lines = [f"{r.name:<24} {r.ms:9.2f} ms" for r in rows]
-        return "\n".join([*lines, f"{'sum':<24} {sum(r.ms or 0 for r in rows):9.2f} ms"])
+        rows = [(r.name, r.ms) for r in self._graph.plan() if r.ms is not None]
+        rows.append(("sum", sum(ms for _, ms in rows)))
+        lines = [f"{name:<24} {ms:9.2f} ms" for name, ms in rows]
+        return Table("\n".join(lines), ("pass", "ms"), [(name, f"{ms:.2f}") for name, ms in rows])
 
     def _prepare(self, show: tuple[str, ...], force: bool) -> None:
         """Send what changed and declare the frame anew if its shape changed."""
@@ -323,6 +357,10 @@ class Renderer:
             inputs = share_solids(self._graph, self._upload, inputs)
         return inputs
 
+    def _check_filled(self, name: str) -> None:
+        if name not in self._sources:
+            raise GiError(f"{name!r} holds nothing yet: run the renderer first")
+
     def _check_buffers(self, names: Iterable[str]) -> None:
         for name in names:
             if name not in (*self.buffers, *views_of(self.settings.gi), "display"):
@@ -344,7 +382,7 @@ def render(
     settings: Settings | None = None,
     adapter: str | None = None,
     progress: Callable[[float], None] | None = None,
-) -> NDArray[np.float32]:
+) -> Picture:
     """Render one picture: (height, width, 3) float32 linear radiance in W/(m2 sr), or the buffer `show`.
 
     The sections of `settings` give the finer knobs; its first level is replaced by the arguments here. `quality` (low,

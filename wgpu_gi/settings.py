@@ -39,6 +39,8 @@ class Row(NamedTuple):
     choices: tuple[str, ...]
     sentence: str
     presets: Mapping[str, Any]
+    kind: type  # bool, int, float or str
+    optional: bool  # None is a value, too
 
 
 def setting(
@@ -116,11 +118,21 @@ def describe(settings: Any) -> list[Row]:
     """List every setting of a settings dataclass and of its sections, in order of declaration."""
     rows = []
     for path, owner, field in _fields(settings):
-        meta = field.metadata
-        choices = _choices(field, _type_of(owner, field))
-        value = getattr(owner, field.name)
+        meta, annotated = field.metadata, _type_of(owner, field)
+        kind, optional = _split_optional(annotated)
         rows.append(
-            Row(path, value, field.default, meta["unit"], meta["range"], choices, meta["sentence"], meta["presets"])
+            Row(
+                name=path,
+                value=getattr(owner, field.name),
+                default=field.default,
+                unit=meta["unit"],
+                range=meta["range"],
+                choices=_choices(field, annotated),
+                sentence=meta["sentence"],
+                presets=meta["presets"],
+                kind=kind if isinstance(kind, type) else str,
+                optional=optional,
+            )
         )
     return rows
 

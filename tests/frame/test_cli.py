@@ -20,7 +20,8 @@ from wgpu_gi.frame import TECHNIQUES
 from wgpu_gi.image import load_image
 
 TINY = ["--size", "32x18", "--spp", "2"]
-BUFFERS = ["radiance", "direct", "indirect", "emission", "albedo", "normal", "depth", "position", "standard_error"]
+BUFFERS = ["radiance", "direct", "indirect", "emission", "albedo", "normal", "depth", "position", "instance"]
+BUFFERS += ["standard_error"]
 
 
 @pytest.fixture(autouse=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..tables import Table
 from .passes import Pass
 
 if TYPE_CHECKING:
@@ -50,15 +51,17 @@ def _inputs(p: Pass) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def table(rows: list[Row]) -> str:
+def table(rows: list[Row]) -> Table:
     """Format a plan as text: a summary, then a line per pass."""
     counts = [f"{state} {sum(r.state == state for r in rows)}" for state in ("ran", "kept", "culled")]
     why = ", ".join(dict.fromkeys(r.reason for r in rows if r.state == "culled"))
     width = max((len(r.name) for r in rows), default=0)
     lines = [", ".join(counts) + (f": {why}" if why else "")]
+    cells = []
     for r in rows:
         ms = "" if r.ms is None else f"{r.ms:.2f} ms"
         p95 = "" if r.p95 is None else f"p95 {r.p95:.2f}"
         size = f"{r.bytes / 2**20:.2f} MiB" if r.bytes else ""
         lines.append(f"{r.name:<{width}}  {r.state:<6} {ms:>11} {p95:>12} {size:>12}  {r.reason}".rstrip())
-    return "\n".join(lines)
+        cells.append((r.name, r.state, ms, p95, size, r.reason))
+    return Table("\n".join(lines), ("pass", "state", "time", "", "memory", "why"), cells)

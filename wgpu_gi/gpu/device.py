@@ -14,12 +14,13 @@ from functools import cache
 from typing import Any
 
 import wgpu
-from wgpu.backends.wgpu_native import lib
+from wgpu.backends.wgpu_native import ffi, lib
 from wgpu.backends.wgpu_native.extras import set_instance_extras
 
 from ..errors import GiError
 from .messages import reason
 from .pipelines import Pipelines
+from .quick_types import read_types_quickly
 
 BACKENDS = ("Vulkan", "Metal", "D3D12")
 WANTED_FEATURES = {"timestamp-query", "float32-filterable", "rg11b10ufloat-renderable"}
@@ -61,6 +62,9 @@ DEFAULT_LIMITS = {
     "max-compute-workgroup-size-z": 64,
     "max-compute-workgroups-per-dimension": 65535,
 }
+
+
+read_types_quickly(ffi)
 
 
 @dataclass(frozen=True)

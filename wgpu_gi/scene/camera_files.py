@@ -15,7 +15,7 @@ from ..errors import GiError
 from .files import read_file
 from .scene import Scene
 
-CAMERA_FIELDS = ("position", "target", "up", "yfov_deg")
+CAMERA_FIELDS = ("position", "target", "up", "yfov_deg", "orthographic_height")
 
 # From where objects show three faces: a little right of the front (+Z in glTF) and above.
 FRAMING_DIRECTION = (0.55, 0.4, 0.75)
@@ -27,32 +27,65 @@ def load_camera(path: str | Path) -> Camera:
     """Load a camera from JSON such as {"position": [0, 1, 5], "target": [0, 1, 0], "yfov_deg": 50}.
 
     `position` and `target` are world points in metres; `up` ([0, 1, 0]) and `yfov_deg` (60, full vertical angle) may
-    be left out. The name is that of the file. Raises GiError naming the first field that is missing or wrong.
+    be left out, and `orthographic_height` (metres) makes the projection parallel. The name is that of the file. Raises
+    GiError naming the first field that is missing or wrong.
     """
     path = Path(path)
     try:
-        fields = json.loads(read_file(path, "camera file").decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
+        text = read_file(path, "camera file").decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise GiError(f"camera file {path} is not JSON: {error}") from None
+    return _parse_camera(text, f"camera file {path}", path.stem)
+
+
+def _parse_camera(text: str, where: str, name: str) -> Camera:
+    try:
+        fields = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise GiError(f"{where} is not JSON: {error}") from None
+    return camera_from(fields, where, name)
+
+
+def camera_fields(camera: Camera, distance: float) -> dict[str, Any]:
+    """Return the fields of a camera file for a camera that looks at a point `distance` metres before it."""
+    axes = camera.world_from_view[:3, :3]
+    fields = {
+        "position": camera.position.tolist(),
+        "target": (camera.position - axes[:, 2] * distance).tolist(),
+        "up": axes[:, 1].tolist(),
+        "yfov_deg": math.degrees(camera.yfov),
+    }
+    if camera.orthographic_height is not None:
+        fields["orthographic_height"] = camera.orthographic_height
+    return fields
+
+
+def camera_from(fields: Any, where: str, name: str = "") -> Camera:
+    """Return the camera that the fields of a camera file describe; `where` names the place in messages."""
     if not isinstance(fields, dict):
-        raise GiError(f'camera file {path} must hold an object such as {{"position": [0, 1, 5], "target": [0, 1, 0]}}')
+        raise GiError(f'{where} must hold an object such as {{"position": [0, 1, 5], "target": [0, 1, 0]}}')
     unknown = sorted(set(fields) - set(CAMERA_FIELDS))
     if unknown:
-        raise GiError(f"camera file {path}: unknown field {unknown[0]!r}; known are {', '.join(CAMERA_FIELDS)}")
-    for name in ("position", "target"):
-        if name not in fields:
-            raise GiError(f"camera file {path}: the field {name!r} is missing")
+        raise GiError(f"{where}: unknown field {unknown[0]!r}; known are {', '.join(CAMERA_FIELDS)}")
+    for field in ("position", "target"):
+        if field not in fields:
+            raise GiError(f"{where}: the field {field!r} is missing")
     yfov_deg = fields.get("yfov_deg", 60.0)
     if not _is_number(yfov_deg) or not 0 < yfov_deg < 180:
-        raise GiError(f"camera file {path}: 'yfov_deg' must be a number between 0 and 180, not {yfov_deg!r}")
-    up = _vector(path, fields, "up") if "up" in fields else [0.0, 1.0, 0.0]
+        raise GiError(f"{where}: 'yfov_deg' must be a number between 0 and 180, not {yfov_deg!r}")
+    up = _vector(where, fields, "up") if "up" in fields else [0.0, 1.0, 0.0]
     if not any(up):
-        raise GiError(f"camera file {path}: 'up' must have a direction, not [0, 0, 0]")
-    position, target = _vector(path, fields, "position"), _vector(path, fields, "target")
+        raise GiError(f"{where}: 'up' must have a direction, not [0, 0, 0]")
+    height = fields.get("orthographic_height")
+    if height is not None and not (_is_number(height) and height > 0):
+        raise GiError(f"{where}: 'orthographic_height' must be a number of metres above 0, not {height!r}")
+    position, target = _vector(where, fields, "position"), _vector(where, fields, "target")
     try:
-        return Camera.look_at(position, target, up, float(yfov_deg), path.stem)
+        camera = Camera.look_at(position, target, up, float(yfov_deg), name)
     except GiError as error:
-        raise GiError(f"camera file {path}: {error}") from None
+        raise GiError(f"{where}: {error}") from None
+    camera.orthographic_height = None if height is None else float(height)
+    return camera
 
 
 def _is_number(value: Any) -> bool:
@@ -62,11 +95,11 @@ def _is_number(value: Any) -> bool:
         return False
 
 
-def _vector(path: Path, fields: dict[str, Any], name: str) -> list[float]:
+def _vector(where: str, fields: dict[str, Any], name: str) -> list[float]:
     """Return three finite numbers, or say which field lacks them."""
     value = fields[name]
     if not isinstance(value, list) or len(value) != 3 or not all(_is_number(v) for v in value):
-        raise GiError(f"camera file {path}: {name!r} must be three finite numbers, not {json.dumps(value)[:60]}")
+        raise GiError(f"{where}: {name!r} must be three finite numbers, not {json.dumps(value)[:60]}")
     return [float(v) for v in value]
 
 
@@ -92,8 +125,9 @@ def framing_camera(scene: Scene) -> Camera:
 def choose_camera(scene: Scene, selector: str | int | None = None, folder: Path | None = None) -> Camera:
     """Return the camera that `selector` names: a name or index in the scene, or a .json file; None: the first.
 
-    Names win over indices. A relative file is looked for in the working folder, then in `folder` (the scene's). A
-    scene without cameras has a framing one. Raises GiError listing the cameras if there is none such.
+    Names win over indices. A relative file is looked for in the working folder, then in `folder` (the scene's). What
+    such a file holds is taken, too. A scene without cameras has a framing one. Raises GiError listing the cameras if
+    there is none such.
     """
     cameras = scene.cameras or [framing_camera(scene)]
     if selector is None:
@@ -101,6 +135,8 @@ def choose_camera(scene: Scene, selector: str | int | None = None, folder: Path 
     by_name = {camera.name: camera for camera in reversed(cameras) if camera.name}
     if selector in by_name:
         return by_name[str(selector)]
+    if str(selector).lstrip().startswith("{"):
+        return _parse_camera(str(selector), "the camera", "")
     if str(selector).lower().endswith(".json"):
         path = Path(str(selector))
         beside = folder / path if folder else path

@@ -6,6 +6,7 @@ knows of files or of the GPU. Objects may be changed between frames; `upload.py`
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
+from ..tables import html_table
 
 Wrap = Literal["repeat", "clamp", "mirror"]
 
@@ -187,3 +189,18 @@ class Scene:
             return np.zeros((2, 3))
         points = np.concatenate(corners)
         return np.stack([points.min(0), points.max(0)])
+
+    def _repr_html_(self) -> str:
+        """What it holds, as a table in notebooks."""
+        low, high = self.bounds()
+        lights = Counter(type(light).__name__ for light in self.lights)
+        counts = {
+            "instances, of meshes": f"{len(self.instances)}, of {len(self.meshes)}",
+            "triangles": f"{self.triangle_count:,}",
+            "size in metres": " x ".join(f"{length:.4g}" for length in high - low),
+            "materials": str(len(self.materials)),
+            "lights": ", ".join(f"{count} {name}" for name, count in lights.items()) or "none",
+            "environment": "none" if self.environment is None else self.environment.name or "yes",
+            "cameras": ", ".join(camera.name or "unnamed" for camera in self.cameras) or "none",
+        }
+        return html_table(("scene", self.name), [*counts.items(), *(("note", note) for note in self.notes)])

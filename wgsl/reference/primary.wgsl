@@ -1,8 +1,8 @@
 // One invocation finds what is seen through the centre of one pixel, without light.
 //
 // Out: albedo (base colour) and, in a, 1 where something is seen; shading normal facing the viewer and, in a, the
-// distance along the ray in metres (0: nothing there); position in metres relative to the scene's origin. Rows from
-// the top.
+// distance along the ray in metres (0: nothing there); position in metres relative to the scene's origin and, in a, the
+// number of the instance, from 1. Rows from the top.
 #import "scene/surface.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> albedo: array<vec4f>;
@@ -27,5 +27,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let surface = surface_at(hit, ray.direction);
     albedo[index] = vec4f(surface.base_color, 1.0);
     normal[index] = vec4f(surface.normal, hit.distance);
-    position[index] = vec4f(surface.position, 1.0);
+    position[index] = vec4f(surface.position, f32(hit.instance + 1u));
 }

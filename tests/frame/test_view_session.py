@@ -1,0 +1,321 @@
+"""What a viewer renders, without a window: while the view moves, at rest, after errors; what it keeps for later."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import shutil
+import time
+
+import numpy as np
+import pytest
+
+from wgpu_gi.__main__ import main
+from wgpu_gi.camera import Camera
+from wgpu_gi.frame import TECHNIQUES, CameraSettings, Settings
+from wgpu_gi.gpu import wgsl
+from wgpu_gi.image import load_image
+from wgpu_gi.renderer import Renderer
+from wgpu_gi.resources import resource_dir
+from wgpu_gi.scene.builtin import BUILTIN_SCENES
+from wgpu_gi.settings import describe
+from wgpu_gi.viewer import navigation
+from wgpu_gi.viewer import session as session_module
+from wgpu_gi.viewer.comparison import Comparison
+from wgpu_gi.viewer.probe import PROBED, Probe
+from wgpu_gi.viewer.session import DISPLAY, Session
+from wgpu_gi.viewer.thumbnails import SIZE as THUMBNAIL
+from wgpu_gi.viewer.thumbnails import sheet, thumbnails
+
+SIZE = (64, 36)
+
+
+def make_session(gi="none", scene="cornell-point", **fields):
+    settings = Settings(gi=gi, spp=8, camera=CameraSettings(frames=2), **fields)
+    return Session(Renderer(BUILTIN_SCENES[scene](), size=SIZE, settings=settings), source=(scene,))
+
+
+def settle(session):
+    """Render until there is nothing to do; return how many steps there were."""
+    deadline = time.monotonic() + 100
+    steps = 0
+    while time.monotonic() < deadline:
+        if session.step():
+            steps += 1
+        elif not session.moving:
+            return steps
+    raise AssertionError("the view does not come to rest")
+
+
+def moved(session, right=0.05):
+    session.camera = navigation.orbit(session.camera, session.pivot, right, 0.0)
+
+
+def test_at_rest_nothing_runs():
+    session = make_session()
+    assert settle(session) > 0
+    ran = []
+    session.renderer.step = lambda *a, **k: ran.append(1)
+    assert not any(session.step() for _ in range(5))
+    assert not ran
+
+
+def test_while_moving_there_are_fewer_pixels_and_as_much_light():
+    session = make_session()
+    settle(session)
+    moved(session)
+    session.coarseness = 3
+    session.step()
+    assert session.renderer.size == (23, 13)
+    coarse = session.values().mean()
+    settle(session)
+    assert session.renderer.size == SIZE
+    assert coarse == pytest.approx(session.values().mean(), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("fixed", "pixels", "expected"),
+    [
+        (0.001, 0.01, (0, 0)),
+        (0.001, 0.1, (1, 2)),
+        (0.001, 1.0, (4, 5)),
+        (0.001, 100.0, (session_module.COARSEST,) * 2),
+        (0.1, 0.05, (0, 2)),  # fewer pixels would not help
+    ],
+)
+def test_slow_frames_get_coarser_until_they_are_in_time(fixed, pixels, expected):
+    """By seconds that a frame takes, besides its pixels and for all of them."""
+    session = make_session()
+    for start in range(session_module.COARSEST + 1):
+        session.coarseness = start
+        for _ in range(30):
+            session._adapt(fixed + pixels * 2.0**-session.coarseness)
+        seen = set()
+        for _ in range(10):
+            session._adapt(fixed + pixels * 2.0**-session.coarseness)
+            seen.add(session.coarseness)
+        assert expected[0] <= min(seen) <= max(seen) <= expected[1], (start, seen)
+
+
+def test_pictures_after_a_move_are_those_of_a_new_view():
+    session = make_session()
+    settle(session)
+    session.coarseness = 4
+    for _ in range(5):
+        moved(session)
+        session.step()
+    settle(session)
+    fresh = make_session()
+    fresh.renderer.camera = session.camera
+    settle(fresh)
+    assert np.array_equal(session.values(), fresh.values())
+
+
+@pytest.mark.parametrize("gi", TECHNIQUES)
+def test_every_buffer_can_be_shown(gi):
+    session = make_session(gi)
+    for name in session.buffers:
+        session.show(name)
+        session.step()
+        if name.startswith(("ism/", "temporal/")):  # not of medium quality: a sentence says why
+            assert session.error.startswith(f"--show {name}: ")
+            continue
+        assert not session.error, session.error
+        values = session.values()
+        assert values.shape[:2] == SIZE[::-1], name
+    assert session.status().startswith(f"{gi}, 64x36")
+
+
+def test_buffer_that_another_technique_lacks_gives_way():
+    session = make_session("path")
+    session.show("standard_error")
+    session.change("gi", "none")
+    assert session.shown == DISPLAY
+    session.step()
+    assert not session.error
+
+
+@pytest.mark.parametrize("gi", ["none", "path"])
+def test_copied_command_renders_the_view(gi, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    session = make_session(gi)
+    moved(session, 0.3)
+    session.change("exposure", 0.123456789)
+    session.change("bounces", 1 if gi == "path" else None)
+    session.set_quality("low")
+    settle(session)
+    words = shlex.split(session.command("view.npy"))
+    assert words[0] == "wgpu-gi"
+    assert "exposure=0.123456789" in words
+    assert main(words[1:]) == 0
+    difference = np.abs(load_image("view.npy") - session.values())
+    assert (difference > 1e-3).mean() < 0.01  # the camera is as written down, but for its last digits
+
+
+def test_command_names_the_buffer_and_all_settings():
+    session = make_session("path")
+    session.show("normal")
+    names = [row.name for row in describe(session.settings) if row.kind is bool]
+    for name in names:
+        session.change(name, not next(row.value for row in describe(session.settings) if row.name == name))
+    command = session.command()
+    assert "--show normal" in command
+    assert all(f"{name}=" in command for name in names)
+
+
+def test_parallel_projection_is_in_the_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    session = make_session()
+    camera = Camera.look_at((2.7, 2.7, -4), (2.7, 2.7, 2))
+    camera.orthographic_height = 3.0
+    session.camera = camera
+    settle(session)
+    assert main(shlex.split(session.command("view.npy"))[1:]) == 0
+    assert (np.abs(load_image("view.npy") - session.values()) > 1e-3).mean() < 0.01
+
+
+def test_saved_files_hold_picture_camera_and_command(tmp_path):
+    from PIL import Image
+
+    session = make_session()
+    settle(session)
+    files = session.save(tmp_path) + session.save(tmp_path)
+    assert [file.name for file in files] == [
+        f"cornell-point-{number}.{suffix}" for number in ("001", "002") for suffix in ("png", "exr")
+    ]
+    assert np.array_equal(load_image(files[1]), session.values())
+    with Image.open(files[0]) as picture:
+        assert picture.text["command"].startswith("wgpu-gi render cornell-point -o cornell-point-001.png")
+        assert "position" in picture.text["camera"]
+    shown = session.renderer.read_back(DISPLAY).astype(int)
+    assert np.abs(np.asarray(Image.open(files[0])).astype(int) - shown).max() <= 1
+
+
+def test_wrong_setting_is_told_and_changes_nothing():
+    session = make_session()
+    settle(session)
+    session.change("spp", 0)
+    assert "spp" in session.error
+    assert session.settings.spp == 8
+    session.change("seed", 5)
+    settle(session)
+    assert not session.error
+
+
+def test_point_under_the_mouse():
+    session = make_session()
+    settle(session)
+    point = session.point_at(0.5, 0.5)
+    offset = point - session.camera.position
+    forward = -session.camera.world_from_view[:3, 2]
+    assert offset @ forward / np.linalg.norm(offset) > 0.999
+    session.camera = navigation.look(session.camera, math.pi, 0.0)
+    settle(session)
+    assert session.point_at(0.5, 0.5) is None
+
+
+def test_long_frame_at_rest_is_left_when_something_changes():
+    session = make_session("path")
+    ticks = []
+
+    def tick(fraction):
+        ticks.append(fraction)
+        if len(ticks) == 1:
+            moved(session)
+
+    assert not session.step(tick)
+    assert len(ticks) == 1
+    settle(session)
+    fresh = make_session("path")
+    fresh.renderer.camera = session.camera
+    settle(fresh)
+    assert np.array_equal(session.values(), fresh.values())
+
+
+def test_saved_shader_is_seen_and_a_broken_one_keeps_the_picture(tmp_path, monkeypatch):
+    folder = tmp_path / "wgsl"
+    shutil.copytree(resource_dir("wgsl"), folder)
+    for module in (wgsl, session_module):
+        monkeypatch.setattr(module, "resource_dir", lambda name: folder)
+    wgsl._cache.clear()
+    session = make_session()
+    settle(session)
+    before = session.renderer.read_back(DISPLAY)
+    shader = folder / "composite/display.wgsl"
+    text = shader.read_text()
+    shader.write_text(text.replace("srgb_from_linear(color), 1.0", "srgb_from_linear(color.bgr), 1.0"))
+    assert session.watch_shaders()
+    assert not session.watch_shaders()
+    settle(session)
+    swapped = session.renderer.read_back(DISPLAY)
+    assert np.array_equal(swapped, before[..., ::-1])
+    shader.write_text(text.replace("srgb_from_linear(color), 1.0", "srgb_from_linear(colour), 1.0"))
+    assert session.watch_shaders()
+    settle(session)
+    assert "composite/display.wgsl:" in session.error
+    assert "colour" in session.error
+    shader.write_text(text)
+    assert session.watch_shaders()
+    settle(session)
+    assert not session.error
+    assert np.array_equal(session.renderer.read_back(DISPLAY), before)
+    wgsl._cache.clear()
+
+
+def test_truth_refines_and_tells_the_error():
+    session, ticks = make_session(), []
+    comparison = Comparison(session)
+    assert not comparison.step(ticks.append)
+    comparison.mode = "split"
+    settle(session)
+    for _ in range(20):
+        assert comparison.step(ticks.append)
+    comparison.measure()
+    assert comparison.ready
+    assert comparison.errors.bias < -0.2  # what light reflects from elsewhere is missing
+    assert comparison.difference().shape == (*SIZE[::-1], 3)
+    blue = comparison.difference()[..., 2].mean()
+    assert blue > 10 * comparison.difference()[..., 0].mean()
+    comparison.mode = "off"
+    comparison.step(ticks.append)
+    assert not comparison.ready
+
+
+def test_probe_tells_what_the_pixel_holds():
+    session = make_session()
+    probe = Probe(session)
+    assert not probe.lines(0.5, 0.5)
+    probe.on = True
+    settle(session)
+    probe.take()
+    lines = probe.lines(0.5, 0.5)
+    assert lines[0] == "pixel 32, 18"
+    assert [line.split()[0] for line in lines[1:]] == list(PROBED)
+    point = [float(word.strip(",")) for word in lines[1].split()[1:4]]
+    assert point == pytest.approx(session.point_at(0.5, 0.5), rel=1e-3)
+    assert not probe.lines(1.0, 0.5)
+    probe.on = False
+    settle(session)
+    assert not probe.lines(0.5, 0.5)
+
+
+def test_changed_light_is_seen():
+    session = make_session()
+    settle(session)
+    before = session.values().mean()
+    session.renderer.scene.lights[0].intensity *= 2
+    session.camera = session.camera
+    settle(session)
+    assert session.values().mean() == pytest.approx(2 * before, rel=1e-3)
+
+
+@pytest.mark.parametrize("gi", TECHNIQUES)
+def test_small_pictures_of_what_the_passes_write(gi):
+    session = make_session(gi)
+    session.step()
+    found = {resource: picture for _, resource, picture in thumbnails(session.renderer.graph)}
+    for picture in found.values():
+        assert picture.shape[2] == 3
+        assert max(np.divide(picture.shape[:2], THUMBNAIL[::-1])) <= 1
+    assert np.ptp(found["path/radiance" if gi == "path" else "direct/light"]) > 100
+    assert sheet([*found.values()]).shape == (len(found) * THUMBNAIL[1], THUMBNAIL[0], 4)

@@ -1,0 +1,38 @@
+"""An array of a picture that a notebook shows as one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .image import png_bytes
+
+
+class Picture(np.ndarray):
+    """A buffer `name` as numbers, shown with 2^`exposure`; what is computed from it is one, too."""
+
+    name = "radiance"
+    exposure = 0.0
+
+    def __new__(cls, values: NDArray, name: str = "radiance", exposure: float = 0.0) -> Picture:
+        """Return a view of the values."""
+        picture = np.asarray(values).view(cls)
+        picture.name, picture.exposure = name, exposure
+        return picture
+
+    def __array_finalize__(self, source: Any) -> None:
+        self.name = getattr(source, "name", self.name)
+        self.exposure = getattr(source, "exposure", self.exposure)
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        """Return sums and means as numbers."""
+        if return_scalar:
+            return array[()]
+        return super().__array_wrap__(array, context, return_scalar)
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the picture; None for what has not the shape of one."""
+        is_picture = (self.ndim == 3 and self.shape[2] == 3) or (self.ndim == 2 and self.name in ("depth", "instance"))
+        return png_bytes(self.name, self, self.exposure) if is_picture and self.size else None

@@ -1,0 +1,107 @@
+"""The view held against the path tracer, which refines while it rests: side by side, as a difference, in numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import deepcopy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import GiError
+from ..image import srgb_from_linear
+from ..metrics import Errors, measure
+from ..renderer import Renderer
+from .session import DISPLAY, Interrupted, Session
+
+MODES = ("off", "split", "difference")
+TRUTH = "path"
+SPP = 4096  # after which the truth rests, too: chosen
+
+
+class Comparison:
+    """`split` is the share of the window's width that shows the technique, where `mode` is "split"."""
+
+    def __init__(self, session: Session) -> None:
+        self._mode = "off"
+        self.ready = False  # there is a truth of the present view to show
+        self.split = 0.5
+        self.errors: Errors | None = None
+        self._session = session
+        self._renderer: Renderer | None = None
+
+    @property
+    def mode(self) -> str:
+        """One of MODES."""
+        return self._mode
+
+    @mode.setter
+    def mode(self, mode: str) -> None:
+        self._mode, self.ready = mode, False
+        self._session.changed()
+
+    @property
+    def on(self) -> bool:
+        """True if there is a truth to show."""
+        return self.mode != "off" and self._session.shown == DISPLAY
+
+    def step(self, tick: Callable[[float], None]) -> bool:
+        """Refine the truth of a view that rests; return False if there is nothing to do, or that was interrupted."""
+        session = self._session
+        if not self.on:
+            self.close()
+            return False
+        settings = deepcopy(session.settings)
+        settings.gi, settings.spp = TRUTH, SPP
+        settings.path.samples_per_run = 1  # something to see soon
+        if self._renderer is None:
+            adapter = session.renderer.adapter_name
+            self._renderer = Renderer(session.renderer.scene, size=session.size, settings=settings, adapter=adapter)
+        truth = self._renderer
+        truth.settings, truth.camera, truth.size = settings, session.camera, session.size
+
+        def progress(fraction: float) -> None:
+            tick(fraction)
+            if session.interrupted:
+                raise Interrupted
+
+        try:
+            ran = truth.step(progress, show=(DISPLAY, "radiance", "standard_error"))
+        except Interrupted:
+            self.ready = False
+            return False
+        self.ready = True
+        return ran
+
+    def display(self) -> object:
+        """Return the texture of the truth as the view shows it."""
+        assert self._renderer is not None
+        return self._renderer.display_texture()
+
+    def measure(self) -> None:
+        """Bring `errors` up to date; None where the truth is black."""
+        assert self._renderer is not None
+        image, truth, noise = self._session.renderer.read_back(), self._renderer.read_back(), self._noise()
+        try:
+            self.errors = measure(image, truth, noise)
+        except GiError:
+            self.errors = None
+
+    def difference(self) -> NDArray[np.float32]:
+        """Return where the view is too bright (red) and too dark (blue), sRGB-coded, relative to the truth's mean."""
+        assert self._renderer is not None
+        truth = self._renderer.read_back()
+        signed = (self._session.renderer.read_back() - truth).mean(-1) / max(float(truth.mean()), 1e-30)
+        zero = np.zeros_like(signed)
+        return srgb_from_linear(np.stack([np.maximum(signed, zero), zero, np.maximum(-signed, zero)], -1))
+
+    def close(self) -> None:
+        """Free the truth's memory."""
+        if self._renderer is not None:
+            self._renderer.release()
+        self._renderer, self.errors, self.ready = None, None, False
+
+    def _noise(self) -> NDArray[np.float32] | None:
+        assert self._renderer is not None
+        noise = self._renderer.read_back("standard_error")
+        return noise if np.isfinite(noise).all() else None

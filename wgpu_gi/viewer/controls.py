@@ -1,0 +1,105 @@
+"""Controls beside a canvas in a notebook, made from the settings themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from typing import Any
+
+import ipywidgets as widgets
+
+from ..frame import TECHNIQUES
+from ..settings import QUALITIES, Row, describe
+from .session import Session
+
+WIDTH = "260px"
+MAIN = ("gi", "exposure")  # settings that have a control of their own
+
+
+class Controls:
+    """What can be changed about a session; `box` shows it, and `done` is called after each change."""
+
+    def __init__(self, session: Session, done: Callable[[], None]) -> None:
+        self._session, self._done = session, done
+        self.technique = self._dropdown("technique", (*TECHNIQUES,), session.settings.gi)
+        self.quality = self._dropdown("quality", QUALITIES, session.quality)
+        self.exposure = widgets.FloatSlider(
+            session.settings.exposure,
+            min=-10.0,
+            max=10.0,
+            step=0.05,
+            description="exposure",
+            layout={"width": WIDTH},
+        )
+        self.buffer = self._dropdown("buffer", session.buffers, session.shown)
+        self._rows = {row.name: row for row in describe(session.settings) if row.name not in MAIN}
+        self.setting = self._dropdown("setting", (*self._rows,), "bounces")
+        self.value = widgets.VBox()
+        self.box = widgets.VBox(
+            [self.technique, self.quality, self.exposure, self.buffer, self.setting, self.value],
+            layout={"width": "280px"},
+        )
+        self.technique.observe(self._on_technique, "value")
+        self.quality.observe(self._on_quality, "value")
+        self.exposure.observe(lambda change: self._change("exposure", change["new"]), "value")
+        self.buffer.observe(self._on_buffer, "value")
+        self.setting.observe(lambda change: self._show_setting(), "value")
+        self._show_setting()
+
+    def _on_technique(self, change: dict[str, Any]) -> None:
+        self._session.change("gi", change["new"])
+        with self.buffer.hold_trait_notifications():
+            self.buffer.options, self.buffer.value = self._session.buffers, self._session.shown
+        self._done()
+
+    def _on_quality(self, change: dict[str, Any]) -> None:
+        self._session.set_quality(change["new"])
+        self._show_setting()
+        self._done()
+
+    def _on_buffer(self, change: dict[str, Any]) -> None:
+        if change["new"] not in (None, self._session.shown):
+            self._session.show(change["new"])
+            self._done()
+
+    def _change(self, name: str, value: object) -> None:
+        self._session.change(name, value)
+        self._done()
+
+    def _show_setting(self) -> None:
+        """Put the control of the chosen setting where the last one was."""
+        name = self.setting.value
+        row = next(row for row in describe(self._session.settings) if row.name == name)
+        control = _control(row)
+        control.observe(lambda change: self._change(name, change["new"]), "value")
+        limits = f" {row.range[0]:g} to {row.range[1]:g}" if row.range else ""
+        told = widgets.HTML(f"<small>{escape(row.sentence)}{escape(f'{limits} {row.unit}'.rstrip())}</small>")
+        before, self.value.children = self.value.children, (control, told)
+        for widget in before:
+            close(widget)
+
+    @staticmethod
+    def _dropdown(label: str, choices: tuple[str, ...], value: str) -> Any:
+        return widgets.Dropdown(options=choices, value=value, description=label, layout={"width": WIDTH})
+
+
+def close(widget: Any) -> None:
+    """Close a widget with all that it is made of, which ipywidgets would keep for ever."""
+    for child in getattr(widget, "children", ()):
+        close(child)
+    parts = [getattr(widget, name, None) for name in ("layout", "style")]
+    widget.close()
+    for part in parts:
+        if part is not None:
+            part.close()
+
+
+def _control(row: Row) -> Any:
+    """Return a control for a setting; what is typed counts when it is done."""
+    options = {"description": "value", "layout": {"width": WIDTH}}
+    if row.choices:
+        return widgets.Dropdown(options=row.choices, value=row.value, **options)
+    if row.kind is bool and not row.optional:
+        return widgets.Checkbox(row.value, **options)
+    text = "none" if row.value is None else str(row.value)
+    return widgets.Text(text, continuous_update=False, **options)

@@ -1,0 +1,57 @@
+"""What a hand does to a view, in a window as in a notebook: drags, the wheel, a new pivot, other cameras."""
+
+from __future__ import annotations
+
+from ..camera import Camera
+from ..errors import GiError
+from . import navigation
+from .session import Session
+
+TURN = 3.0  # radians for a drag over the height of the picture: chosen
+NOTCH = 0.85  # of the distance to the pivot is left after a notch of the wheel: chosen
+
+
+class Hand:
+    """Changes the camera and the pivot of a session."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def drag(self, kind: str, right: float, down: float) -> None:
+        """Carry out "orbit", "pan" or "look" by shares of the picture's height."""
+        session = self._session
+        if kind == "look":
+            session.camera = navigation.look(session.camera, right * TURN, down * TURN)
+        elif kind == "pan":
+            session.camera, session.pivot = navigation.pan(session.camera, session.pivot, right, down)
+        else:
+            session.camera = navigation.orbit(session.camera, session.pivot, right * TURN, down * TURN)
+
+    def zoom(self, notches: float) -> None:
+        """Bring the camera nearer to the pivot."""
+        session = self._session
+        size = navigation.size_of(session.renderer.scene)
+        session.camera = navigation.zoom(session.camera, session.pivot, NOTCH**notches, size)
+
+    def take(self, camera: Camera) -> None:
+        """Look through another camera."""
+        self._session.camera = camera
+        self._session.pivot = navigation.pivot_of(camera, self._session.renderer.scene)
+
+    def frame_all(self) -> None:
+        """Go to where the whole scene is seen."""
+        width, height = self._session.size
+        self.take(navigation.frame_all(self._session.camera, self._session.renderer.scene, width / height))
+
+    def set_pivot(self, x: float, y: float) -> str:
+        """Turn about what is seen at a share of the width and height from now on; return where that is."""
+        session = self._session
+        try:
+            found = session.point_at(x, y)
+        except GiError as error:
+            session.error = str(error)
+            return ""
+        if found is None:
+            return "no surface there"
+        session.pivot = found
+        return "pivot at " + ", ".join(f"{length:.4g}" for length in found)

@@ -1,0 +1,236 @@
+"""A window of the desktop, drawn into by wgpu; its events go to imgui and to a handler."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import glfw
+import numpy as np
+import wgpu
+from imgui_bundle import imgui
+from numpy.typing import NDArray
+from wgpu.utils.glfw_present_info import get_glfw_present_info
+from wgpu.utils.imgui import ImguiWgpuBackend
+
+from ..errors import GiError
+from ..gpu.device import Device
+
+LEAST_SCALE, LARGEST_SCALE = 1.0, 4.0  # pixels per unit in which windows and the mouse are measured
+SETTLE_FRAMES = 3  # that imgui needs after an event until nothing changes any more
+
+# imgui's names of the keys that text fields use; without Tab, which would begin to edit the first of them.
+_KEYS: dict[int, tuple[imgui.Key, ...]] = {
+    getattr(glfw, f"KEY_{name}"): (getattr(imgui.Key, name.lower()),)
+    for name in ("BACKSPACE", "ENTER", "ESCAPE", "DELETE", "SPACE", "HOME", "END", *"ACVXYZ")
+}
+for _name in ("LEFT", "RIGHT", "UP", "DOWN"):
+    _KEYS[getattr(glfw, f"KEY_{_name}")] = (getattr(imgui.Key, f"{_name.lower()}_arrow"),)
+for _name, _short in (("CONTROL", "ctrl"), ("SHIFT", "shift"), ("ALT", "alt"), ("SUPER", "super")):
+    for _side in ("LEFT", "RIGHT"):
+        _key = getattr(imgui.Key, f"{_side.lower()}_{_short}")
+        _KEYS[getattr(glfw, f"KEY_{_side}_{_name}")] = (_key, getattr(imgui.Key, f"mod_{_short}"))
+
+
+class Handler(Protocol):
+    """Who is told what happens outside the panel. Places are shares of the window's width and height, 0 on top."""
+
+    def button(self, button: int, down: bool, modifiers: int, place: tuple[float, float]) -> None:
+        """A mouse button went down or up."""
+
+    def move(self, place: tuple[float, float], delta: tuple[float, float]) -> None:
+        """The mouse moved by `delta`, shares of the window's height."""
+
+    def scroll(self, amount: float) -> None:
+        """The wheel turned, up by 1 a notch."""
+
+    def key(self, key: int, down: bool, modifiers: int) -> None:
+        """A key went down or up."""
+
+    def character(self, character: str) -> None:
+        """A character was typed."""
+
+
+class Window:
+    """A window with a wgpu surface and imgui in it."""
+
+    def __init__(self, title: str, size: tuple[int, int], device: Device, handler: Handler) -> None:
+        """Open it. Raises GiError where that cannot be."""
+        start()
+        self._handler = handler
+        self._pointer = (0.0, 0.0)
+        self.wanted = SETTLE_FRAMES  # frames that are to be drawn because of what happened
+        glfw.window_hint(glfw.CLIENT_API, glfw.NO_API)
+        self._window: Any = glfw.create_window(*size, title, None, None)
+        if not self._window:
+            raise GiError(f"no window can be opened ({_glfw_error()})")
+        self._surface: Any = wgpu.gpu.get_canvas_context(get_glfw_present_info(self._window, vsync=True))
+        self._context = imgui.create_context()
+        imgui.set_current_context(self._context)
+        self.format = self._configure(device)
+        self._backend = ImguiWgpuBackend(device.gpu, self.format)
+        self._device = device.gpu
+        self._sheet: Any = None
+        self._listen()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Pixels of the drawing area; (0, 0) while it is minimised."""
+        width, height = glfw.get_framebuffer_size(self._window)
+        return int(width), int(height)
+
+    @property
+    def closing(self) -> bool:
+        """True when a person has closed it."""
+        return bool(glfw.window_should_close(self._window))
+
+    def quit(self) -> None:
+        """Ask for it to be closed, as its button does."""
+        glfw.set_window_should_close(self._window, True)
+
+    def clipboard(self, text: str) -> None:
+        """Put a text where other programs can take it."""
+        glfw.set_clipboard_string(self._window, text)
+
+    def is_down(self, key: int) -> bool:
+        """Tell whether a key is held."""
+        return bool(glfw.get_key(self._window, key) == glfw.PRESS)
+
+    def events(self, wait_seconds: float) -> None:
+        """Handle what happened; wait for the first event up to `wait_seconds`."""
+        if wait_seconds > 0:
+            glfw.wait_events_timeout(wait_seconds)
+        else:
+            glfw.poll_events()
+
+    def draw(self, picture: Callable[[Any, int], None], panel: Callable[[], None]) -> None:
+        """Draw a frame: `picture` into a render pass (and the width in pixels), over it what `panel` says to imgui."""
+        width, height = self.size
+        if width == 0 or height == 0:
+            return
+        logical = [max(length, 1) for length in glfw.get_window_size(self._window)]
+        # Both sizes are asked for while a hand may be changing them.
+        scale = min(max(width / logical[0], LEAST_SCALE), LARGEST_SCALE)
+        io = imgui.get_io()
+        io.display_size = imgui.ImVec2(width / scale, height / scale)
+        io.display_framebuffer_scale = imgui.ImVec2(scale, scale)
+        imgui.new_frame()
+        panel()
+        imgui.render()
+        self._surface.set_physical_size(width, height)
+        try:
+            target = self._surface.get_current_texture()
+        except wgpu.DrawCancelled:
+            return
+        encoder = self._device.create_command_encoder(label="window")
+        attachment = {"view": target.create_view(), "load_op": "clear", "store_op": "store"}
+        render_pass = encoder.begin_render_pass(color_attachments=[attachment])
+        picture(render_pass, width)
+        self._backend.render(imgui.get_draw_data(), render_pass)
+        render_pass.end()
+        self._device.queue.submit([encoder.finish()])
+        self._surface.present()
+        self.wanted = max(self.wanted - 1, 0)
+
+    def sheet(self, pixels: NDArray[np.uint8]) -> imgui.ImTextureRef:
+        """Return what imgui draws these pixels by, (height, width, 4), in place of the last ones."""
+        height, width, _ = pixels.shape
+        usage = wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST
+        texture = self._device.create_texture(label="sheet", size=(width, height, 1), format="rgba8unorm", usage=usage)
+        layout = {"bytes_per_row": width * 4, "rows_per_image": height}
+        self._device.queue.write_texture({"texture": texture}, pixels, layout, (width, height, 1))
+        if self._sheet is not None:
+            self._backend.unregister_texture(self._sheet)
+        self._sheet = self._backend.register_texture(texture.create_view())
+        return self._sheet
+
+    def close(self) -> None:
+        """Close it."""
+        self._surface.unconfigure()
+        self._surface = None  # it must not outlive its window
+        imgui.destroy_context(self._context)
+        glfw.destroy_window(self._window)
+
+    def _configure(self, device: Device) -> str:
+        """Choose a format that takes sRGB codes as they are."""
+        preferred = self._surface.get_preferred_format(device.gpu.adapter)
+        format = preferred.removesuffix("-srgb")
+        self._surface.configure(device=device.gpu, format=format)
+        return str(format)
+
+    def _listen(self) -> None:
+        window = self._window
+        glfw.set_cursor_pos_callback(window, self._on_move)
+        glfw.set_mouse_button_callback(window, self._on_button)
+        glfw.set_scroll_callback(window, self._on_scroll)
+        glfw.set_key_callback(window, self._on_key)
+        glfw.set_char_callback(window, self._on_character)
+        for listen in (glfw.set_framebuffer_size_callback, glfw.set_window_refresh_callback):
+            listen(window, self._on_change)
+        glfw.set_cursor_enter_callback(window, self._on_change)
+        glfw.set_window_focus_callback(window, self._on_change)
+
+    def _on_change(self, *_: object) -> None:
+        self.wanted = SETTLE_FRAMES
+
+    def _on_move(self, _window: object, x: float, y: float) -> None:
+        self.wanted = SETTLE_FRAMES
+        width, height = (max(length, 1) for length in glfw.get_window_size(self._window))
+        before, self._pointer = self._pointer, (x, y)
+        imgui.get_io().add_mouse_pos_event(x, y)
+        delta = (x - before[0]) / height, (y - before[1]) / height
+        self._handler.move((x / width, y / height), delta)
+
+    def _on_button(self, _window: object, button: int, action: int, modifiers: int) -> None:
+        self.wanted = SETTLE_FRAMES
+        io, down = imgui.get_io(), action == glfw.PRESS
+        io.add_mouse_button_event(button, down)
+        width, height = (max(length, 1) for length in glfw.get_window_size(self._window))
+        # What began outside the panel ends there, wherever the mouse is.
+        if not (down and io.want_capture_mouse):
+            self._handler.button(button, down, modifiers, (self._pointer[0] / width, self._pointer[1] / height))
+
+    def _on_scroll(self, _window: object, x: float, y: float) -> None:
+        self.wanted = SETTLE_FRAMES
+        io = imgui.get_io()
+        io.add_mouse_wheel_event(x, y)
+        if not io.want_capture_mouse:
+            self._handler.scroll(y)
+
+    def _on_key(self, _window: object, key: int, _code: int, action: int, modifiers: int) -> None:
+        self.wanted = SETTLE_FRAMES
+        io = imgui.get_io()
+        for name in _KEYS.get(key, ()):
+            io.add_key_event(name, action != glfw.RELEASE)
+        if not io.want_capture_keyboard and action != glfw.REPEAT:
+            self._handler.key(key, action == glfw.PRESS, modifiers)
+
+    def _on_character(self, _window: object, code: int) -> None:
+        self.wanted = SETTLE_FRAMES
+        io = imgui.get_io()
+        io.add_input_character(code)
+        if not io.want_capture_keyboard:
+            self._handler.character(chr(code))
+
+
+def start() -> None:
+    """Start glfw; again does no harm. Raises GiError where there is no display: glfw would end the process."""
+    if sys.platform.startswith("linux"):
+        if not os.environ.get("DISPLAY"):
+            wayland = " (on Wayland: XWayland)" if os.environ.get("WAYLAND_DISPLAY") else ""
+            raise GiError(
+                f"there is no display to open a window on: DISPLAY is not set{wayland}; log in to a desktop,"
+                " use ssh -X, or make pictures with wgpu-gi render"
+            )
+        # The surface is made for X11, which Wayland desktops have, too.
+        glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_X11)
+    glfw.ERROR_REPORTING = "ignore"
+    if not glfw.init():
+        raise GiError(f"no window can be opened ({_glfw_error()}); make pictures with wgpu-gi render")
+
+
+def _glfw_error() -> str:
+    _, text = glfw.get_error()
+    return str(text, errors="replace").rstrip(".") if isinstance(text, bytes) else "glfw does not say why"

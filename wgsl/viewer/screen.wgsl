@@ -1,0 +1,32 @@
+// Draws a picture over the whole window, and from `split` on another one to compare it with.
+//
+// In: both 8-bit sRGB, of any size. Out: 8-bit sRGB, one pixel of the window.
+
+struct Screen {
+    split: f32,  // share of the window's width where the other picture begins; 1 and more: nowhere
+    line: f32,   // half the width of the line between them, likewise
+}
+
+@group(0) @binding(0) var picture: texture_2d<f32>;
+@group(0) @binding(1) var other: texture_2d<f32>;
+@group(0) @binding(2) var smooth_sampler: sampler;
+@group(0) @binding(3) var<uniform> screen: Screen;
+
+struct Corner {
+    @builtin(position) position: vec4f,
+    @location(0) place: vec2f,
+}
+
+@vertex
+fn corner(@builtin(vertex_index) index: u32) -> Corner {
+    let place = vec2f(f32(index & 1u), f32(index >> 1u)) * 2.0;
+    return Corner(vec4f(place.x * 2.0 - 1.0, 1.0 - place.y * 2.0, 0.0, 1.0), place);
+}
+
+@fragment
+fn pixel(in: Corner) -> @location(0) vec4f {
+    let left = textureSampleLevel(picture, smooth_sampler, in.place, 0.0);
+    let right = textureSampleLevel(other, smooth_sampler, in.place, 0.0);
+    let color = select(left, right, in.place.x >= screen.split);
+    return vec4f(select(color.rgb, vec3f(1.0), abs(in.place.x - screen.split) < screen.line), 1.0);
+}
