@@ -201,7 +201,7 @@ def path_curve(
 ) -> list[PathPoint]:
     """Render with 1, 2, 4 ... samples per pixel until a picture takes `budget_ms` or is as good as the truth.
 
-    `settings` give bounces, seed and diffuse.
+    `settings` give bounces, seed, diffuse and path.visible_only.
     """
     points: list[PathPoint] = []
     timing, device = renderer.graph.timing, renderer.graph.device
@@ -234,5 +234,5 @@ def _path_settings(settings: Settings, spp: int) -> Settings:
         seed=settings.seed,
         diffuse=settings.diffuse,
         camera=CameraSettings(jitter=False),
-        path=PathSettings(samples_per_run=min(spp, MOST_PER_RUN)),
+        path=PathSettings(samples_per_run=min(spp, MOST_PER_RUN), visible_only=settings.path.visible_only),
     )

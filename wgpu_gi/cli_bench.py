@@ -146,7 +146,9 @@ def bench_scene(
         if progress is not None:
             progress(f"{name}: {what}", fraction)
 
-    truth_of = truth_source(arguments, scene, camera, size, report)
+    # Held against the same path tracer, all of them.
+    visible_only = candidates[0].settings.path.visible_only
+    truth_of = truth_source(arguments, scene, camera, size, visible_only, report)
     try:
         measured = measure_scene(
             scene,
@@ -175,7 +177,12 @@ def bench_scene(
 
 
 def truth_source(
-    arguments: Namespace, scene: Scene, camera: Camera, size: tuple[int, int], report: Progress
+    arguments: Namespace,
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    visible_only: bool,
+    report: Progress,
 ) -> Callable[[int | None], Truth]:
     """Return a function from indirect bounces to the truth, as `--truth` says."""
     if arguments.truth != "path":
@@ -187,6 +194,7 @@ def truth_source(
         spp=arguments.truth_spp,
         bounces=bounces,
         diffuse=arguments.diffuse,
+        visible_only=visible_only,
         adapter=arguments.adapter,
         progress=report,
     )

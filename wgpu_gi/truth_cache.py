@@ -66,22 +66,25 @@ def truth_by_path(
     spp: int,
     bounces: int | None = None,
     diffuse: bool = False,
+    visible_only: bool = False,
     adapter: str | None = None,
     progress: Progress | None = None,
 ) -> Truth:
     """Return the truth with `bounces` indirect bounces (None: all) from the cache, or render it and keep it there.
 
+    With `visible_only`, light leaves only surfaces in the picture, as techniques in screen space have it.
     Raises GiError where the cache cannot be written, before any time is spent.
     """
     folder = cache_folder()
-    path = folder / f"{truth_key(scene, camera, size, spp=spp, bounces=bounces, diffuse=diffuse)}.npz"
-    source = f"path tracer, {spp} spp"
+    key = truth_key(scene, camera, size, spp=spp, bounces=bounces, diffuse=diffuse, visible_only=visible_only)
+    path = folder / f"{key}.npz"
+    source = f"path tracer, {spp} spp" + (", of what is visible" if visible_only else "")
     arrays = _cached(path, size)
     if arrays is None:
         _make(folder)
         check_writable(path)
         settings = Settings(gi="path", spp=-(-spp // 2), bounces=bounces, diffuse=diffuse)
-        settings.camera.jitter = False
+        settings.camera.jitter, settings.path.visible_only = False, visible_only
         arrays = _render(Renderer(scene, size=size, camera=camera, settings=settings, adapter=adapter), progress)
         with atomic_file(path) as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)  # type: ignore[arg-type]
@@ -128,11 +131,18 @@ def cache_folder() -> Path:
 
 
 def truth_key(
-    scene: Scene, camera: Camera, size: tuple[int, int], *, spp: int, bounces: int | None, diffuse: bool
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    *,
+    spp: int,
+    bounces: int | None,
+    diffuse: bool,
+    visible_only: bool = False,
 ) -> str:
     """Return a name for the truth that differs if any thing does that it depends on, the path tracer included."""
     tracer = [load(shader).text for shader in TRACER_SHADERS]
-    return _digest([tracer, scene, camera, list(size), spp, bounces, diffuse, list(SEEDS)], {}).hex()
+    return _digest([tracer, scene, camera, list(size), spp, bounces, diffuse, visible_only, list(SEEDS)], {}).hex()
 
 
 def _digest(value: Any, known: dict[int, bytes]) -> bytes:

@@ -136,10 +136,23 @@ def test_two_walls_against_the_path_tracer():
     assert got.mean() == pytest.approx(expected.mean(), rel=0.06)
 
 
+def octaves(x):
+    """Return what grows by 1 where x doubles: exponent and mantissa of a float."""
+    return np.asarray(x, np.float32).view(np.int32) / 2.0**23
+
+
 def slices_of(renderer, voxels, depths):
-    near, far = renderer.graph.read_back("voxels/range").view(np.float32).ravel()
-    near = 1 / near
-    return np.log2(np.asarray(depths) / near) * (voxels - 0.01) / np.log2(far / near)
+    """Return the slices, with fractions, that view depths lie in."""
+    inverse_near, far = renderer.graph.read_back("voxels/range").view(np.float32).ravel()
+    passed = [octaves(1) - octaves(1 / (inverse_near * np.asarray(d, np.float32))) for d in (depths, far)]
+    return passed[0] * (voxels - 0.01) / passed[1]
+
+
+def columns_of(renderer, grid, width):
+    """Return the voxels (h, w, bits) of a grid."""
+    words = renderer.graph.read_back(grid).ravel().astype("<u4")
+    bits = np.unpackbits(words.view(np.uint8), bitorder="little").astype(bool)
+    return bits.reshape(-1, width, 256)
 
 
 @pytest.mark.parametrize("solids", ["auto", "none"])
@@ -150,23 +163,65 @@ def test_voxels_of_a_box(solids):
     scene = Scene([Instance(wall), Instance(block)], [PointLight((0, 0, 0))])
     scene.cameras = [Camera.look_at((0, 0, 0), (0, 0, -1), yfov_deg=60.0)]
     renderer = rendered(scene, f"voxels.solids={solids}", "voxels.coarser=0", size=(64, 64))
-    words = renderer.graph.read_back("voxels/grid_1").reshape(32, 32, 4).astype("<u4")
-    column = np.unpackbits(words[16, 16].view(np.uint8), bitorder="little").astype(bool)
-    front, back, end = slices_of(renderer, 128, [3.0, 4.0, 6.0])
-    inside = np.arange(128) + 0.5
+    columns = columns_of(renderer, "voxels/grid_1", 32)
+    column, beside = columns[16, 16], columns[2, 2]
+    front, back, end = slices_of(renderer, 256, [3.0, 4.0, 6.0])
+    inside = np.arange(256) + 0.5
     filled = (inside > front) & (inside < back)
     if solids == "auto":
         assert (column[: int(end) - 1] == filled[: int(end) - 1]).all()
     else:
         assert column[int(front)] and column[int(back)] and not column[int(front) + 2 : int(back) - 1].any()
-    beside = np.unpackbits(words[2, 2].view(np.uint8), bitorder="little").astype(bool)
     assert not beside[: int(end) - 1].any() and beside[int(end) - 1 :].any()
 
 
 def test_shrinking_leaves_what_all_have():
     renderer = rendered(SCENES["medley"](), "voxels.coarser=0", "voxels.finer=0", size=(61, 35))
-    fine = renderer.graph.read_back("voxels/grid_1").reshape(18, 31, 4)
-    coarse = renderer.graph.read_back("voxels/grid_2").reshape(9, 16, 4)
+    fine = columns_of(renderer, "voxels/grid_1", 31)
+    coarse = columns_of(renderer, "voxels/grid_2", 16)
     padded = np.pad(fine, ((0, 0), (0, 1), (0, 0)), mode="edge")
     expected = padded[::2, ::2] & padded[1::2, ::2] & padded[::2, 1::2] & padded[1::2, 1::2]
     assert fine.any() and np.array_equal(coarse, expected)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.6, 1.1, 1.5])
+def test_shells_have_no_gaps(turn):
+    """A sheet, turned from facing the camera to almost edge-on: every ray through it meets a voxel of its slices."""
+    side = np.array((math.cos(turn), 0, -math.sin(turn)))
+    sheet = quad(tuple((0, -1, -4) - side), tuple(2 * side), (0, 2, 0), matte(0.5))
+    wall = quad((-10, -10, -8), (20, 0, 0), (0, 20, 0), matte(0.5))
+    near = quad((-0.2, -1.2, -2), (0.1, 0, 0), (0, 0.1, 0), matte(0.5))
+    scene = Scene([Instance(mesh) for mesh in (sheet, wall, near)], [PointLight((0, 0, 0))])
+    scene.cameras = [Camera.look_at((0, 0, 0), (0, 0, -1), yfov_deg=60.0)]
+    renderer = rendered(scene, "voxels.coarser=0", size=(64, 64))
+    columns = columns_of(renderer, "voxels/grid_1", 32)
+    along, up = np.meshgrid(np.linspace(-0.98, 0.98, 301), np.linspace(-0.9, 0.9, 31))
+    points = np.array((0, 0, -4)) + along[..., None] * side + up[..., None] * (0, 1, 0)
+    depth = -points[..., 2]
+    at = ((points[..., :2] * (1, -1) / depth[..., None] / math.tan(math.radians(30)) + 1) * 16).astype(int)
+    inside = ((at >= 0) & (at < 32)).all(-1)
+    assert inside.mean() > 0.9
+    assert columns[at[inside][:, 1], at[inside][:, 0], slices_of(renderer, 256, depth[inside]).astype(int)].all()
+
+
+@pytest.mark.parametrize("name", ["plates", "cornell-point"])
+def test_surfaces_do_not_hide_themselves(name):
+    """Voxels hide no more than rays do, but for a few percent: there are only 16x9 cells."""
+    light = [
+        rendered(SCENES[name](), f"ssil.visibility={kind}", frames=4).read_back("indirect").mean()
+        for kind in ("voxels", "exact")
+    ]
+    assert light[0] == pytest.approx(light[1], rel=0.08)
+
+
+def test_a_thin_sheet_seen_edge_on_hides():
+    """Between two walls that face each other, as tall as both; the camera lies in its plane."""
+    walls = [quad((x, -1, -6), (0, 0, 4), (0, 2, 0), matte(0.8)) for x in (-1, 1)]
+    sheet = quad((0, -1, -6), (0, 0, 4), (0, 2, 0), matte(0.8))
+    found = {}
+    for sheets in ((), (sheet,)):
+        scene = Scene([Instance(mesh) for mesh in (*walls, *sheets)], [PointLight((-0.5, 0, -3))])
+        scene.cameras = [Camera.look_at((0, 0, 0), (0, 0, -1), yfov_deg=60.0)]
+        pixels = rendered(scene, frames=4).read_back("indirect")
+        found[len(sheets)] = pixels[:, SIZE[0] // 2 + 4 :].mean()
+    assert found[1] <= 0.1 * found[0]

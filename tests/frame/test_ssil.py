@@ -90,7 +90,7 @@ def test_every_kind_of_visibility(visibility):
     [
         ("ssil.start=full", "ssil.levels=6"),
         ("ssil.start=quarter", "ssil.levels=3", "voxels.coarser=2", "voxels.bits=1024"),
-        ("ssil.samples=1", "ssil.radius=1", "voxels.bits=32", "voxels.steps=4", "voxels.finer=6"),
+        ("ssil.samples=1", "ssil.radius=1", "voxels.bits=32", "voxels.step=8", "voxels.finer=6"),
         ("ssil.form_factor=plain", "ssil.bounces=4", "ssil.visible_bounces=all", "temporal.frames=8"),
     ],
 )
@@ -144,6 +144,34 @@ def test_away_and_back_with_the_filter():
     for _ in range(30):
         renderer.step(force=True)
     assert np.abs(renderer.read_back("indirect") - first).mean() <= 0.01 * first.mean()
+
+
+def test_a_turning_camera_leaves_no_ghost():
+    """Eight frames after it stops, what the filter shows is what a frame shows by itself; it is as bright all along."""
+    shown = {}
+    for frames in (1, 4):
+        renderer = make(SCENES["cornell-point"](), f"temporal.frames={frames}", diffuse=True, size=(96, 54))
+        position, matrix = renderer.camera.position, renderer.camera.world_from_view
+        pictures = []
+        for k in range(16):
+            turned = -matrix[:3, 2] + 0.02 * min(k, 8) * matrix[:3, 0]
+            renderer.camera = Camera.look_at(position, position + turned)
+            renderer.step(force=True)
+            pictures.append(renderer.read_back("indirect").reshape(9, 6, 16, 6, 3).mean((1, 3)))
+        shown[frames] = np.array(pictures)
+    off = np.abs(shown[4] - shown[1]).mean((1, 2, 3)) / shown[1].mean((1, 2, 3))
+    assert off[-1] <= 0.025 < off[8]
+    assert np.allclose(shown[4].mean((1, 2, 3)), shown[1].mean((1, 2, 3)), rtol=0.08)
+
+
+def test_a_still_camera_does_not_flicker():
+    """At rest no pass runs, so that every frame is the same."""
+    renderer = make(SCENES["cornell-point"](), "temporal.frames=8", diffuse=True)
+    while renderer.step(show=("indirect",)):
+        pass
+    first = renderer.read_back("indirect")
+    assert not any(renderer.step(show=("indirect",)) for _ in range(3))
+    assert np.array_equal(renderer.read_back("indirect"), first)
 
 
 def test_visible_only_by_the_command_line(tmp_path, capsys):

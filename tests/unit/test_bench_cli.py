@@ -65,9 +65,9 @@ def test_everything_is_passed_on(stand_ins):
 def test_truth_by_path_is_asked_for_as_said(stand_ins, monkeypatch):
     asked = {}
     monkeypatch.setattr(cli_bench, "truth_by_path", lambda *_, **options: asked.update(options))
-    assert main(["bench", "--truth-spp", "32", "--diffuse"]) == 0
+    assert main(["bench", "--truth-spp", "32", "--diffuse", "--set", "path.visible_only=true"]) == 0
     stand_ins[0][4](1)
-    assert (asked["spp"], asked["bounces"], asked["diffuse"]) == (32, 1, True)
+    assert (asked["spp"], asked["bounces"], asked["diffuse"], asked["visible_only"]) == (32, 1, True, True)
 
 
 def test_file_of_the_truth_sets_the_size(stand_ins):

@@ -105,7 +105,10 @@ def test_key_knows_the_pixels_of_a_texture(scene):
     assert key(scene) != before
 
 
-@pytest.mark.parametrize("changed", [{"size": (3, 4)}, {"spp": 9}, {"bounces": 0}, {"bounces": 1}, {"diffuse": True}])
+@pytest.mark.parametrize(
+    "changed",
+    [{"size": (3, 4)}, {"spp": 9}, {"bounces": 0}, {"bounces": 1}, {"diffuse": True}, {"visible_only": True}],
+)
 def test_key_knows_the_settings(scene, changed):
     assert key(scene, **changed) != key(scene)
 

@@ -1,8 +1,9 @@
 """A grid of voxels over the picture, one bit each: what of the frustum is solid, for visibility between its surfaces.
 
 Eisemann and Decoret 2008, "Single-Pass GPU Solid Voxelization for Real-Time Applications", as Soler et al. 2010 take
-it, section 4. Departures: slices are as thick as their depth demands and span only what the picture shows; meshes with
-open edges enter as surfaces; levels march through a finer grid than their own.
+it, section 4. Departures: by compute instead of blending; slices are as thick as their depth demands and span only what
+the picture shows; meshes with open edges enter as surfaces, without gaps; levels march through a finer grid than their
+own, by steps of its cells.
 """
 
 from __future__ import annotations
@@ -13,21 +14,29 @@ import numpy as np
 
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
+from ..gpu.wgsl import load
 from ..scene.solids import CHOICES
 from ..settings import setting
-from .culling import CameraDraws, ViewCulling
 from .scene_inputs import SceneInputs
 from .ssil_levels import Levels
+
+TRIANGLE_ROW, CELL_ROW = (int(load(f"voxels/{name}.wgsl").constants["ROW"]) for name in ("voxelize", "fill"))
 
 
 @dataclass
 class VoxelSettings:
     """How visibility is found by voxels."""
 
-    bits: int = setting(128, "Voxels in the depth of each cell; a multiple of 32.", "voxels", range=(32, 1024))
-    steps: int = setting(8, "Steps of a march between two surfaces; a multiple of 4.", "steps", range=(4, 64))
+    bits: int = setting(
+        256, "Voxels in the depth of each cell; a multiple of 32.", "voxels", range=(32, 1024), presets={"low": 128}
+    )
+    step: float = setting(1.0, "Step of a march between two surfaces.", "cells", range=(0.25, 8), presets={"low": 2.0})
     coarser: int = setting(
-        1, "Levels by which the finest grid is coarser than the level that gathering starts at.", "levels", range=(0, 2)
+        1,
+        "Levels by which the finest grid is coarser than the level that gathering starts at.",
+        "levels",
+        range=(0, 2),
+        presets={"high": 0},
     )
     finer: int = setting(2, "Levels by which the grid of a level is finer than itself.", "levels", range=(0, 6))
     solids: str = setting(
@@ -43,7 +52,7 @@ class Voxels:
     range: Buffer
     sizes: dict[int, tuple[int, int]]
     bits: int
-    steps: int
+    step: float
     finer: int
 
     def reads(self, level: int) -> dict[str, Buffer]:
@@ -56,8 +65,8 @@ class Voxels:
         width, height = self.sizes[grid]
         return {
             "BITS": self.bits,
-            "STEPS": self.steps,
-            "SCALE": 2.0 ** (level - grid),
+            "STEP": self.step,
+            "CELL": float(1 << grid),
             "WIDTH": width,
             "HEIGHT": height,
         }
@@ -69,34 +78,32 @@ class Voxels:
 
 def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SceneInputs, levels: Levels) -> Voxels:
     """Declare the voxels of the camera's frustum at all levels that light is gathered at."""
-    solids = scene.solids
-    assert solids is not None
+    solids, draws = scene.solids, scene.draws
+    assert solids is not None and draws is not None
+    drawn = bool(draws.opaque or draws.masked)
     bits = -(-settings.bits // 32) * 32
-    steps = -(-settings.steps // 4) * 4
     finest = levels.first + settings.coarser
     first = levels.surfels[finest]
     words = first.size[0] * first.size[1] * bits // 32
-    crossings = graph.buffer("voxels/crossings", dtype=np.uint32, count=words if solids.has_solids else 1)
-    shells = graph.buffer("voxels/shells", dtype=np.uint32, count=words if solids.has_shells else 1)
     range_ = graph.buffer("voxels/range", dtype=np.uint32, count=2)
-    cells = {"crossings": crossings, "shells": shells}
     graph.compute(
         "voxels/bounds",
         "voxels/bounds.wgsl",
         over=levels.surfels[levels.first],
         reads={"surfels": levels.surfels[levels.first]},
-        writes={"range": range_, **cells},
-        constants={"BITS": bits},
+        writes={"range": range_},
         clear=[range_],
     )
-    kinds = {"HAS_SOLIDS": solids.has_solids, "HAS_SHELLS": solids.has_shells}
-    _declare_surfaces(graph, scene, finest, first.size, range_, cells, {"BITS": bits, **kinds})
+    kinds = {"HAS_SOLIDS": drawn and solids.has_solids, "HAS_SHELLS": drawn and solids.has_shells}
+    cells = graph.buffer("voxels/cells", dtype=np.uint32, count=words * max(sum(kinds.values()), 1))
+    constants = {"BITS": bits, "CELL": float(1 << finest), **kinds}
+    _declare_surfaces(graph, scene, first.size, range_, cells, words if solids.has_solids else 0, constants)
     grid = graph.buffer(f"voxels/grid_{finest}", dtype=np.uint32, count=words)
     graph.compute(
         "voxels/fill",
         "voxels/fill.wgsl",
-        over=first.size[0] * first.size[1],
-        reads=cells,
+        over=(CELL_ROW, -(-first.size[0] * first.size[1] // CELL_ROW)),
+        reads={"cells": cells if drawn else graph.neutral("buffer")},
         writes={"voxels": grid},
         constants={"BITS": bits, **kinds},
     )
@@ -114,42 +121,49 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SceneInputs, le
             constants={"BITS": bits},
         )
     sizes = {k: levels.surfels[k].size for k in grids}
-    return Voxels(grids, range_, sizes, bits, steps, settings.finer)
+    return Voxels(grids, range_, sizes, bits, settings.step, settings.finer)
 
 
 def _declare_surfaces(
     graph: Graph,
     scene: SceneInputs,
-    level: int,
     size: tuple[int, int],
     range_: Buffer,
-    cells: dict[str, Buffer],
-    constants: dict,
+    cells: Buffer,
+    shells: int,
+    constants: dict[str, float],
 ) -> None:
-    """Declare the raster passes that enter all triangles in view into the cells."""
-    assert scene.draws is not None and scene.solids is not None
+    """Declare the passes that enter all triangles into the cells, those of shells from the word `shells` on."""
+    assert scene.draws is not None and scene.solids is not None and scene.raster_indices is not None
     shader = "voxels/voxelize.wgsl"
-    square = 1 << level
-    # A pass of fragments needs a target.
-    target = graph.texture("voxels/target", "r8unorm", size=size)
-    culling = ViewCulling()
+    empty = [cells]
     for part, masked in (("opaque", False), ("masked", True)):
-        if not (scene.draws.masked if masked else scene.draws.opaque):
+        runs = scene.draws.masked if masked else scene.draws.opaque
+        if not runs:
             graph.skip(f"voxels/{part}", f"no {'alpha-masked' if masked else 'opaque'} material")
-            continue
-        graph.raster(
-            f"voxels/{part}",
-            shader,
-            draw=CameraDraws(graph.uniforms["view"], scene.upload, masked, culling),
-            index=scene.raster_indices,
-            color={"color": target},
-            reads={**scene.surfaces, **scene.raster, "range": range_, "solid_triangles": scene.solids.triangles},
-            writes=cells,
-            params={
-                "scale": tuple(n / (m * square) for n, m in zip(graph.size, size, strict=True)),
-                "width": size[0],
-            },
-            constants={**scene.constants(shader), **constants},
-            entry=("vertex_masked", "fragment_masked") if masked else ("vertex", "fragment"),
-            load=masked,
-        )
+        for number, (first, indices, slot, instances) in enumerate(runs):
+            count = indices // 3 * instances
+            graph.compute(
+                f"voxels/{part}" + (f"_{number}" if number else ""),
+                shader,
+                over=(TRIANGLE_ROW, -(-count // TRIANGLE_ROW)),
+                reads={
+                    **scene.surfaces,
+                    **scene.raster,
+                    "raster_indices": scene.raster_indices,
+                    "range": range_,
+                    "solid_triangles": scene.solids.triangles,
+                },
+                writes={"cells": cells},
+                params={
+                    "size": size,
+                    "shells": shells,
+                    "first": first,
+                    "triangles": indices // 3,
+                    "slot": slot,
+                    "count": count,
+                },
+                constants={**scene.constants(shader), **constants, "HAS_CUTS": masked},
+                clear=empty,
+            )
+            empty = []

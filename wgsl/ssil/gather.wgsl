@@ -1,5 +1,6 @@
 // The irradiance that a pixel of a level gets from the samples of its pattern. Who imports this defines
-// fn prepare(), which is called once, and fn visibility(start: Place, end: Place, number: u32) -> f32, from 0 to 1.
+// fn prepare(start: Place), which is called once, and fn visibility(start: Place, end: Place, number: u32) -> f32, from
+// 0 to 1.
 //
 // E = sum_i Phi_i cos_i cos'_i V_i / (d_i^2 + R_i^2), R_i^2 = cos'_i A_i / pi: eq. 3 with the point-to-disc form factor
 // of eq. 4, which lacks a factor of pi there (both are the same for small areas only with it). Phi_i is the light of
@@ -42,9 +43,9 @@ fn gather(group: vec3u, thread: vec3u) {
         irradiance[index] = vec4f(0.0);
         return;
     }
-    prepare();
-    let start = Place(vec2i(pixel), surfel_position(own));
     let normal = surfel_normal(own);
+    let start = Place(vec2i(pixel), surfel_position(own), normal);
+    prepare(start);
     let table = (select(CLASSES, 0u, FINEST) + pattern_of(first, sequence.index)) * SAMPLES;
     var sum = vec3f(0.0);
     for (var k = 0u; k < SAMPLES; k += 1u) {
@@ -57,11 +58,11 @@ fn gather(group: vec3u, thread: vec3u) {
             continue;
         }
         let texel = textureLoad(surfels, vec2u(place));
-        let end = Place(place, surfel_position(texel));
+        let end = Place(place, surfel_position(texel), surfel_normal(texel));
         let way = end.position - start.position;
         let squared = dot(way, way);
         let arriving = max(dot(normal, way), 0.0);
-        let leaving = max(-dot(surfel_normal(texel), way), 0.0);
+        let leaving = max(-dot(end.normal, way), 0.0);
         if (arriving * leaving <= 0.0) {
             continue;
         }

@@ -11,7 +11,7 @@ const END_CELLS: f32 = 1.5;
 // Of the depth, what a ray must be behind a surface to be hidden. Chosen.
 const BEHIND: f32 = 0.02;
 
-fn prepare() {}
+fn prepare(start: Place) {}
 
 fn visibility(start: Place, end: Place, number: u32) -> f32 {
     let jitter = fract(f32(number) * 0.618034);

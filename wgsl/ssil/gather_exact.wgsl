@@ -2,7 +2,7 @@
 #import "ssil/gather.wgsl"
 #import "scene/surface.wgsl"
 
-fn prepare() {}
+fn prepare(start: Place) {}
 
 fn visibility(start: Place, end: Place, number: u32) -> f32 {
     let size = max3(abs(scene.centre)) + scene.radius + length(start.position);

@@ -1,7 +1,7 @@
 // The gathering of light without visibility. Errs bright where something stands between.
 #import "ssil/gather.wgsl"
 
-fn prepare() {}
+fn prepare(start: Place) {}
 
 fn visibility(start: Place, end: Place, number: u32) -> f32 {
     return 1.0;

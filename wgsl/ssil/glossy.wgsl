@@ -1,12 +1,12 @@
 // One invocation gathers from one level what the coat of a pixel of the first level reflects (the last bounce only).
-// Who imports this defines fn prepare() and fn visibility(start: Place, end: Place, number: u32) -> f32.
+// Who imports this defines fn prepare(start: Place) and fn visibility(start: Place, end: Place, number: u32) -> f32.
 //
 // L = sum_i Phi_i cos_i cos'_i F D V_i / (d_i^2 + R_i^2) / p_i. Samples lie in the disc or the ring as those of
 // `gather.wgsl`, but their angles about the pixel follow the projected lobe: f = 0.1 + exp(-s x^2 / 2 pi), x the angle
 // from the mirrored direction's projection (section 4). Departure: Phong's exponent is that of a GGX lobe of the same
-// width at its peak, s = 2 / alpha^2 - 2 (Walter et al. 2007), and lobes are widened by what samples span. In: G-buffer,
-// surfels and light of the level. Out: radiance over coat_tint(), added to that of other levels. Errs noisy, and dark
-// where the mirrored direction leaves the picture.
+// width at its peak, s = 2 / alpha^2 - 2 (Walter et al. 2007), and lobes are widened by what samples span. In:
+// G-buffer, surfels and light of the level. Out: radiance over coat_tint(), added to that of other levels. Errs noisy,
+// and dark where the mirrored direction leaves the picture.
 #import "scene/sequence.wgsl"
 #import "gbuffer/load.wgsl"
 #import "gather/coat.wgsl"
@@ -67,6 +67,23 @@ fn projected(position: vec3f, direction: vec3f) -> vec2f {
     return moved * vec2f(view.size) * vec2f(1.0, -1.0);
 }
 
+struct Drawn {
+    offset: vec2i,  // pixels
+    count: f32,     // pixels that it stands for
+}
+
+// Draws where a sample lies about a pixel, given the direction of the lobe over the picture.
+fn draw_sample(number: u32, pixel_seed: u32, alpha: f32, forward: vec2f) -> Drawn {
+    let u = sobol_2d(number, pixel_seed);
+    let turn = draw_turn(alpha, u.y, sobol_2d(number, ~pixel_seed));
+    let radius = RADIUS * select(sqrt(0.25 + 0.75 * u.x), u.x, FINEST);
+    let area = PI * RADIUS * select(0.75 * RADIUS, 2.0 * radius, FINEST) / f32(SAMPLES);
+    let c = cos(turn.angle);
+    let s = sin(turn.angle);
+    let offset = radius * vec2f(c * forward.x - s * forward.y, s * forward.x + c * forward.y);
+    return Drawn(vec2i(round(offset)), area * turn.weight);
+}
+
 fn gather_glossy(id: vec3u) {
     if (any(id.xy >= params.size)) {
         return;
@@ -80,10 +97,10 @@ fn gather_glossy(id: vec3u) {
         glossy[index] = select(glossy[index], vec4f(0.0), FINEST);
         return;
     }
-    prepare();
     let ray = pixel_ray(pixel);
     let size = vec2i(textureDimensions(surfels));
-    let start = Place(vec2i(id.xy >> vec2u(SHIFT)), ray.origin - view.position + ray.direction * seen);
+    let start = Place(vec2i(id.xy >> vec2u(SHIFT)), ray.origin - view.position + ray.direction * seen, surface.normal);
+    prepare(start);
     let normal = surface.normal;
     let to_eye = -ray.direction;
     let mirrored = projected(start.position, reflect(ray.direction, normal));
@@ -92,33 +109,26 @@ fn gather_glossy(id: vec3u) {
     var sum = vec3f(0.0);
     for (var k = 0u; k < SAMPLES; k += 1u) {
         let number = sequence.index * SAMPLES + k;
-        let u = sobol_2d(number, pixel_seed);
-        let turn = draw_turn(brdf.alpha, u.y, sobol_2d(number, ~pixel_seed));
-        let radius = RADIUS * select(sqrt(0.25 + 0.75 * u.x), u.x, FINEST);
-        let area = PI * RADIUS * select(0.75 * RADIUS, 2.0 * radius, FINEST) / f32(SAMPLES);
-        let c = cos(turn.angle);
-        let s = sin(turn.angle);
-        let offset = radius * vec2f(c * forward.x - s * forward.y, s * forward.x + c * forward.y);
-        let place = start.pixel + vec2i(round(offset));
+        let drawn = draw_sample(number, pixel_seed, brdf.alpha, forward);
+        let place = start.pixel + drawn.offset;
         let inside = all(place >= vec2i(0)) && all(place < size);
         let code = light[select(0, place.y * size.x + place.x, inside)];
         if (!inside || (code.x | (code.y & 0xffffu)) == 0u) {
             continue;
         }
         let texel = textureLoad(surfels, vec2u(place));
-        let end = Place(place, surfel_position(texel));
+        let end = Place(place, surfel_position(texel), surfel_normal(texel));
         let way = end.position - start.position;
         let squared = dot(way, way);
         let arriving = max(dot(normal, way), 0.0);
-        let leaving = max(-dot(surfel_normal(texel), way), 0.0);
+        let leaving = max(-dot(end.normal, way), 0.0);
         if (arriving * leaving <= 0.0) {
             continue;
         }
-        let count = area * turn.weight;
-        let facing = leaving * inverseSqrt(squared) * count * surfel_area(texel);
+        let facing = leaving * inverseSqrt(squared) * drawn.count * surfel_area(texel);
         let reach = squared + facing * INV_PI;
         let shine = shine_of(brdf, normal, to_eye, way, reach, facing);
-        let term = count * arriving * leaving / max(squared * reach, 1e-37) * shine.lobe;
+        let term = drawn.count * arriving * leaving / max(squared * reach, 1e-37) * shine.lobe;
         sum += unpack_light(code) * shine.fresnel * (term * visibility(start, end, number));
     }
     let added = select(glossy[index].rgb, vec3f(0.0), FINEST);

@@ -1,7 +1,7 @@
 // What coats reflect, without visibility. Errs bright where something stands between.
 #import "ssil/glossy.wgsl"
 
-fn prepare() {}
+fn prepare(start: Place) {}
 
 fn visibility(start: Place, end: Place, number: u32) -> f32 {
     return 1.0;

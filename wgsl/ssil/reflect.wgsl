@@ -1,6 +1,6 @@
 // One invocation finds the light that a pixel of the first level sends on, from what it got: Phi = E * sum rho / pi ds.
-// With ADDED, together with what it sends already. In: irradiance, W/m2. Out: codes of `common/light_code.wgsl`, and the
-// largest of them as bits of a float.
+// With ADDED, together with what it sends already. In: irradiance, W/m2. Out: codes of `common/light_code.wgsl`, and
+// the largest of them as bits of a float.
 #import "common/light_code.wgsl"
 
 override ADDED: bool = false;

@@ -2,12 +2,13 @@
 #import "ssil/place.wgsl"
 #import "voxels/march.wgsl"
 
-fn prepare() {
+var<private> lifted_start: vec3f;
+
+fn prepare(start: Place) {
     prepare_march();
+    lifted_start = lifted(start.position, start.normal);
 }
 
 fn visibility(start: Place, end: Place, number: u32) -> f32 {
-    let jitter = fract(f32(number) * 0.618034);
-    return march(
-        start.pixel, dot(start.position, view.forward), end.pixel, dot(end.position, view.forward), jitter);
+    return march(lifted_start, lifted(end.position, end.normal), fract(f32(number) * 0.618034));
 }

@@ -29,6 +29,7 @@ fn upsample(pixel: vec2u, texel: vec4u, square: f32) -> Upsampled {
     let position = surfel_position(texel);
     let normal = surfel_normal(texel);
     let width = f32(view.size.x) / f32(size.x);
+    let per_width = inverseSqrt(max(facing_area(position), 1e-37)) / width;
     var sum = vec3f(0.0);
     var shine = vec3f(0.0);
     var weights = 0.0;
@@ -37,7 +38,7 @@ fn upsample(pixel: vec2u, texel: vec4u, square: f32) -> Upsampled {
         let at = clamp(corner + offset, vec2i(0), size - 1);
         let other = textureLoad(coarse_surfels, vec2u(at));
         let share = select(1.0 - f, f, offset > vec2i(0));
-        let off = dot(normal, surfel_position(other) - position) * inverseSqrt(max(facing_area(position), 1e-37)) / width;
+        let off = dot(normal, surfel_position(other) - position) * per_width;
         let turned = 1.0 - dot(normal, surfel_normal(other));
         let same = max(1.0 - off * off / (OFF_PLANE * OFF_PLANE), 0.0) * max(1.0 - turned / OFF_NORMAL, 0.0);
         let weight = select(share.x * share.y * max(same, LEAST), 0.0, is_empty(other));

@@ -4,7 +4,8 @@
 // s(i) = sum_j g1(|p_i - p_j|) g2(1 - n_i . n_j) g3(d_ij) over the pixels j within one step of i (eq. 5). Departure:
 // d_ij is the distance from the tangent plane of i in widths of a pixel, not a difference of depths, so that floors
 // seen at a glancing angle are one surface. Equal scores, the rule on flat walls, are decided for one corner, and at
-// the next level for the one opposite, so that what survives is never far from the middle. In: surfels. Out: surfels of the next level. Errs by leaving out what is thinner than a pixel.
+// the next level for the one opposite, so that what survives is never far from the middle. In: surfels. Out:
+// surfels of the next level. Errs by leaving out what is thinner than a pixel.
 #import "ssil/surfel.wgsl"
 
 @group(1) @binding(11) var finer: texture_storage_2d<rgba32uint, read>;

@@ -1,13 +1,9 @@
-// One workgroup finds the nearest and the farthest surface of its pixels, and clears their cells. In: surfels. Out: the
-// range, as bits of positive floats: largest 1 / depth, largest depth; empty cells.
+// One workgroup finds the nearest and the farthest surface of its pixels. In: surfels. Out: the range, as bits of
+// positive floats: largest 1 / depth, largest depth.
 #import "ssil/surfel.wgsl"
-
-override BITS: u32 = 128u;
 
 @group(1) @binding(11) var surfels: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(12) var<storage, read_write> range: array<atomic<u32>>;
-@group(1) @binding(13) var<storage, read_write> crossings: array<u32>;
-@group(1) @binding(14) var<storage, read_write> shells: array<u32>;
 
 var<workgroup> largest_inverse: atomic<u32>;
 var<workgroup> largest: atomic<u32>;
@@ -22,16 +18,6 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     workgroupBarrier();
     let size = textureDimensions(surfels);
     if (all(id.xy < size)) {
-        let first = (id.y * size.x + id.x) * (BITS / 32u);
-        for (var word = 0u; word < BITS / 32u; word += 1u) {
-            // Neutral buffers stand in for what the scene has none of.
-            if (first + word < arrayLength(&crossings)) {
-                crossings[first + word] = 0u;
-            }
-            if (first + word < arrayLength(&shells)) {
-                shells[first + word] = 0u;
-            }
-        }
         let texel = textureLoad(surfels, id.xy);
         if (!is_empty(texel)) {
             let depth = max(dot(surfel_position(texel), view.forward), 1e-30);
