@@ -208,7 +208,7 @@ def _add_compare_arguments(parser: Parser) -> None:
 def _add_bench_arguments(parser: Parser) -> None:
     add = parser.add_argument
     add("scene", nargs="*", default=["cornell"], metavar="SCENE", help="files or built-in scenes (default: cornell)")
-    add("--gi", metavar="A,B,C", help="techniques (default: all but the path tracer, which is always held against)")
+    add("--gi", metavar="A,B,C", help="techniques, or ssao (default: all but the path tracer, always held against)")
     add("--quality", default="medium", metavar="A,B,C", help="out of low,medium,high (default: medium)")
     add("--size", type=_size, metavar="WxH", help="pixels (default: 640x360, or as the file of --truth)")
     add("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")

@@ -37,6 +37,8 @@ OWN_SETTINGS = {
     "camera.jitter": "pictures are of the pixel centres, as the truth is",
     "camera.frames": "pictures are of the pixel centres, so there is nothing to average",
 }
+# What techniques are held against, as these with settings of their own: ssao is ambient light times a share of it.
+BASELINES = {"ssao": ("ssdo", ("ssdo.occlusion=ambient", "ssdo.bounce=false"))}
 TABLE_WIDTH = 140  # where the output is no terminal
 MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
 
@@ -75,25 +77,26 @@ def bench(arguments: Namespace) -> int:
 def candidates_from(arguments: Namespace) -> list[Candidate]:
     """Return what `--gi`, `--quality` and `--set` ask for: each technique at each quality, at the pixel centres."""
     # The path tracer is measured in any case, as the curve that all are held against.
-    every = [name for name in TECHNIQUES if name != "path"]
-    techniques = every if arguments.gi is None else _split("--gi", arguments.gi)
-    for name in techniques:
-        if name not in TECHNIQUES:
-            raise GiError(f"--gi takes techniques out of {', '.join(TECHNIQUES)}, with commas between, not {name!r}")
+    known = [*TECHNIQUES, *BASELINES]
+    names = [name for name in known if name != "path"] if arguments.gi is None else _split("--gi", arguments.gi)
+    for name in names:
+        if name not in known:
+            raise GiError(f"--gi takes techniques out of {', '.join(known)}, with commas between, not {name!r}")
     for text in arguments.set:
         name = text.partition("=")[0].strip()
         if name in OWN_SETTINGS:
             raise GiError(f"bench has its own {name}, so it does not take --set {text}: {OWN_SETTINGS[name]}")
     candidates = []
-    for name in techniques:
+    for name in names:
+        gi, own = BASELINES.get(name, (name, ()))
         for quality in _split("--quality", arguments.quality):
             if quality not in QUALITIES:
                 raise GiError(f"--quality takes {', '.join(QUALITIES)}, with commas between, not {quality!r}")
             settings = Settings()
             apply_quality(settings, quality)
-            for text in arguments.set:
+            for text in (*arguments.set, *own):
                 assign(settings, text)
-            settings.gi, settings.diffuse, settings.camera.jitter = name, arguments.diffuse, False
+            settings.gi, settings.diffuse, settings.camera.jitter = gi, arguments.diffuse, False
             if name == "path":
                 settings.spp = settings.path.samples_per_run  # a frame of it is one run
             validate(settings)

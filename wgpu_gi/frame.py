@@ -23,10 +23,11 @@ from .techniques.debug import (
 )
 from .techniques.denoise import DenoiseSettings, declare_denoise
 from .techniques.direct import DirectSettings, declare_direct
-from .techniques.environment import EnvironmentSettings, declare_environment
+from .techniques.environment import Ambient, EnvironmentSettings, declare_environment
 from .techniques.gather import GatherSettings, declare_gather
 from .techniques.gbuffer import Gbuffer, declare_gbuffer, declare_motion
 from .techniques.ism import IsmSettings, declare_ism
+from .techniques.near import declare_near, declare_near_shares
 from .techniques.points import declare_points
 from .techniques.reference import PathSettings, declare_primary, declare_reference, path_runs
 from .techniques.rsm import RsmSettings, declare_rsm
@@ -34,7 +35,7 @@ from .techniques.scene_inputs import SceneInputs
 from .techniques.shadow import ShadowDraws, declare_shadow_maps
 from .techniques.shadow_views import ShadowSettings
 from .techniques.sky import declare_sky_occlusion
-from .techniques.ssdo import Occlusion, declare_bounce, declare_occlusion
+from .techniques.ssdo import History, Occlusion, declare_bounce, declare_occlusion
 from .techniques.ssdo_sources import Sources, SsdoSettings, declare_sources
 from .techniques.ssil import SsilSettings, declare_ssil
 from .techniques.temporal import TemporalSettings, declare_temporal
@@ -270,28 +271,30 @@ def _declare_deferred(
     motion = declare_motion(graph, scene, gbuffer)
     ambient = declare_environment(graph, settings.environment, scene, lobes=settings.gi == "ssdo")
     atlas = declare_shadow_maps(graph, scene, shadows)
+    frames = picture_count(settings)
+    history = History(settings.temporal, motion)
     sky: Buffer | None = None
     occlusion: Occlusion | None = None
     if sources is not None:
-        occlusion = declare_occlusion(graph, settings.ssdo, scene, sources, ambient, settings.seed)
+        occlusion = declare_occlusion(graph, settings.ssdo, scene, sources, ambient, history, settings.seed, frames)
         sky = occlusion.share
     elif settings.gi != "none":
-        frames = picture_count(settings)
         sky = declare_sky_occlusion(graph, settings.environment, scene, gbuffer, settings.seed, frames)
-    direct = declare_direct(graph, settings.direct, scene, gbuffer, atlas, ambient, sky)
+    layers_shown = sources.layers if sources is not None else ()
+    direct = declare_direct(graph, settings.direct, scene, gbuffer, atlas, ambient, sky, layers_shown)
     indirect: Buffer | None = None
     views: dict[str, Buffer] = {}
     if settings.gi == "many-light" and settings.bounces != 0:
-        indirect, views = _declare_many_light(graph, settings, scene, gbuffer, motion, direct)
+        indirect, views = _declare_many_light(graph, settings, scene, gbuffer, motion, direct, ambient)
     if sources is not None and occlusion is not None and settings.bounces != 0 and settings.ssdo.bounce:
         indirect = declare_bounce(
-            graph, settings.ssdo, scene, sources, occlusion, direct, atlas, ambient, settings.seed
+            graph, settings.ssdo, scene, sources, occlusion, direct, atlas, ambient, history, settings.seed
         )
     if settings.gi == "ssil" and settings.bounces != 0:
         indirect = _declare_ssil(graph, settings, scene, gbuffer, motion, direct)
     radiance = declare_sum(graph, gbuffer.emission, direct, indirect)
     layers = {"radiance": radiance, "direct": direct, "indirect": indirect, "emission": gbuffer.emission}
-    if picture_count(settings) > 1:
+    if frames > 1:
         layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}
     shown = {name: Source(layer) for name, layer in (layers | {"motion": motion} | views).items()}
     return {name: Absent(name) for name in views_of(settings.gi)} | shown
@@ -306,7 +309,13 @@ def _declare_ssil(
 
 
 def _declare_many_light(
-    graph: Graph, settings: Settings, scene: SceneInputs, gbuffer: Gbuffer, motion: Buffer, direct: Buffer
+    graph: Graph,
+    settings: Settings,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    motion: Buffer,
+    direct: Buffer,
+    ambient: Ambient,
 ) -> tuple[Buffer | None, dict[str, Buffer]]:
     """Declare light from virtual point lights (Linke 2016), None where none can be reflected; and its debug views."""
     points = declare_points(graph, scene, POINTS)
@@ -316,13 +325,18 @@ def _declare_many_light(
         return None, {}
     vpls = declare_vpls(graph, settings.vpl, rsm, walk, gbuffer, settings.seed)
     ism = declare_ism(graph, settings.ism, scene, points, vpls) if settings.gather.visibility == "ism" else None
-    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, settings.seed)
+    near = declare_near_shares(graph, settings.ssdo, gbuffer, vpls)
+    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, settings.seed, near)
     views = declare_vpl_view(graph, vpls) | declare_list_view(graph, settings.gather, gbuffer, gathered.clusters, vpls)
     if rsm is not None:
         views |= declare_rsm_views(graph, scene, rsm)
     if ism is not None:
         views |= declare_ism_views(graph, ism)
     gathered = declare_compensation(graph, scene, gbuffer, direct, gathered, settings.bounces, settings.seed)
+    if near is not None:
+        gathered = declare_near(
+            graph, settings.ssdo, scene, gbuffer, ambient, direct, gathered, settings.bounces, settings.seed
+        )
     if settings.temporal.frames > 1:
         accumulated = declare_temporal(graph, settings.temporal, scene, gbuffer, motion, gathered)
         gathered = accumulated.gathered

@@ -318,7 +318,8 @@ class Renderer:
             self._deferred.note_frame(graph, self._frame)
         if settings.gi == "ssdo":
             box, triangles = upload.box + upload.origin, self.scene.triangle_count
-            self._screen, cameras = screen_views(self.camera, box, self.size, triangles, settings.ssdo)
+            sky = settings.environment.ambient and upload.features["HAS_ENVIRONMENT"]
+            self._screen, cameras = screen_views(self.camera, box, self.size, triangles, settings.ssdo, sky)
             for number, camera in enumerate(cameras, 1):
                 graph.uniform(view_name(number), upload.view(camera, self.size, False))
         if settings.gi == "many-light":

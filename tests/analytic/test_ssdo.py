@@ -78,13 +78,14 @@ def test_a_furnace_of_walls_and_sky(half):
     assert np.abs(off).max() <= (0.13 if half == "true" else 0.1) and abs(off.mean()) <= 0.02
 
 
-def test_shadows_take_the_colour_of_the_light_that_is_hidden():
+@pytest.mark.parametrize("sampling", ["cosine", "picture"])
+def test_shadows_take_the_colour_of_the_light_that_is_hidden(sampling):
     """Before the wall the sky is red, behind the camera blue: near the wall, red is missing."""
     picture = np.zeros((32, 64, 3), np.float32)
     picture[:, :, 1] = 1.0
     # Columns of -Z are the outermost; +Z is in the middle.
     picture[:, 16:48, 2], picture[:, :16, 0], picture[:, 48:, 0] = 1.0, 1.0, 1.0
-    got = render(corner(sky=Environment((1.0, 1.0, 1.0), picture)), "ssdo.directions=8")
+    got = render(corner(sky=Environment((1.0, 1.0, 1.0), picture)), "ssdo.directions=8", f"ssdo.sampling={sampling}")
     on_floor, share = floor_and_share(got)
     near = on_floor & (got["position"][..., 2] < 1.0)
     red, green, blue = got["direct"][near].mean(0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.techniques import SCENES, make_settings, medley_under_a_sky
@@ -46,6 +48,12 @@ def test_cameras_that_add_nothing_are_left_out():
     assert "camera_1/resolve" in text and "camera_2/resolve" not in text
 
 
+def test_a_camera_from_above_is_for_the_sky():
+    assert "camera_2/resolve" not in plan_of(renderer_of(SCENES["cornell-point"]()))
+    assert "camera_2/resolve" in plan_of(renderer_of(builtin.courtyard()))
+    assert "camera_2/resolve" not in plan_of(renderer_of(builtin.courtyard(), "environment.ambient=false"))
+
+
 def test_layers_that_add_nothing_are_left_out():
     """A floor has nothing behind it, and the picture is the same whatever is asked for."""
     text = plan_of(renderer_of(builtin.plane_sun(), "ssdo.layers=4"))
@@ -76,6 +84,26 @@ def test_a_still_picture_settles_and_rests():
     assert "camera_1/resolve" not in renderer.graph.last_run
 
 
+@pytest.mark.parametrize("half", ["false", "true"])
+def test_light_of_frames_before_is_found_again(half):
+    """While the camera moves, eight frames count; each draws other directions."""
+    errors = []
+    for history in (1, 8):
+        renderer = renderer_of(
+            builtin.courtyard(), f"temporal.frames={history}", f"ssdo.half={half}", "ssdo.directions=1", size=(96, 54)
+        )
+        for k in range(9):
+            moved = renderer.camera.world_from_view.copy()
+            moved[0, 3] += 0.02
+            renderer.camera, renderer.settings.seed = replace(renderer.camera, world_from_view=moved), k
+            renderer.step(show=("indirect",))
+        assert ("ssdo/bounce/accumulate" in renderer.plan()) == (history > 1)
+        texts = (f"ssdo.half={half}", "ssdo.directions=8")
+        settled = drawn(builtin.courtyard(), *texts, size=(96, 54), frames=16, camera=renderer.camera)
+        errors.append(relmse(renderer.read_back("indirect"), settled["indirect"]))
+    assert errors[1] <= 0.5 * errors[0], errors
+
+
 @pytest.mark.parametrize("name", ["cornell-point", "courtyard"])
 def test_every_other_pixel_has_the_same_mean(name):
     fine, coarse = (
@@ -89,9 +117,9 @@ def test_every_other_pixel_has_the_same_mean(name):
     "texts",
     [
         ("ssdo.directions=64", "ssdo.steps=1"),
-        ("ssdo.directions=1", "ssdo.steps=64", "ssdo.reach=100"),
+        ("ssdo.directions=1", "ssdo.steps=64", "ssdo.reach=100", "ssdo.sampling=picture"),
         ("ssdo.reach=0.01", "ssdo.half=false", "ssdo.blur=false"),
-        ("ssdo.layers=4", "ssdo.cameras=4", "ssdo.places=aside"),
+        ("ssdo.layers=4", "ssdo.cameras=4", "ssdo.places=aside", "temporal.frames=8"),
         ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half=false", "ssdo.occlusion=ambient"),
     ],
 )
@@ -101,6 +129,26 @@ def test_settings_at_their_ends(texts, size):
     for camera in (scene.cameras[0], _parallel(scene.cameras[0])):
         got = drawn(scene, *texts, size=size, camera=camera)
         assert np.isfinite(got["radiance"]).all() and (got["radiance"] >= 0).all()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (33, 17)])
+@pytest.mark.parametrize("texts", [(), ("ssdo.half=false", "gather.visibility=ism"), ("ssdo.near_reach=10",)])
+def test_near_fields_at_their_ends(texts, size):
+    scene = medley_under_a_sky()
+    for camera in (scene.cameras[0], _parallel(scene.cameras[0])):
+        got = drawn(scene, "ssdo.near=true", *texts, gi="many-light", size=size, camera=camera)
+        assert np.isfinite(got["radiance"]).all() and (got["radiance"] >= 0).all()
+
+
+def test_the_near_field_of_coated_surfaces():
+    """What coats reflect of near lights stays, and they let through as much of the near field's light."""
+    scene = medley_under_a_sky()
+    without, together = (
+        drawn(scene, f"ssdo.near={near}", gi="many-light", frames=8, size=(96, 54))["indirect"].mean()
+        for near in ("false", "true")
+    )
+    assert together == pytest.approx(without, rel=0.03)
+    assert "ssdo.near is off" in plan_of(renderer_of(scene, gi="many-light"))
 
 
 def _parallel(camera):
@@ -119,3 +167,18 @@ def test_contact_shadows_that_a_coarse_map_lost():
     lost = relmse(drawn(scene, *coarse, gi="none", size=(96, 54))["direct"], exact)
     found = relmse(drawn(scene, *coarse, "direct.contacts=16", gi="none", size=(96, 54))["direct"], exact)
     assert found <= 0.5 * lost
+
+
+def test_contact_shadows_end_behind_what_is_thin():
+    """Behind a board that the sun passes, one layer takes all for matter, two see the light."""
+    board = box((-0.3, 0.0, -0.01), (0.3, 0.3, 0.01), matte(0.5))
+    camera = Camera.look_at((0.1, 0.35, 1.1), (0.3, 0.1, 0))
+    sun = [DirectionalLight((1.0, -0.3, 0.0), 3.0)]
+    scene = Scene([Instance(grid(8.0, material=matte(0.5))), Instance(board)], sun, None, [camera])
+    coarse = ("direct.edges=false", "shadow.sun=64", "shadow.cascades=1", "ssdo.bounce=false")
+    exact = drawn(scene, gi="none", size=(96, 54))["direct"]
+    one, two = (
+        relmse(drawn(scene, *coarse, "direct.contacts=16", f"ssdo.layers={k}", size=(96, 54))["direct"], exact)
+        for k in (1, 2)
+    )
+    assert two < one, (two, one)

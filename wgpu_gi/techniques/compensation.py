@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
-from .gather import Gathered
+from .gather import Gathered, near_constants
 from .gbuffer import FOUR_FLOATS, Gbuffer
 from .scene_inputs import SceneInputs
 
@@ -51,6 +51,11 @@ def declare_compensation(
         },
         writes={"irradiance": irradiance},
         params={"seed": seed},
-        constants={**scene.constants(SHADER), "INTERLEAVE": SIDE, "FURTHER": bounces != 1},
+        constants={
+            **scene.constants(SHADER),
+            "INTERLEAVE": SIDE,
+            "FURTHER": bounces != 1,
+            **near_constants(gathered.near),
+        },
     )
     return replace(gathered, irradiance=irradiance)

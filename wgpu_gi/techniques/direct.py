@@ -7,6 +7,7 @@ filter finds texels that see the light beside texels that do not.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,10 +53,12 @@ def declare_direct(
     atlas: Texture | None,
     ambient: Ambient,
     sky: Buffer | None = None,
+    layers: Sequence[Gbuffer] = (),
 ) -> Buffer:
     """Declare the light scattered once towards the eye: (r, g, b, 1) per pixel, W/(m2 sr).
 
     `sky` is the share of the environment that each pixel's surface sees, (r, g, b, -); without it, that is all.
+    `layers`, at most four, are those of depth peeling, of which `gbuffer` is the first.
     """
     assert scene.direct is not None
     width, height = graph.size
@@ -77,7 +80,8 @@ def declare_direct(
     shader = "direct/light.wgsl"
     few = scene.direct.count if scene.direct.count <= WRITTEN_OUT else 0
     occluded = {"SKY": sky is not None}
-    contacts = {"CONTACTS": settings.contacts > 0, "CONTACT_POINTS": settings.contacts}
+    shown = layers or (gbuffer,)
+    contacts = {"CONTACTS": settings.contacts > 0, "CONTACT_POINTS": settings.contacts, "LAYERS": len(shown)}
     variant = {"TILED": tiles is not None, "EDGES": traced, "FEW": few, **occluded, **contacts}
     graph.compute(
         "direct/light",
@@ -87,7 +91,8 @@ def declare_direct(
             **inputs,
             **gbuffer.tiles,
             "tile_lights": tiles or graph.neutral("buffer"),
-            "depth_0": gbuffer.depth,
+            **{f"depth_{k}": graph.neutral("texture_depth_2d") for k in range(4)},
+            **{f"depth_{k}": layer.depth for k, layer in enumerate(shown)},
         },
         writes={"direct": direct, "edges": edges, "edge_groups": edge_groups},
         constants={**scene.constants(shader), **ambient.constants(shader), **variant},

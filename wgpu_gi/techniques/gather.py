@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..gpu.graph import Graph
-from ..gpu.handles import Buffer
+from ..gpu.handles import Buffer, Texture
 from ..gpu.wgsl import load
 from ..settings import setting
 from .clusters import Clusters, declare_clusters
@@ -51,6 +51,19 @@ class GatherSettings:
 
 
 @dataclass
+class Near:
+    """What a near field finds by itself: of each VPL that `shares` of its light, within so many heights' reach."""
+
+    shares: Texture
+    reach: float
+
+
+def near_constants(near: Near | None) -> dict[str, float]:
+    """Return those of `wgsl/gather/near.wgsl`."""
+    return {"NEAR": near is not None, "NEAR_REACH": near.reach if near is not None else 1.0}
+
+
+@dataclass
 class Gathered:
     """What VPLs give to each pixel, each class from its own ones. Clear where there is nothing to light.
 
@@ -58,7 +71,7 @@ class Gathered:
     normals: packed as there. glossy: the light that coats reflect, W/(m2 sr), over `coat_tint` of
     `wgsl/gather/coat.wgsl`; None if no material is coated. interleave: the side of the squares whose pixels differ.
     clusters: the lists that they went by. bound_sums: of bounds of near VPLs, as `wgsl/gather/common.wgsl` has them;
-    None if what they take is not to be found.
+    None if what they take is not to be found. near: the near field that is left out.
     """
 
     irradiance: Buffer
@@ -67,12 +80,20 @@ class Gathered:
     interleave: int
     clusters: Clusters
     bound_sums: Buffer | None = None
+    near: Near | None = None
 
 
 def declare_gather(
-    graph: Graph, settings: GatherSettings, scene: SceneInputs, gbuffer: Gbuffer, vpls: Vpls, ism: Ism | None, seed: int
+    graph: Graph,
+    settings: GatherSettings,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    vpls: Vpls,
+    ism: Ism | None,
+    seed: int,
+    near: Near | None = None,
 ) -> Gathered:
-    """Declare the irradiance by VPLs; `ism` is there if `settings.visibility` is "ism"."""
+    """Declare the irradiance by VPLs, but for what is `near`; `ism` is there if `settings.visibility` is "ism"."""
     width, height = graph.size
     n = settings.interleave
     irradiance = graph.buffer(
@@ -107,6 +128,7 @@ def declare_gather(
                 "distance": gbuffer.distance,
                 "vpl_table": vpls.table,
                 **clusters.reads,
+                "near_shares": near.shares if near is not None else graph.neutral("texture_2d"),
                 **(scene.surfaces if exact or sampled else {}),
                 **(maps.reads if maps is not None else {}),
             },
@@ -122,7 +144,10 @@ def declare_gather(
                 **({"RAYS": settings.rays} if sampled else {}),
                 "BOUNDED": settings.clamping == "disc",
                 "COMPENSATED": compensated,
+                **near_constants(near),
             },
             clear=[irradiance, glossy, bound_sums] if exact and not first else (),
         )
-    return Gathered(irradiance, glossy if coated else None, normals, n, clusters, bound_sums if compensated else None)
+    return Gathered(
+        irradiance, glossy if coated else None, normals, n, clusters, bound_sums if compensated else None, near
+    )

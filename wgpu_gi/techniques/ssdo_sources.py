@@ -41,9 +41,19 @@ class SsdoSettings:
         "What is hidden of the environment: light of those directions, or a grey share of all (SSAO, for comparison).",
         choices=("directional", "ambient"),
     )
+    sampling: str = setting(
+        "cosine",
+        "Draw directions by the cosine and filter the environment, or draw every other one by the environment's picture"
+        " and do not.",
+        choices=("cosine", "picture"),
+    )
     layers: int = setting(1, "Layers of depth peeling.", "layers", range=(1, MAX_LAYERS), presets={"high": 2})
-    cameras: int = setting(
-        1, "Further cameras, of ssdo.places.", "cameras", range=(0, MAX_CAMERAS), presets={"low": 0, "high": 3}
+    cameras: int | None = setting(
+        None,
+        "Further cameras, of ssdo.places; none for one, and for two where there is an environment, which roofs hide.",
+        "cameras",
+        range=(0, MAX_CAMERAS),
+        presets={"low": 0, "high": 3},
     )
     places: str = setting(
         "wide",
@@ -58,6 +68,14 @@ class SsdoSettings:
         range=(0.01, 100.0),
     )
     half: bool = setting(True, "Search for every other pixel of every other row only.", presets={"high": False})
+    near: bool = setting(
+        False,
+        "With --gi many-light: take the light of what is near, and of what hides it, from the picture instead of from"
+        " virtual point lights.",
+    )
+    near_reach: float = setting(
+        0.1, "How far that goes, in heights of the picture at the pixel.", "heights", range=(0.001, 10.0)
+    )
     blur: bool = setting(True, "Average over the squares of pixels that share directions among them, up to edges.")
 
 
@@ -67,6 +85,28 @@ class Sources:
 
     layers: list[Gbuffer]
     cameras: list[Gbuffer]
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.layers) + len(self.cameras)
+
+    @property
+    def constants(self) -> dict[str, int]:
+        """Those of `wgsl/ssdo/hit.wgsl`."""
+        return {"LAYERS": len(self.layers), "CAMERAS": len(self.cameras)}
+
+    def gbuffer(self, number: int) -> Gbuffer:
+        """Return one of them, the layers first."""
+        return [*self.layers, *self.cameras][number]
+
+    def view_of(self, number: int) -> str:
+        """Return the uniform with its view."""
+        return view_name(max(number - len(self.layers) + 1, 0))
+
+    def is_outward(self, number: int) -> bool:
+        """Tell whether it may show insides of surfaces, whose outsides are lit: of layers but the first, that is so."""
+        return 0 < number < len(self.layers)
 
     def reads(self, graph: Graph) -> dict[str, Handle]:
         """Return what passes read that import `wgsl/ssdo/hits.wgsl`."""
@@ -86,12 +126,18 @@ def view_name(number: int) -> str:
 
 
 def screen_views(
-    camera: Camera, box: NDArray[np.float64], size: tuple[int, int], triangles: int, settings: SsdoSettings
+    camera: Camera,
+    box: NDArray[np.float64],
+    size: tuple[int, int],
+    triangles: int,
+    settings: SsdoSettings,
+    has_sky: bool,
 ) -> tuple[ScreenInputs, list[Camera]]:
     """Return what there is to see of a scene of so many triangles within a (2, 3) `box`, and the further cameras.
 
     Layers and cameras that add nothing are left out.
     """
+    wanted = settings.cameras if settings.cameras is not None else 2 if has_sky else 1
     skipped: list[tuple[str, str]] = []
     crossed = 1 if (np.ptp(box, axis=0) == 0).any() else max(triangles, 1)
     layers = min(settings.layers, crossed)
@@ -99,7 +145,7 @@ def screen_views(
         (f"gbuffer/opaque_{k}", f"a ray meets {crossed} surfaces at most") for k in range(layers, settings.layers)
     ]
     cameras: list[Camera] = []
-    for name in PLACES[settings.places][: settings.cameras]:
+    for name in PLACES[settings.places][:wanted]:
         reason = _needless(name, camera, box, size)
         if reason:
             skipped.append((f"camera_{name}/opaque", reason))

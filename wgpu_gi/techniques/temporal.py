@@ -67,15 +67,16 @@ def declare_accumulate(
     gbuffer: Gbuffer,
     motion: Buffer,
     irradiance: Buffer,
+    name: str = "temporal",
 ) -> Averaged:
     """Declare the mean over frames of light (r, g, b, -) per pixel, where the last value is above 0."""
     width, height = graph.size
     count = width * height
-    history = graph.buffer("temporal/history", dtype=_HISTORY, count=count, width=width, history=True)
-    averaged = graph.buffer("temporal/irradiance", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
-    rejected = graph.buffer("temporal/rejected", count=count, width=width, nonnegative=True)
+    history = graph.buffer(f"{name}/history", dtype=_HISTORY, count=count, width=width, history=True)
+    averaged = graph.buffer(f"{name}/irradiance", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
+    rejected = graph.buffer(f"{name}/rejected", count=count, width=width, nonnegative=True)
     graph.compute(
-        "temporal/accumulate",
+        f"{name}/accumulate",
         SHADER,
         over=(width, height),
         reads={

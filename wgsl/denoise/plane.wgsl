@@ -11,11 +11,16 @@ fn plane_depth(ray: Ray, seen: f32) -> f32 {
     return select(1.0 / max(along, 1e-37), along, view.orthographic != 0u);
 }
 
+// Returns a direction of the world in the camera's frame.
+fn to_view(direction: vec3f) -> vec3f {
+    return vec3f(
+        dot(direction, view.right) / length(view.right), dot(direction, view.up) / length(view.up),
+        dot(direction, view.forward));
+}
+
 // Packs a unit normal of the world, 10 bits for each coordinate in the camera's frame.
 fn pack_view_normal(normal: vec3f) -> u32 {
-    let in_view = vec3f(
-        dot(normal, view.right) / length(view.right), dot(normal, view.up) / length(view.up),
-        dot(normal, view.forward));
+    let in_view = to_view(normal);
     let code = bitcast<vec3u>(vec3i(round(clamp(in_view, vec3f(-1.0), vec3f(1.0)) * 511.0))) & vec3u(1023u);
     return code.x | (code.y << 10u) | (code.z << 20u);
 }

@@ -23,6 +23,14 @@ fn shine_of(brdf: Brdf, normal: vec3f, to_eye: vec3f, to_vpl: vec3f, squared: f3
         select(vec3f(0.0), fresnel_schlick(brdf.f0, dot(w_i, h)), brdf.glossy), select(0.0, lobe, lit));
 }
 
+// Returns what a coat lets through of light from where `way` leads, of any length.
+fn passed_share(brdf: Brdf, way: vec3f, to_eye: vec3f) -> vec3f {
+    let w_i = way * inverseSqrt(max(dot(way, way), 1e-30));
+    let sum = w_i + to_eye;
+    let h = sum * inverseSqrt(max(dot(sum, sum), 1e-30));
+    return select(vec3f(1.0), 1.0 - fresnel_schlick(brdf.f0, dot(w_i, h)), brdf.glossy);
+}
+
 // Returns what glossy light is divided by while it is averaged over neighbours, so that their colours stay apart.
 fn coat_tint(brdf: Brdf, normal: vec3f, to_eye: vec3f) -> vec3f {
     // Above zero: metals may be black.

@@ -20,6 +20,7 @@ override COMPENSATED: bool = false;  // what the bound takes is found later, by 
 @group(1) @binding(13) var<storage, read> lists: array<u32>;               // bits of VPLs, by cluster
 @group(1) @binding(14) var<storage, read_write> glossy: array<vec4f>;      // W/(m2 sr), over coat_tint()
 @group(1) @binding(15) var<storage, read_write> bound_sums: array<vec2f>;  // of `Bounds`
+@group(1) @binding(16) var near_shares: texture_2d<f32>;                   // of VPLs, as `ssdo/vpls.wgsl` has them
 
 // The mean bound of the VPLs that light a pixel is `bounds` / `weights`, m2: weighed by how much of their light it takes.
 struct Bounds {
@@ -66,6 +67,14 @@ fn load_four(pixel: vec2u) -> Four {
 // Returns what the bound of the geometry term adds to the squared distance, m2.
 fn bound_of(vpl: Vpl) -> f32 {
     return select(0.0, BOUND_SHARE * INV_PI * vpl.area, BOUNDED);
+}
+
+// Returns how much of a VPL's light the near field finds, if the VPL is near.
+fn load_near_share(slot: u32) -> f32 {
+    if (!NEAR) {
+        return 0.0;
+    }
+    return textureLoad(near_shares, vpl_texel(slot), 0).r;
 }
 
 fn store(pixel: vec2u, color: vec3f, coat: vec3f, bounds: vec2f, receiver: Receiver) {

@@ -10,6 +10,8 @@
 #import "gbuffer/load.wgsl"
 #import "denoise/plane.wgsl"
 #import "gather/classes.wgsl"
+#import "gather/coat.wgsl"
+#import "gather/near.wgsl"
 #import "common/random.wgsl"
 
 override FURTHER: bool = true;  // light of more than one bounce is gathered: VPLs reflect indirect light, too
@@ -57,15 +59,6 @@ fn seen_at(pixel: vec2u, depth: f32) -> Seen {
         widths.x * widths.y / max(abs(dot(along, normal)), 0.1), widths.x);
 }
 
-// Returns what the coat of a pixel lets through of light from where `way` leads, unit or not.
-fn passed_share(brdf: Brdf, at: Seen, way: vec3f) -> vec3f {
-    let w_i = way * inverseSqrt(max(dot(way, way), 1e-30));
-    let to_eye = select(-normalize(at.position), vec3f(0.0, 0.0, -1.0), view.orthographic != 0u);
-    let sum = w_i + to_eye;
-    let h = sum * inverseSqrt(max(dot(sum, sum), 1e-30));
-    return select(vec3f(1.0), 1.0 - fresnel_schlick(brdf.f0, dot(w_i, h)), brdf.glossy);
-}
-
 // Returns what a pixel y gives to x of its light that bounded VPLs lack, W/m2.
 fn lost_light(at: Seen, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
     let index = y.y * view.size.x + y.x;
@@ -81,13 +74,18 @@ fn lost_light(at: Seen, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
         return vec3f(0.0);
     }
     let own = squared + OWN_SHARE * INV_PI * other.area;
-    let term = cosines * other.area * bound / max(squared * own * (squared + bound), 1e-37);
+    var term = cosines * other.area * bound / max(squared * own * (squared + bound), 1e-37);
     var reflected = direct[index].rgb;
     if (FURTHER) {
         reflected += light.rgb * gbuffer_brdf(load_surface(y)).diffuse * INV_PI;
     }
     if (HAS_COATS) {
-        reflected *= passed_share(brdf, at, way);
+        let to_eye = select(-normalize(at.position), vec3f(0.0, 0.0, -1.0), view.orthographic != 0u);
+        reflected *= passed_share(brdf, way, to_eye);
+    }
+    if (NEAR) {
+        let reach = reach_at_depth(at.position.z, NEAR_REACH);
+        term *= 1.0 - share_inside(vec2f(y) + 0.5, vec2f(view.size)) * share_within(reach, sqrt(squared));
     }
     return reflected * term;
 }

@@ -57,6 +57,14 @@ fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
             let red = vpl.flux.r * term;
             let green = vpl.flux.g * term;
             let blue = vpl.flux.b * term;
+            // Of what a near VPL gives, coats keep their part.
+            var far = vec4f(1.0);
+            if (NEAR) {
+                let near = load_near_share(slot);
+                far = vec4f(
+                    far_share(near, squared.x, a.reach), far_share(near, squared.y, b.reach),
+                    far_share(near, squared.z, c.reach), far_share(near, squared.w, d.reach));
+            }
             if (HAS_COATS) {
                 let reach = squared + bound;
                 let sa = shine_of(a.brdf, a.normal, a.to_eye, vpl.position - a.position, reach.x, vpl.area);
@@ -65,16 +73,16 @@ fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
                 let sd = shine_of(d.brdf, d.normal, d.to_eye, vpl.position - d.position, reach.w, vpl.area);
                 let fresnel = transpose(mat4x3f(sa.fresnel, sb.fresnel, sc.fresnel, sd.fresnel));
                 let lobe = vec4f(sa.lobe, sb.lobe, sc.lobe, sd.lobe);
-                sum[0] += red * (1.0 - fresnel[0]);
-                sum[1] += green * (1.0 - fresnel[1]);
-                sum[2] += blue * (1.0 - fresnel[2]);
+                sum[0] += far * red * (1.0 - fresnel[0]);
+                sum[1] += far * green * (1.0 - fresnel[1]);
+                sum[2] += far * blue * (1.0 - fresnel[2]);
                 shine[0] += red * fresnel[0] * lobe;
                 shine[1] += green * fresnel[1] * lobe;
                 shine[2] += blue * fresnel[2] * lobe;
             } else {
-                sum[0] += red;
-                sum[1] += green;
-                sum[2] += blue;
+                sum[0] += far * red;
+                sum[1] += far * green;
+                sum[2] += far * blue;
             }
         }
     }

@@ -1,6 +1,7 @@
 // The surface that a pixel shows, as light from VPLs meets it.
 #import "gbuffer/read.wgsl"
 #import "denoise/plane.wgsl"
+#import "gather/near.wgsl"
 
 struct Receiver {
     position: vec3f,
@@ -8,6 +9,7 @@ struct Receiver {
     depth: f32,      // as `denoise/plane.wgsl` has it; 0 with the normal
     brdf: Brdf,
     to_eye: vec3f,
+    reach: f32,      // of the near field, metres
 }
 
 // The pixels of a thread.
@@ -27,5 +29,6 @@ fn load_receiver(pixel: vec2u) -> Receiver {
     let ray = pixel_ray(inside);
     return Receiver(
         ray.origin + ray.direction * seen, select(vec3f(0.0), surface.normal, lit),
-        select(0.0, plane_depth(ray, seen), lit), gbuffer_brdf(surface), -ray.direction);
+        select(0.0, plane_depth(ray, seen), lit), gbuffer_brdf(surface), -ray.direction,
+        reach_at(ray, seen, NEAR_REACH));
 }

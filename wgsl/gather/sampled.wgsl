@@ -37,7 +37,7 @@ struct Light {
     squared: f32,      // of the distance, m2
 }
 
-fn light_of(vpl: Vpl, at: Receiver) -> Light {
+fn light_of(vpl: Vpl, near: f32, at: Receiver) -> Light {
     let way = at.position - vpl.position;
     let squared = dot(way, way);
     let reach = squared + bound_of(vpl);
@@ -46,11 +46,12 @@ fn light_of(vpl: Vpl, at: Receiver) -> Light {
     // Both cosines still have a length of d. Above zero, for 0 / 0 where VPL and pixel meet.
     let term = leaving * arriving / max(squared * reach, 1e-37);
     let flux = vpl.flux * term;
+    let far = far_share(near, squared, at.reach);
     if (!HAS_COATS) {
-        return Light(flux, vec3f(0.0), luminance(flux), squared);
+        return Light(flux * far, vec3f(0.0), luminance(flux) * far, squared);
     }
     let shine = shine_of(at.brdf, at.normal, at.to_eye, -way, reach, vpl.area);
-    let passed = flux * (1.0 - shine.fresnel);
+    let passed = flux * (1.0 - shine.fresnel) * far;
     let coat = flux * shine.fresnel * shine.lobe;
     // Black surfaces, too, share the light out: the blur averages irradiance.
     let weight = luminance(passed * max(at.brdf.diffuse, vec3f(0.01)) * INV_PI + coat);
@@ -71,7 +72,7 @@ fn draw(at: Receiver, begin: u32, class_number: u32, run: u32, wanted: f32) -> u
         while (bits != 0u && sum <= wanted) {
             let next = slot_of(class_number, 32u * word + firstTrailingBit(bits));
             bits &= bits - 1u;
-            let weight = light_of(load_vpl(next), at).weight;
+            let weight = light_of(load_vpl(next), load_near_share(next), at).weight;
             sum += weight;
             slot = select(slot, next, weight > 0.0);
         }
@@ -107,12 +108,14 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
                 bits = lists[begin.x + word] | lists[begin.y + word] | lists[begin.z + word] | lists[begin.w + word];
             }
             while (bits != 0u) {
-                let vpl = load_vpl(slot_of(class_number, 32u * word + firstTrailingBit(bits)));
+                let slot = slot_of(class_number, 32u * word + firstTrailingBit(bits));
                 bits &= bits - 1u;
-                let a = light_of(vpl, at.a);
-                let b = light_of(vpl, at.b);
-                let c = light_of(vpl, at.c);
-                let d = light_of(vpl, at.d);
+                let vpl = load_vpl(slot);
+                let near = load_near_share(slot);
+                let a = light_of(vpl, near, at.a);
+                let b = light_of(vpl, near, at.b);
+                let c = light_of(vpl, near, at.c);
+                let d = light_of(vpl, near, at.d);
                 let weights = vec4f(a.weight, b.weight, c.weight, d.weight);
                 sum += weights;
                 if (COMPENSATED) {
@@ -143,15 +146,18 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
             sum += sums[run];
         }
         let rest = wanted - before;
-        let a = load_vpl(draw(at.a, begin.x, class_number, chosen.x, rest.x));
-        let b = load_vpl(draw(at.b, begin.y, class_number, chosen.y, rest.y));
-        let c = load_vpl(draw(at.c, begin.z, class_number, chosen.z, rest.z));
-        let d = load_vpl(draw(at.d, begin.w, class_number, chosen.w, rest.w));
+        let slots = vec4u(
+            draw(at.a, begin.x, class_number, chosen.x, rest.x), draw(at.b, begin.y, class_number, chosen.y, rest.y),
+            draw(at.c, begin.z, class_number, chosen.z, rest.z), draw(at.d, begin.w, class_number, chosen.w, rest.w));
+        let a = load_vpl(slots.x);
+        let b = load_vpl(slots.y);
+        let c = load_vpl(slots.z);
+        let d = load_vpl(slots.w);
         let seen = vec4f(see_two(sight_of(at.a, a), sight_of(at.b, b)), see_two(sight_of(at.c, c), sight_of(at.d, d)));
-        let light_a = light_of(a, at.a);
-        let light_b = light_of(b, at.b);
-        let light_c = light_of(c, at.c);
-        let light_d = light_of(d, at.d);
+        let light_a = light_of(a, load_near_share(slots.x), at.a);
+        let light_b = light_of(b, load_near_share(slots.y), at.b);
+        let light_c = light_of(c, load_near_share(slots.z), at.c);
+        let light_d = light_of(d, load_near_share(slots.w), at.d);
         let weights = vec4f(light_a.weight, light_b.weight, light_c.weight, light_d.weight);
         let share = select(vec4f(0.0), seen * total / max(weights, vec4f(1e-37)), weights > vec4f(0.0));
         colors[0] += light_a.irradiance * share.x;

@@ -4,25 +4,23 @@
 // Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departure: A is the area that the direction's own solid
 // angle dw cuts out of the sender, A = dw d^2 / cos_s, where the paper has pi r_max^2 / N times a strength set by hand:
 // what leaves the environment's light out brings in just as much of the sender's, and near senders need no clamp. With
-// directions drawn by the cosine, cos_r dw is pi / N. Senders count by their front. In: hits, what senders reflect,
-// W/(m2 sr). Out: irradiance, W/m2, and the depth of `denoise/plane.wgsl`. Errs dark where senders are in no picture.
+// directions drawn by the cosine, cos_r dw is pi / N. Senders count by their front; coats let 1 - F through. In: hits,
+// what senders reflect, W/(m2 sr). Out: irradiance, W/m2, and the depth of `denoise/plane.wgsl`. Errs dark where
+// senders are in no picture.
 #import "gbuffer/load.wgsl"
 #import "gbuffer/tiles.wgsl"
-#import "denoise/plane.wgsl"
-#import "ssdo/hits.wgsl"
-#import "ssdo/reach.wgsl"
+#import "ssdo/hit.wgsl"
+#import "ssdo/grid.wgsl"
+#import "gather/coat.wgsl"
 
 override DIRECTIONS: u32 = 1u;
+override WEIGHT: f32 = 1.0;         // of a direction at most
 override SENDER_STRIDE: u32 = 2u;  // of the grid of sources other than the picture
 
-@group(1) @binding(11) var<storage, read> hits: array<u32>;
+@group(1) @binding(11) var<storage, read> hits: array<vec2u>;  // a hit and the way there
 @group(1) @binding(12) var<storage, read> senders: array<vec4u>;  // of each source, as `senders.wgsl` leaves them
 @group(1) @binding(13) var<storage, read_write> irradiance: array<vec4f>;
-@group(1) @binding(19) var<uniform> params: Params;
-
-struct Params {
-    pictures: f32,
-}
+@group(1) @binding(14) var<storage, read> found: array<vec4f>;  // in w the depth of `denoise/plane.wgsl`
 
 // Returns where a hit's sender is: all pixels of the picture come first, then those of each other source's grid.
 fn sender_of(hit: u32) -> u32 {
@@ -39,27 +37,27 @@ fn sender_of(hit: u32) -> u32 {
 fn gather(grid: vec2u) {
     let pixel = grid * STRIDE;
     let index = grid.y * grid_size().x + grid.x;
-    let seen = load_distance(pixel);
-    let surface = load_surface(pixel);
-    if (seen <= 0.0 || (surface.flags & GBUFFER_UNLIT) != 0u) {
+    let depth = found[index].w;
+    if (depth <= 0.0) {
         return;
     }
-    let ray = pixel_ray(pixel);
-    let position = ray.origin + ray.direction * seen;
-    let reach = reach_at(ray, seen, params.pictures);
     var sum = vec3f(0.0);
     for (var k = 0u; k < DIRECTIONS; k += 1u) {
         let hit = hits[index * DIRECTIONS + k];
-        if (hit == NO_HIT) {
+        if (hit.x == NO_HIT) {
             continue;
         }
-        let sender = senders[sender_of(hit)];
-        let normal = octahedral_decode(unpack2x16snorm(sender.w));
-        let to_hit = hit_position(hit) - position;
-        let faces = dot(normal, to_hit) < 0.0 && dot(surface.normal, to_hit) > 0.0;
-        sum += bitcast<vec3f>(sender.rgb) * select(0.0, hit_weight(hit, to_hit, reach), faces);
+        let way = unpack_way(hit.y);
+        let sender = senders[sender_of(hit.x)];
+        let leaves = -dot(octahedral_decode(unpack2x16snorm(sender.w)), way.direction);
+        let faces = leaves > FLAT || (leaves > 0.0 && way.steep);
+        var arriving = bitcast<vec3f>(sender.rgb) * select(0.0, way.share, faces);
+        if (HAS_COATS) {
+            arriving *= passed_share(gbuffer_brdf(load_surface(pixel)), way.direction, -pixel_ray(pixel).direction);
+        }
+        sum += arriving;
     }
-    irradiance[index] = vec4f(sum * (PI / f32(DIRECTIONS)), plane_depth(ray, seen));
+    irradiance[index] = vec4f(sum * (PI * WEIGHT / f32(DIRECTIONS)), depth);
 }
 
 // For each pixel of a seen tile.

@@ -1,17 +1,8 @@
-// The surfaces that directions meet, as the pixel that shows them and the source that the pixel belongs to: the layers
-// of the camera's depth peeling are sources 0 to 3, further cameras 4 to 7.
+// Where the surfaces are that directions meet.
 //
 // Depths are those of depth buffers: reversed, 0 where there is nothing, and planes are linear over the picture.
-#import "scene/info.wgsl"
-#import "common/math.wgsl"
-
-override LAYERS: u32 = 1u;   // of depth peeling, 1 to 4
-override CAMERAS: u32 = 0u;  // further ones, 0 to 4
-
-const NO_HIT: u32 = 0xffffffffu;
-const FIRST_CAMERA: u32 = 4u;
-// Share of the reach from which on occluders fade (section 7.2). Chosen.
-const FADE_FROM: f32 = 0.75;
+#import "ssdo/reach.wgsl"
+#import "ssdo/hit.wgsl"
 
 @group(0) @binding(4) var<uniform> view_0: View;  // the camera
 @group(0) @binding(5) var<uniform> view_1: View;
@@ -27,19 +18,6 @@ const FADE_FROM: f32 = 0.75;
 @group(1) @binding(55) var depth_5: texture_depth_2d;
 @group(1) @binding(56) var depth_6: texture_depth_2d;
 @group(1) @binding(57) var depth_7: texture_depth_2d;
-
-// Sides of pictures are at most 2^13, so that a place has 26 bits.
-fn pack_hit(pixel: vec2u, source: u32) -> u32 {
-    return pixel.x | (pixel.y << 13u) | (source << 26u);
-}
-
-fn pixel_of_hit(hit: u32) -> vec2u {
-    return vec2u(hit & 0x1fffu, (hit >> 13u) & 0x1fffu);
-}
-
-fn source_of_hit(hit: u32) -> u32 {
-    return hit >> 26u;
-}
 
 // Returns the point that a pixel shows at a depth.
 fn point_at(v: View, pixel: vec2u, depth: f32) -> vec3f {
@@ -83,15 +61,8 @@ fn hit_position(hit: u32) -> vec3f {
     return point_at(view_0, pixel, depth);
 }
 
-// Returns how much an occluder counts: less towards the border of the hemisphere, and within EDGE_FADE of the border of
-// a picture, so that it does not come and go at once.
+// Returns how much an occluder counts.
 fn hit_weight(hit: u32, to_hit: vec3f, reach: f32) -> f32 {
-    let size = vec2f(view_0.size);
-    let place = vec2f(pixel_of_hit(hit)) + 0.5;
-    let from_edge = min(place, size - place) / (EDGE_FADE * size.y);
-    let shown = clamp(min(from_edge.x, from_edge.y), 0.0, 1.0);
-    return shown * (1.0 - smoothstep(FADE_FROM * reach, reach, length(to_hit)));
+    let inside = share_inside(vec2f(pixel_of_hit(hit)) + 0.5, vec2f(view_0.size));
+    return inside * share_within(reach, length(to_hit));
 }
-
-// Of the picture's height. Chosen.
-const EDGE_FADE: f32 = 0.01;

@@ -1,12 +1,13 @@
 // One invocation lights a pixel of a deeper layer or of a further camera, one in STRIDE^2, for it and its neighbours:
 // L = rho / pi (E_sky V + sum_i E_i cos_i V_i).
 //
-// Visibility V_i by filtered shadow maps, and V of the sky as `occlusion.wgsl` finds it, blurred. In: G-buffer of the source, lights. Out: (r, g, b) W/(m2 sr) and
-// the normal; coats reflect to a camera that sees them, not to other surfaces, and are left out.
+// Visibility V_i by filtered shadow maps, and V of the sky as `occlusion.wgsl` finds it, blurred. In: G-buffer of the
+// source, lights. Out: (r, g, b) W/(m2 sr) and the normal; coats reflect to a camera that sees them, not to other
+// surfaces, and are left out.
 #import "gbuffer/load.wgsl"
 #import "direct/lighting.wgsl"
 #import "environment/ambient.wgsl"
-#import "ssdo/reach.wgsl"
+#import "ssdo/grid.wgsl"
 
 override OUTWARD: bool = false;  // light the counter-clockwise side, not the one that is seen
 

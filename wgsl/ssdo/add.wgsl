@@ -1,0 +1,16 @@
+// One invocation adds what the near field gives to the irradiance by VPLs, W/m2, which keeps its depth of
+// `denoise/plane.wgsl`.
+#import "scene/info.wgsl"
+
+@group(1) @binding(11) var<storage, read> gathered: array<vec4f>;
+@group(1) @binding(12) var<storage, read> near: array<vec4f>;
+@group(1) @binding(13) var<storage, read_write> irradiance: array<vec4f>;
+
+@compute @workgroup_size(64, 4)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (any(id.xy >= view.size)) {
+        return;
+    }
+    let index = id.y * view.size.x + id.x;
+    irradiance[index] = gathered[index] + vec4f(near[index].rgb, 0.0);
+}
