@@ -269,7 +269,8 @@ def _declare_deferred(
     sources: Sources | None = declare_sources(graph, scene) if settings.gi == "ssdo" else None
     gbuffer = declare_gbuffer(graph, scene)[0] if sources is None else sources.layers[0]
     motion = declare_motion(graph, scene, gbuffer)
-    ambient = declare_environment(graph, settings.environment, scene, lobes=settings.gi == "ssdo")
+    reflects = settings.gi == "many-light" and settings.bounces != 0
+    ambient = declare_environment(graph, settings.environment, scene, lobes=settings.gi == "ssdo", albedo=reflects)
     atlas = declare_shadow_maps(graph, scene, shadows)
     frames = picture_count(settings)
     history = History(settings.temporal, motion)
@@ -284,7 +285,7 @@ def _declare_deferred(
     direct = declare_direct(graph, settings.direct, scene, gbuffer, atlas, ambient, sky, layers_shown)
     indirect: Buffer | None = None
     views: dict[str, Buffer] = {}
-    if settings.gi == "many-light" and settings.bounces != 0:
+    if reflects:
         indirect, views = _declare_many_light(graph, settings, scene, gbuffer, motion, direct, ambient)
     if sources is not None and occlusion is not None and settings.bounces != 0 and settings.ssdo.bounce:
         indirect = declare_bounce(
@@ -318,9 +319,10 @@ def _declare_many_light(
     ambient: Ambient,
 ) -> tuple[Buffer | None, dict[str, Buffer]]:
     """Declare light from virtual point lights (Linke 2016), None where none can be reflected; and its debug views."""
-    points = declare_points(graph, scene, POINTS)
-    rsm = declare_rsm(graph, settings.rsm, scene, settings.seed)
-    walk = declare_walk(graph, settings.vpl, scene, points, settings.bounces, settings.seed)
+    albedo = ambient.reads["ambient_albedo"]
+    points = declare_points(graph, scene, POINTS, albedo)
+    rsm = declare_rsm(graph, settings.rsm, scene, albedo, settings.seed)
+    walk = declare_walk(graph, settings.vpl, scene, points, albedo, settings.bounces, settings.seed)
     if rsm is None and walk is None:
         return None, {}
     vpls = declare_vpls(graph, settings.vpl, rsm, walk, gbuffer, settings.seed)

@@ -9,6 +9,7 @@ from mitsuba_scene import camera_rays, pixel_centres
 
 from wgpu_gi.metrics import bias, relmse
 from wgpu_gi.renderer import Renderer, Settings
+from wgpu_gi.scene.load import load
 from wgpu_gi.settings import assign
 
 # Little of what is seen here is that paths end or that light is blurred over edges: rays instead of maps.
@@ -127,3 +128,15 @@ def test_the_dark_side_stays_dark(name, bounces):
         dark &= position_of(name)[..., 0] > -0.05
     assert dark.mean() > 0.5
     assert abs(bias(got[dark], truth[dark])) <= 0.03
+
+
+@pytest.mark.parametrize("bounces", [1, None])
+def test_coated_surfaces_reflect_as_the_path_tracer_has_it(bounces):
+    """Most of what a rough coat does not let through is lost: it reflects far less than Fresnel's factor alone."""
+    settings = Settings(bounces=bounces, spp=512)
+    truth = Renderer(load("cornell-point"), size=(64, 48), settings=settings)
+    truth.run(show=("indirect",))
+    settings = Settings(gi="many-light", bounces=bounces)
+    renderer = Renderer(load("cornell-point"), size=(64, 48), settings=settings)
+    renderer.run(show=("indirect",), check=True)
+    assert -0.04 < bias(renderer.read_back("indirect"), truth.read_back("indirect")) < 0.01

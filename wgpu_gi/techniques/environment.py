@@ -46,9 +46,12 @@ class Ambient:
 
 
 def declare_environment(
-    graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, *, lobes: bool = False
+    graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, *, lobes: bool = False, albedo: bool = False
 ) -> Ambient:
-    """Declare the passes that prefilter the environment; they run again only when its picture changes."""
+    """Declare the passes that prefilter the environment; they run again only when its picture changes.
+
+    With `albedo` there is the table of what coated surfaces reflect even if there is no environment.
+    """
     shines = settings.ambient and scene.features["HAS_ENVIRONMENT"]
     pictured, coated = scene.features["HAS_PICTURED_ENVIRONMENT"], scene.features["HAS_COATS"]
     absent = "there is no environment" if settings.ambient else "environment.ambient is off"
@@ -58,10 +61,10 @@ def declare_environment(
         "ambient_albedo": neutral,
         "ambient_maps": neutral,
     }
-    if shines and coated:
+    if coated and (shines or albedo):
         reads["ambient_albedo"] = _declare_albedo(graph)
     else:
-        graph.skip("environment/albedo", "no material is coated" if shines else absent)
+        graph.skip("environment/albedo", absent if coated else "no material is coated")
     if shines and pictured:
         reads["ambient_maps"] = _declare_maps(graph, scene.lights["environment"], coated or lobes)
     else:

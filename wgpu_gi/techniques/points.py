@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..gpu.graph import Graph
-from ..gpu.handles import Buffer
+from ..gpu.handles import Buffer, Handle
 from .scene_inputs import SceneInputs
 
 POINT = np.dtype((np.uint32, 4))  # two of them
@@ -21,7 +21,7 @@ class Points:
     count: int
 
 
-def declare_points(graph: Graph, scene: SceneInputs, count: int) -> Points:
+def declare_points(graph: Graph, scene: SceneInputs, count: int, albedo: Handle) -> Points:
     """Declare `count` points on the scene's surfaces; they are kept while geometry and materials are still."""
     assert scene.vpl is not None
     buffer = graph.buffer("points", dtype=POINT, count=2 * count)
@@ -31,7 +31,12 @@ def declare_points(graph: Graph, scene: SceneInputs, count: int) -> Points:
         "points",
         shader,
         over=(min(count, row), -(-count // row)),
-        reads={**scene.surfaces, "area_instances": scene.vpl.area_instances, "area_cdf": scene.vpl.area_cdf},
+        reads={
+            **scene.surfaces,
+            "area_instances": scene.vpl.area_instances,
+            "area_cdf": scene.vpl.area_cdf,
+            "ambient_albedo": albedo,
+        },
         writes={"points": buffer},
         constants=scene.constants(shader),
     )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..gpu.graph import Graph
-from ..gpu.handles import Buffer
+from ..gpu.handles import Buffer, Handle
 from ..settings import setting
 from .scene_inputs import SceneInputs
 
@@ -40,8 +40,8 @@ class Rsm:
     count: int
 
 
-def declare_rsm(graph: Graph, settings: RsmSettings, scene: SceneInputs, seed: int) -> Rsm | None:
-    """Declare the maps of all punctual lights, or none where there is no such light."""
+def declare_rsm(graph: Graph, settings: RsmSettings, scene: SceneInputs, albedo: Handle, seed: int) -> Rsm | None:
+    """Declare the maps of all punctual lights, or none where there is no such light; `albedo` is of coated surfaces."""
     assert scene.vpl is not None
     count = scene.vpl.rsm_texels
     if count == 0:
@@ -53,7 +53,12 @@ def declare_rsm(graph: Graph, settings: RsmSettings, scene: SceneInputs, seed: i
         "rsm",
         shader,
         over=count,
-        reads={**scene.surfaces, **scene.lights, "rsm_lights": scene.vpl.rsm_lights},
+        reads={
+            **scene.surfaces,
+            **scene.lights,
+            "rsm_lights": scene.vpl.rsm_lights,
+            "ambient_albedo": albedo,
+        },
         writes={"rsm": buffer},
         params={"texels": count, "jitter": settings.jitter, "seed": seed},
         constants=scene.constants(shader),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..gpu.graph import Graph
-from ..gpu.handles import Buffer, Texture
+from ..gpu.handles import Buffer, Handle, Texture
 from ..gpu.wgsl import load
 from ..settings import setting
 from .gbuffer import Gbuffer
@@ -55,7 +55,13 @@ class Vpls:
 
 
 def declare_walk(
-    graph: Graph, settings: VplSettings, scene: SceneInputs, points: Points, bounces: int | None, seed: int
+    graph: Graph,
+    settings: VplSettings,
+    scene: SceneInputs,
+    points: Points,
+    albedo: Handle,
+    bounces: int | None,
+    seed: int,
 ) -> tuple[Buffer, int] | None:
     """Declare the paths of light; return their candidates and how many there are, or None if none is needed."""
     assert scene.vpl is not None
@@ -73,7 +79,7 @@ def declare_walk(
         "vpl/walk",
         shader,
         over=settings.paths,
-        reads={**scene.surfaces, **scene.lights, "points": points.buffer},
+        reads={**scene.surfaces, **scene.lights, "points": points.buffer, "ambient_albedo": albedo},
         writes={"walk": walk},
         params={"paths": settings.paths, "sky_paths": sky_paths, "seed": seed},
         constants={**scene.constants(shader), "VERTICES": vertices},

@@ -8,11 +8,10 @@
 // for others to add: errs bright.
 #import "environment/picture.wgsl"
 #import "environment/maps.wgsl"
-#import "common/brdf.wgsl"
+#import "environment/reflectance.wgsl"
 
 override HAS_ENVIRONMENT: bool = true;
 
-@group(1) @binding(20) var ambient_albedo: texture_2d<f32>;  // of `albedo.wgsl`
 @group(1) @binding(21) var ambient_maps: texture_2d<f32>;    // of `prefilter.wgsl`
 
 // Turns a direction of the world into the picture's own frame.
@@ -54,21 +53,6 @@ fn ambient_lobe(direction: vec3f, alpha: f32) -> vec3f {
     }
     let sharper = scene.environment_color * load_ambient_map(k + 1u, turned);
     return mix(blurred, sharper, saturate(place - f32(k)));
-}
-
-// Returns the table's entry (R, mean Fresnel cosine, lean, C), bilinear.
-fn load_ambient_albedo(cos_o: f32, alpha: f32) -> vec4f {
-    let last = vec2i(textureDimensions(ambient_albedo)) - 1;
-    let lowest = sqrt(sqrt(MIN_ALPHA));
-    let at = saturate(vec2f(pow(max(cos_o, 1e-20), 1.0 / 3.0), (sqrt(sqrt(alpha)) - lowest) / (1.0 - lowest)));
-    let point = at * vec2f(last);
-    let base = min(vec2i(point), last - 1);
-    let f = point - vec2f(base);
-    let t00 = textureLoad(ambient_albedo, base, 0);
-    let t10 = textureLoad(ambient_albedo, base + vec2i(1, 0), 0);
-    let t01 = textureLoad(ambient_albedo, base + vec2i(0, 1), 0);
-    let t11 = textureLoad(ambient_albedo, base + vec2i(1, 1), 0);
-    return mix(mix(t00, t10, f.x), mix(t01, t11, f.x), f.y);
 }
 
 // Returns the irradiance of the hemisphere around a unit normal, W/m2.

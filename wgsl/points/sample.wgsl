@@ -5,6 +5,7 @@
 // after it as makes up for that.
 #import "scene/surface.wgsl"
 #import "common/random.wgsl"
+#import "environment/reflectance.wgsl"
 
 struct AreaInstance {
     cumulative: f32,   // share of this instance and those before it of all area
@@ -22,6 +23,9 @@ struct AreaInstance {
 // The index of a point is the same in all sequences; the seeds are arbitrary.
 const PLACE_SEED: u32 = 0x5bd1e995u;
 const WEIGHTS_SEED: u32 = 0x1b873593u;
+
+// Light of all directions arrives at this cosine in the mean.
+const MEAN_COSINE: f32 = 2.0 / 3.0;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -70,7 +74,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     // area / (probability of the triangle * number of points)
     let share = area * placed.local_area / max(stored_area * placed.share * f32(count), 1e-37);
     let b = surface_brdf(s);
-    let albedo = select(b.diffuse + b.f0, vec3f(0.0), (s.flags & UNLIT) != 0u);
+    let albedo = select(directional_reflectance(b, MEAN_COSINE), vec3f(0.0), (s.flags & UNLIT) != 0u);
     points[2u * index] = vec4u(bitcast<vec3u>(s.position), pack2x16snorm(octahedral_encode(s.geometric_normal)));
     points[2u * index + 1u] = vec4u(
         bitcast<u32>(sqrt(share * INV_PI)), pack4x8unorm(vec4f(albedo, 1.0)), low, placed.instance);

@@ -1,19 +1,12 @@
-// What arrives at a surface and leaves it as the light of a virtual point light.
+// What arrives at a surface and leaves it as the light of a virtual point light: what coats reflect, too, counts as
+// diffuse (errs: no caustics).
 #import "scene/surface.wgsl"
 #import "vpl/vpl.wgsl"
+#import "environment/reflectance.wgsl"
 
 // How much more light than by its geometric normal a surface may get by its shading normal. Chosen: bounds the brightest
 // lights; errs dark where light grazes what is finely shaded.
 const MAX_SHADING_RATIO: f32 = 4.0;
-
-// Returns the hemispherical reflectance; a coat reflects by its Fresnel term and counts as diffuse (errs: no caustics).
-fn reflectance(b: Brdf, cosine: f32) -> vec3f {
-    if (!b.glossy) {
-        return b.diffuse;
-    }
-    let coat = fresnel_schlick(b.f0, cosine);
-    return b.diffuse * (1.0 - coat) + coat;
-}
 
 // Returns the light that a surface reflects of a ray's flux, W. `density` is that of such rays where it hits, 1/m2.
 fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32) -> Vpl {
@@ -22,6 +15,6 @@ fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32) -> Vpl {
     let shading = max(-dot(s.normal, direction), 0.0);
     let ratio = min(shading / geometric, MAX_SHADING_RATIO);
     let is_lit = (s.flags & UNLIT) == 0u;
-    let reflected = flux * reflectance(surface_brdf(s), shading) * ratio;
+    let reflected = flux * directional_reflectance(surface_brdf(s), shading) * ratio;
     return Vpl(s.position, normal, select(vec3f(0.0), reflected, is_lit), area);
 }
