@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import signal
 import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 from . import __version__
 from .errors import GiError
@@ -176,13 +178,33 @@ def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[float], None] | None]:
-    """Yield a function that takes the fraction done, or None where no person watches."""
+    """Yield a function that takes the fraction done, or None where no person watches.
+
+    The function raises KeyboardInterrupt if Ctrl+C came while C code called Python back, which drops exceptions.
+    """
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("rendering", total=1.0)
-        yield lambda fraction: progress.update(task, completed=fraction)
+    interrupted = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        with Progress(console=Console(stderr=True), transient=True) as progress:
+            task = progress.add_task("rendering", total=1.0)
+
+            def report(fraction: float) -> None:
+                if interrupted:
+                    raise KeyboardInterrupt
+                progress.update(task, completed=fraction)
+
+            yield report
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from types import SimpleNamespace
 
 import numpy as np
@@ -202,6 +204,15 @@ def test_progress_bar_is_silent_off_a_terminal_and_counts_on_one(monkeypatch, ca
         report(0.5)
         report(1.0)
     assert "rendering" in capsys.readouterr().err
+
+
+def test_an_interrupt_that_got_lost_is_told_again(monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with pytest.raises(KeyboardInterrupt), cli_render.progress_bar() as report:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        report(0.5)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def adapter(**changes):
