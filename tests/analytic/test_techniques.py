@@ -14,7 +14,6 @@ from helpers.pictures import moved, translation
 from helpers.skies import gradient_sky
 from helpers.techniques import (
     LAYERS,
-    SAME_MEAN,
     SCENES,
     SIGMAS,
     assert_same,
@@ -144,10 +143,7 @@ def test_a_thousand_lights_in_one_place(technique):
     show = {"shadow": ShadowSettings()}
     expected = picture(technique, scene, **show)
     got = picture(technique, ball_on_a_floor([PointLight(place, 0.002, color) for _ in range(1000)]), **show)
-    # A VPL stands for the area that its own light's texel covers. Where many lights share a surface, these areas
-    # overlap, and the bound of near VPLs takes too much: here about half of the bounce, 3 % of the picture's red.
-    mean = 0.035 if technique == "many-light" else SAME_MEAN
-    assert_same(got, expected, noise_of(technique, expected, scene, **show), mean=mean)
+    assert_same(got, expected, noise_of(technique, expected, scene, **show))
 
 
 @pytest.mark.parametrize("kind", [PointLight, SpotLight])

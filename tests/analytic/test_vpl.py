@@ -41,8 +41,8 @@ def test_point_light_in_a_closed_box():
     _, flux, area = drawn(scene, 1)
     expected = 4 * math.pi * 3.0 * np.array([1.0, 0.5, 0.25]) * (0.2, 0.5, 0.8)
     assert np.allclose(flux.sum(0), expected, rtol=2e-3)
-    # Together they stand for the walls, on which they lie.
-    assert area.sum() == pytest.approx(24, rel=0.05)
+    # Together they stand for the walls, on which they lie; where several lie close by chance, for a little less.
+    assert 0.85 * 24 < area.sum() < 1.03 * 24
 
 
 def test_every_bounce_in_a_closed_box():
@@ -51,6 +51,14 @@ def test_every_bounce_in_a_closed_box():
     for bounces, expected in ((1, 0.5), (2, 0.75), (3, 0.875), (None, 1.0)):
         _, flux, _ = drawn(scene, bounces, vertices=32, paths=16384)
         assert flux.sum(0) == pytest.approx([4 * math.pi * 3.0 * expected] * 3, rel=0.02)
+
+
+@pytest.mark.parametrize("lamps, bounces, most", [(1, 3, 1.6), (40, 1, 2.6), (40, 3, 2.8)])
+def test_lights_share_the_area_of_the_walls(lamps, bounces, most):
+    """Many lamps and bounces light the same walls; discs that reach over their edges leave up to twice their area."""
+    scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0 / lamps) for _ in range(lamps)])
+    _, _, area = drawn(scene, bounces)
+    assert 0.85 * 24 < area.sum() < most * 24
 
 
 def test_spot_and_sun():

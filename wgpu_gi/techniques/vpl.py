@@ -22,6 +22,7 @@ from .scene_inputs import SceneInputs
 
 VIEW_POINTS = 64  # pixels that stand for the view; chosen
 TABLE_WIDTH = int(load("vpl/table.wgsl").constants["VPL_TABLE_WIDTH"])
+OVERLAP_LIGHTS = 512  # that each light is compared with at most; chosen
 BLOCK = int(load("vpl/weigh.wgsl").constants["BLOCK"])
 
 
@@ -128,13 +129,22 @@ def declare_vpls(
     )
     totals = graph.buffer("vpl/totals", count=blocks.count)
     graph.compute("vpl/total", "vpl/total.wgsl", over=1, reads={"blocks": blocks}, writes={"totals": totals})
-    table = graph.texture("vpl/table", "rgba32uint", size=(TABLE_WIDTH, -(-2 * count // TABLE_WIDTH)))
+    size = (TABLE_WIDTH, -(-2 * count // TABLE_WIDTH))
+    drawn, table = (graph.texture(f"vpl/{name}", "rgba32uint", size=size) for name in ("drawn", "table"))
     graph.compute(
         "vpl/select",
         "vpl/select.wgsl",
         over=count,
         reads={**found, "cumulative": cumulative, "totals": totals},
-        writes={"vpls": table},
+        writes={"vpls": drawn},
         params={"texels": texels, "candidates": candidates, "count": count, "seed": seed},
+    )
+    graph.compute(
+        "vpl/overlap",
+        "vpl/overlap.wgsl",
+        over=count,
+        reads={"drawn": drawn},
+        writes={"vpls": table},
+        params={"count": count, "stride": -(-count // OVERLAP_LIGHTS)},
     )
     return Vpls(table, count)
