@@ -66,6 +66,7 @@ BENCH_EXAMPLES = """\
 examples:
   wgpu-gi bench                                     every technique on the Cornell box
   wgpu-gi bench a.glb b.glb --quality low,medium,high --json now.json --plot now.png
+  wgpu-gi bench a.glb --gi many-light --sweep vpl.count=512,2048 --sweep gather.rays=1,4 --plot best.png
   wgpu-gi bench a.glb --compare before.json         ratios of time and error to an earlier run on this machine
   wgpu-gi bench a.glb --truth truth.npz             layers as `render` names them, or emit, direct, one, multi
 
@@ -216,6 +217,13 @@ def _add_bench_arguments(parser: Parser) -> None:
     add("--light", action="append", default=[], metavar="LIGHT", help='add "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
     add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
     add("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; 'help' lists them")
+    add(
+        "--sweep",
+        action="append",
+        default=[],
+        metavar="NAME=A,B",
+        help="measure all values of a setting",
+    )
     add("--frames", type=int, default=20, metavar="N", help="frames measured in each case (default: 20)")
     add("--truth", default="path", metavar="FILE", help="path (render it, the default), or an .npz or .exr with layers")
     add("--truth-spp", type=int, default=256, metavar="N", help="samples per pixel of --truth path (default: 256)")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import __version__
-from .bench_results import CASES, Case, Measurement, PathPoint, Reference, Stats
+from .bench_results import CASES, Case, Measurement, PathPoint, Reference, Stats, title_of
 from .camera import Camera
 from .errors import GiError
 from .frame import TECHNIQUES, CameraSettings, Settings, picture_count
@@ -47,6 +47,7 @@ class Candidate:
     gi: str
     quality: str
     settings: Settings
+    variant: str = ""  # what sets it apart from others of the same quality
 
 
 def machine(adapter: str | None = None) -> dict[str, Any]:
@@ -122,7 +123,7 @@ def truth_bounces(settings: Settings) -> int | None:
 def _measure_technique(
     renderer: Renderer, candidate: Candidate, truth: Truth, bounces: int | None, frames: int, report: Progress
 ) -> Measurement:
-    name = f"{candidate.gi}, {candidate.quality}"
+    name = title_of(candidate.gi, candidate.quality, candidate.variant)
 
     def picture(frames: int) -> dict[str, Errors | None]:
         camera = replace(candidate.settings.camera, frames=frames)
@@ -140,7 +141,17 @@ def _measure_technique(
         case: measure_case(renderer, case, frames, partial(report, f"{name}: {what}")) for case, what in CASES.items()
     }
     allocated = sum(int(resource.bytes) for resource in renderer.graph.resources.values() if resource.gpu)
-    return Measurement(candidate.gi, candidate.quality, bounces, errors, settled, settled_frames, cases, allocated)
+    return Measurement(
+        candidate.gi,
+        candidate.quality,
+        bounces,
+        errors,
+        settled,
+        settled_frames,
+        cases,
+        allocated,
+        candidate.variant,
+    )
 
 
 def layer_errors(pictures: dict[str, NDArray[np.float32]], truth: Truth) -> dict[str, Errors | None]:

@@ -31,7 +31,8 @@ def save_plot(path: str | Path, report: Report) -> None:
 
     x is the time of a frame in which all is moving, or of a whole picture of the path tracer, or (hollow) of all frames
     that a still picture of a technique with random numbers averages. Both axes are
-    logarithmic, so that a point is left out where an error is not positive: it is lost in the noise of the truth.
+    logarithmic, so that a point is left out where an error is not positive: it is lost in the noise of the truth. Of
+    swept settings only those have names, and a line, that no other beats in both time and error.
     """
     require_matplotlib()
     figure_module = importlib.import_module("matplotlib.figure")
@@ -93,13 +94,25 @@ def _draw_reference(panel: Any, reference: Reference, layer: str, style: str) ->
 def _draw_technique(panel: Any, name: str, color: str, points: list[tuple[Measurement, float, float]]) -> None:
     if not points:
         return
-    panel.plot([x for _, x, _ in points], [y for _, _, y in points], color=color)
+    swept = any(m.variant for m, _, _ in points)
+    best = frontier(points) if swept else points
+    panel.plot([x for _, x, _ in best], [y for _, _, y in best], color=color)
     for m, x, y in points:
         # A name in the legend once, by the first of its qualities.
         label = name if m is points[0][0] else None
         panel.plot(x, y, color=color, marker=MARKERS[m.quality], linestyle="-", label=label)
-        if len(points) > 1:
-            _annotate(panel, m.quality, x, y, color)
+        if (m, x, y) in best and len(points) > 1:
+            values = " ".join(text.partition("=")[2] for text in m.variant.split())
+            _annotate(panel, values if swept else m.quality, x, y, color)
+
+
+def frontier(points: list[tuple[Measurement, float, float]]) -> list[tuple[Measurement, float, float]]:
+    """Return the points (what, time, error) that no other beats in both time and error, by time."""
+    best: list[tuple[Measurement, float, float]] = []
+    for point in sorted(points, key=lambda p: p[1:]):
+        if not best or point[2] < best[-1][2]:
+            best.append(point)
+    return best
 
 
 def _draw_settled(panel: Any, color: str, layer: str, measurements: list[Measurement]) -> None:

@@ -99,7 +99,7 @@ def _error_table(scene: SceneReport) -> tuple[str, Table]:
     for heading in ("relMSE", "noise floor", "bias", "99.9 %"):
         table.add_column(heading, justify="right")
     for m in scene.techniques:
-        rows = [(f"{m.gi}, {m.quality}", m.errors)]
+        rows = [(m.title, m.errors)]
         if m.settled_frames > 1:
             rows.append((f"  {m.settled_frames} frames", m.settled))
         for name, errors in rows:
@@ -126,7 +126,7 @@ def _time_table(scene: SceneReport, m: Measurement) -> tuple[str, Table]:
     table.add_row("passes run", *(str(case.passes_run) for case in cases))
     for name in dict.fromkeys(name for case in reversed(cases) for name in case.passes):
         table.add_row(f"  {name}", *(_ms(case.passes.get(name)) for case in cases))
-    return f"{_title(scene)}: ms of {m.gi}, {m.quality}, {m.bytes / 2**20:.1f} MiB", table
+    return f"{_title(scene)}: ms of {m.title}, {m.bytes / 2**20:.1f} MiB", table
 
 
 def _path_table(scene: SceneReport, reference: Reference) -> tuple[str, Table]:
@@ -184,7 +184,7 @@ def ratios(old: Report, new: Report) -> dict[str, dict[str, float | None]]:
         if key in earlier:
             before, now = _compared(earlier[key]), _compared(m)
             scene, (width, height) = key[0], key[1]
-            found[f"{scene}, {width}x{height}, {m.gi}, {m.quality}"] = {
+            found[f"{scene}, {width}x{height}, {m.title}"] = {
                 heading: _ratio(before[heading], now[heading]) for heading in now
             }
     return found
@@ -203,7 +203,7 @@ def ratio_table(rows: Mapping[str, Mapping[str, float | None]]) -> Table:
 def _by_key(report: Report) -> dict[Any, Measurement]:
     """Return the measurements by all that must be the same for a comparison."""
     return {
-        (s.scene, s.size, s.camera, s.env, tuple(s.light), s.diffuse, tuple(s.set), m.gi, m.quality): m
+        (s.scene, s.size, s.camera, s.env, tuple(s.light), s.diffuse, tuple(s.set), m.title): m
         for s in report.scenes
         for m in s.techniques
     }

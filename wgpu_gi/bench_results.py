@@ -38,7 +38,7 @@ class Measurement:
 
     `bounces` are the indirect bounces of the truth that it is held against, None for all. `errors` are those of a
     single frame, `settled` those of the mean that a still picture comes to after `settled_frames`; without random
-    numbers these are one.
+    numbers these are one. `variant` says what `--sweep` has set.
     """
 
     gi: str
@@ -49,6 +49,12 @@ class Measurement:
     settled_frames: int
     cases: dict[str, Case]
     bytes: int
+    variant: str = ""
+
+    @property
+    def title(self) -> str:
+        """What sets it apart from others of its scene, in words."""
+        return title_of(self.gi, self.quality, self.variant)
 
 
 @dataclass(frozen=True)
@@ -94,6 +100,11 @@ class Report:
     frames: int
     warm_up: int
     scenes: list[SceneReport]
+
+
+def title_of(gi: str, quality: str, variant: str) -> str:
+    """Return the title of a measurement."""
+    return ", ".join(part for part in (gi, quality, variant) if part)
 
 
 def bounces_text(bounces: int | None) -> str:

@@ -7,6 +7,7 @@ from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 from rich.console import Console
@@ -82,25 +83,28 @@ def candidates_from(arguments: Namespace) -> list[Candidate]:
     for name in names:
         if name not in known:
             raise GiError(f"--gi takes techniques out of {', '.join(known)}, with commas between, not {name!r}")
-    for text in arguments.set:
-        name = text.partition("=")[0].strip()
-        if name in OWN_SETTINGS:
-            raise GiError(f"bench has its own {name}, so it does not take --set {text}: {OWN_SETTINGS[name]}")
+    for flag, texts in (("--set", arguments.set), ("--sweep", arguments.sweep)):
+        for text in texts:
+            name = text.partition("=")[0].strip()
+            if name in OWN_SETTINGS:
+                raise GiError(f"bench has its own {name}, so it does not take {flag} {text}: {OWN_SETTINGS[name]}")
+    variants = [" ".join(texts) for texts in product(*map(_swept, arguments.sweep))]
     candidates = []
     for name in names:
         gi, own = BASELINES.get(name, (name, ()))
         for quality in _split("--quality", arguments.quality):
             if quality not in QUALITIES:
                 raise GiError(f"--quality takes {', '.join(QUALITIES)}, with commas between, not {quality!r}")
-            settings = Settings()
-            apply_quality(settings, quality)
-            for text in (*arguments.set, *own):
-                assign(settings, text)
-            settings.gi, settings.diffuse, settings.camera.jitter = gi, arguments.diffuse, False
-            if name == "path":
-                settings.spp = settings.path.samples_per_run  # a frame of it is one run
-            validate(settings)
-            candidates.append(Candidate(name, quality, settings))
+            for variant in variants:
+                settings = Settings()
+                apply_quality(settings, quality)
+                for text in (*arguments.set, *variant.split(), *own):
+                    assign(settings, text)
+                settings.gi, settings.diffuse, settings.camera.jitter = gi, arguments.diffuse, False
+                if name == "path":
+                    settings.spp = settings.path.samples_per_run  # a frame of it is one run
+                validate(settings)
+                candidates.append(Candidate(name, quality, settings, variant))
     return candidates
 
 
@@ -237,6 +241,14 @@ def progress_bar() -> Iterator[Progress | None]:
     with Bar(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("measuring", total=1.0)
         yield lambda what, fraction: bar.update(task, description=what, completed=fraction)
+
+
+def _swept(text: str) -> list[str]:
+    """Return the settings that `--sweep name=a,b` stands for."""
+    name, equals, values = text.partition("=")
+    if not equals or not values.strip(" ,"):
+        raise GiError(f"--sweep takes a setting and its values, such as vpl.count=512,2048, not {text!r}")
+    return [f"{name.strip()}={value}" for value in _split("--sweep", values)]
 
 
 def _split(flag: str, text: str) -> list[str]:

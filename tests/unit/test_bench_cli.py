@@ -66,6 +66,15 @@ def test_everything_is_passed_on(stand_ins):
         assert candidates[2].settings.spp == candidates[2].settings.path.samples_per_run
 
 
+def test_sweeps_are_measured_one_by_one(stand_ins):
+    arguments = "bench --gi many-light --sweep vpl.count=64,128 --sweep gather.rays=1,4"
+    assert main(arguments.split()) == 0
+    ((_, _, _, candidates, _, _),) = stand_ins
+    assert [(c.variant, c.settings.vpl.count, c.settings.gather.rays) for c in candidates] == [
+        (f"vpl.count={count} gather.rays={rays}", count, rays) for count in (64, 128) for rays in (1, 4)
+    ]
+
+
 def test_truth_by_path_is_asked_for_as_said(stand_ins, monkeypatch):
     asked = {}
     monkeypatch.setattr(cli_bench, "truth_by_path", lambda *_, **options: asked.update(options))
@@ -118,6 +127,10 @@ def test_comparison_with_nothing_in_common_says_so(capsys):
         ("--size 0x9", "0x9"),
         ("--set nonsense=1", "nonsense"),
         ("--set gi=path", "use --gi"),
+        ("--sweep gi=path", "use --gi"),
+        ("--sweep vpl.count", "a setting and its values"),
+        ("--sweep vpl.count=,", "a setting and its values"),
+        ("--sweep vpl.count=64,many", "many"),
         ("--set diffuse=true", "use --diffuse"),
         ("--set spp=4", "use --set path.samples_per_run"),
         ("--set camera.jitter=true", "pixel centres"),

@@ -13,7 +13,7 @@ from rich.console import Console
 from unit.bench_data import MACHINE, measurement, report, scene_report
 
 from wgpu_gi import bench_plot
-from wgpu_gi.bench_plot import save_plot
+from wgpu_gi.bench_plot import frontier, save_plot
 from wgpu_gi.bench_report import different_machine, load_json, ratio_table, ratios, save_json, tables
 from wgpu_gi.errors import GiError
 from wgpu_gi.image import load_image
@@ -133,6 +133,18 @@ def test_plot_is_a_picture(tmp_path):
     assert picture.shape[1] > 1000
     assert picture.std() > 0.05
     assert os.listdir(tmp_path) == ["a.png"]
+
+
+def test_frontier_is_what_no_other_beats():
+    points = [(None, x, y) for x, y in ((3, 1), (1, 5), (2, 5), (2, 2), (4, 1), (5, 0.5))]
+    assert [p[1:] for p in frontier(points)] == [(1, 5), (2, 2), (3, 1), (5, 0.5)]
+
+
+@needs_matplotlib
+def test_plot_of_swept_settings(tmp_path):
+    swept = [replace(measurement("ism", "low", 2.0 * n, 1 / n), variant=f"vpl.count={n}") for n in (1, 2, 4)]
+    save_plot(tmp_path / "a.svg", report(scene_report(*swept)))
+    assert "<!-- 4 -->" in (tmp_path / "a.svg").read_text()
 
 
 @needs_matplotlib
