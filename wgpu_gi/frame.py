@@ -126,7 +126,7 @@ class CameraSettings:
 
     jitter: bool = setting(True, "Average over the pixel's square (box filter) instead of sampling its centre.")
     frames: int = setting(
-        16,
+        24,
         "Frames that a still picture averages; not of the path tracer, which averages samples.",
         "frames",
         range=(1, 65536),
