@@ -35,7 +35,8 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.camera_files import choose_camera
 from wgpu_gi.scene.environment_files import load_environment
-from wgpu_gi.scene.load import NO_CAMERA_NOTE, load, parse_light
+from wgpu_gi.scene.light_texts import parse_light
+from wgpu_gi.scene.load import NO_CAMERA_NOTE, load
 from wgpu_gi.scene.scene import Scene
 
 EPILOG = """\

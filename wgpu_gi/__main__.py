@@ -18,13 +18,14 @@ examples:
   wgpu-gi render scene.glb -o frame.exr --show radiance --show depth --show normal
   wgpu-gi render scene.glb --camera 1 --size 1280x720 --spp 256 --exposure 1.5
   wgpu-gi render scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8"
+  wgpu-gi render scene.glb --relight 0=5,4,3 --relight "env=1,1,1 90"      its own lights, changed
   wgpu-gi render scene.glb --gi none                direct light by shadow maps, in a fraction of the time
   wgpu-gi render cornell --bounces 0 -o direct.npy  the same by the path tracer, the truth
   wgpu-gi render --set help                         list every setting
   wgpu-gi render a.glb -o f/{frame:04d}.exr --frames 0:240 --turntable --layers depth,normal --shard 1/8
   wgpu-gi render a.glb -o around.mp4 --frames 0:240 --turntable --gi none
 
---show, --light and --set may be given several times; several buffers need .exr or .npz.
+--show, --light, --relight and --set may be given several times; several buffers need .exr or .npz.
 .npy .npz .exr hold linear radiance, float32, without exposure or tone curve; .png is sRGB with both.
 
 --frames A:B renders frames A to B-1. Files that are there already are left alone, so the same command goes on where it
@@ -170,6 +171,14 @@ def _add_picture_arguments(parser: Parser, size: tuple[int, int], gi: str) -> No
     add("--spp", type=int, default=64, metavar="N", help="samples per pixel (default: 64)")
     add("--env", metavar="ENV", help="environment: an .hdr or .exr file, or a constant radiance R,G,B")
     add("--light", action="append", default=[], metavar="LIGHT", help='add "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
+    add(
+        "--relight",
+        action="append",
+        default=[],
+        metavar="LIGHT=R,G,B",
+        help="change a light of the scene, by index from 0 or name: candela or lux; of a sun also the direction,"
+        ' "LIGHT=r,g,b dx,dy,dz"; "env=r,g,b degrees" dyes and turns the environment',
+    )
     add("--exposure", type=float, default=0.0, metavar="EV", help="brighten what is shown by 2^EV (default: 0)")
     add("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; 'help' lists them")
     add("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")

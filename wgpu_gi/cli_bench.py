@@ -143,7 +143,7 @@ def bench_scene(
     arguments: Namespace, name: str, size: tuple[int, int], candidates: list[Candidate], progress: Progress | None
 ) -> SceneReport:
     """Load and measure one scene."""
-    scene = scene_from(Namespace(scene=name, light=arguments.light, env=arguments.env))
+    scene = scene_from(Namespace(scene=name, light=arguments.light, relight=[], env=arguments.env))
     camera = choose_camera(scene, arguments.camera, Path(name).parent)
     for note in scene.notes:
         if note != NO_CAMERA_NOTE or arguments.camera is None:

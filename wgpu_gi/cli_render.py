@@ -19,7 +19,8 @@ from .image import check_output, save_image
 from .renderer import Renderer
 from .scene.camera_files import choose_camera
 from .scene.environment_files import load_environment
-from .scene.load import NO_CAMERA_NOTE, load, parse_light
+from .scene.light_texts import parse_light, relight
+from .scene.load import NO_CAMERA_NOTE, load
 from .scene.scene import Scene
 from .settings import apply_quality, assign, describe, format_rows, validate
 from .techniques.ssil import MOST_BOUNCES
@@ -154,6 +155,8 @@ def scene_from(arguments: Namespace) -> Scene:
     environment = None if arguments.env is None else load_environment(arguments.env, notes)
     scene = load(arguments.scene, environment=environment, lights=lights)
     scene.notes.extend(notes)
+    for text in arguments.relight:
+        relight(scene, text)
     return scene
 
 
@@ -171,6 +174,7 @@ def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> 
         "diffuse": settings.diffuse,
         "environment": arguments.env or "",
         "lights": "; ".join(arguments.light),
+        "relight": "; ".join(arguments.relight),
         "settings": " ".join(arguments.set),
         "adapter": adapter_name,
     }

@@ -33,5 +33,7 @@ def view(arguments: Namespace) -> int:
             source += [f"--{name}", getattr(arguments, name)]
     for light in arguments.light:
         source += ["--light", light]
+    for change in arguments.relight:
+        source += ["--relight", change]
     app.view(Session(renderer, arguments.quality, source), f"{arguments.scene} - wgpu_gi")
     return 0

@@ -25,7 +25,7 @@ from .frame import (
     pixel_offset,
     views_of,
 )
-from .gpu.describe import table
+from .gpu.describe import Row, table
 from .gpu.device import open_device
 from .gpu.graph import Graph
 from .gpu.handles import Texture
@@ -83,7 +83,7 @@ class Renderer:
         self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
         self._frame = 0  # of the jittered ones that a still picture averages
         self._rested = False  # nothing has moved in the last step
-        self._plan = Table("")
+        self._rows: list[Row] = []  # of the plan
         self._complete = False  # every pixel is known to have all its samples
         self._extra_runs = 0  # of the path tracer, for pixels that are behind
 
@@ -202,7 +202,7 @@ class Renderer:
             progress((self._frame + 1) / frames)
         if ran:
             self._complete = False
-            self._plan = table(self._graph.plan())
+            self._rows = self._graph.plan()
         elif self.settings.gi == "path" and not self._complete and _TRACED.intersection(shown):
             self._complete = self._catch_up()
             return not self._complete
@@ -256,7 +256,7 @@ class Renderer:
 
     def plan(self) -> Table:
         """Return what each pass did in the last frame that ran any, and why, as a text table."""
-        return self._plan
+        return table(self._rows) if self._rows else Table("")
 
     def timings(self) -> Table:
         """Return the median milliseconds of each pass that was measured, as a text table."""
@@ -281,8 +281,11 @@ class Renderer:
         # One step without a change still has to say that nothing moves any more.
         self._rested = same
         check_size(*self.size, self._device)
-        validate(settings)
-        inputs = (*seen, deepcopy(settings), self._extra_runs)
+        known = before[len(seen)] if before else None
+        if settings != known:
+            validate(settings)
+            known = deepcopy(settings)
+        inputs = (*seen, known, self._extra_runs)
         goes_on = same
         if still and not same:
             # Only settings differ: whether they matter to the frames averaged so far, the graph knows.

@@ -15,6 +15,7 @@ import dataclasses
 import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from numbers import Integral, Real
 from types import NoneType
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
@@ -167,6 +168,7 @@ def _type_of(owner: Any, field: dataclasses.Field) -> Any:
     return _TYPES[kind][field.name]
 
 
+@cache
 def _split_optional(kind: Any) -> tuple[Any, bool]:
     """Split `T | None` into T and whether None is allowed."""
     arguments = get_args(kind)

@@ -18,10 +18,12 @@ from wgpu_gi.image import load_image
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.resources import resource_dir
 from wgpu_gi.scene.builtin import BUILTIN_SCENES
+from wgpu_gi.scene.light_texts import parse_light
 from wgpu_gi.settings import describe
 from wgpu_gi.viewer import navigation
 from wgpu_gi.viewer import session as session_module
 from wgpu_gi.viewer.comparison import Comparison
+from wgpu_gi.viewer.pace import COARSEST, Pace, pixels_at
 from wgpu_gi.viewer.probe import PROBED, Probe
 from wgpu_gi.viewer.session import DISPLAY, Session
 from wgpu_gi.viewer.thumbnails import SIZE as THUMBNAIL
@@ -64,7 +66,7 @@ def test_while_moving_there_are_fewer_pixels_and_as_much_light():
     session = make_session()
     settle(session)
     moved(session)
-    session.coarseness = 3
+    session.pace.coarseness = 6
     session.step()
     assert session.renderer.size == (23, 13)
     coarse = session.values().mean()
@@ -77,30 +79,39 @@ def test_while_moving_there_are_fewer_pixels_and_as_much_light():
     ("fixed", "pixels", "expected"),
     [
         (0.001, 0.01, (0, 0)),
-        (0.001, 0.1, (1, 2)),
-        (0.001, 1.0, (4, 5)),
-        (0.001, 100.0, (session_module.COARSEST,) * 2),
-        (0.1, 0.05, (0, 2)),  # fewer pixels would not help
+        (0.001, 0.1, (3, 4)),
+        (0.001, 0.03, (0, 0)),
+        (0.001, 0.2, (4, 6)),
+        (0.001, 1.0, (8, 9)),
+        (0.001, 100.0, (COARSEST,) * 2),
+        (0.1, 0.05, (0, 4)),  # fewer pixels would not help
     ],
 )
 def test_slow_frames_get_coarser_until_they_are_in_time(fixed, pixels, expected):
     """By seconds that a frame takes, besides its pixels and for all of them."""
-    session = make_session()
-    for start in range(session_module.COARSEST + 1):
-        session.coarseness = start
+    for start in range(COARSEST + 1):
+        pace = Pace()
+        pace.coarseness = start
         for _ in range(30):
-            session._adapt(fixed + pixels * 2.0**-session.coarseness)
+            pace.note(fixed + pixels * pixels_at(pace.coarseness))
         seen = set()
         for _ in range(10):
-            session._adapt(fixed + pixels * 2.0**-session.coarseness)
-            seen.add(session.coarseness)
+            pace.note(fixed + pixels * pixels_at(pace.coarseness))
+            seen.add(pace.coarseness)
         assert expected[0] <= min(seen) <= max(seen) <= expected[1], (start, seen)
+
+
+def test_a_single_slow_frame_changes_nothing():
+    pace = Pace()
+    for seconds in (0.03, 0.03, 0.5, 0.03, 0.03):
+        pace.note(seconds)
+        assert pace.coarseness == 0
 
 
 def test_pictures_after_a_move_are_those_of_a_new_view():
     session = make_session()
     settle(session)
-    session.coarseness = 4
+    session.pace.coarseness = 8
     for _ in range(5):
         moved(session)
         session.step()
@@ -124,6 +135,30 @@ def test_every_buffer_can_be_shown(gi):
         values = session.values()
         assert values.shape[:2] == SIZE[::-1], name
     assert session.status().startswith(f"{gi}, 64x36")
+
+
+@pytest.mark.parametrize("gi", [name for name in TECHNIQUES if name not in ("none", "path")])
+def test_moving_frames_share_light_and_pictures_at_rest_know_nothing_of_it(gi):
+    session = make_session(gi)
+    settle(session)
+    for _ in range(4):
+        moved(session, 0.01)
+        session.step()
+    assert session.renderer.has_history
+    session.renderer.scene.lights[0].intensity *= 0.1
+    session.relit()
+    session.step()
+    assert not session.renderer.has_history
+    for _ in range(2):
+        moved(session, 0.01)
+        session.step()
+    assert session.settings.temporal.frames == 1
+    settle(session)
+    fresh = make_session(gi)
+    fresh.renderer.scene.lights[0].intensity *= 0.1
+    fresh.renderer.camera = session.camera
+    settle(fresh)
+    assert np.allclose(session.values(), fresh.values(), rtol=1e-4, atol=1e-6)
 
 
 def test_buffer_that_another_technique_lacks_gives_way():
@@ -150,6 +185,29 @@ def test_copied_command_renders_the_view(gi, tmp_path, monkeypatch):
     assert main(words[1:]) == 0
     difference = np.abs(load_image("view.npy") - session.values())
     assert (difference > 1e-3).mean() < 0.01  # the camera is as written down, but for its last digits
+
+
+def test_changed_lights_are_in_the_command_and_in_saved_files(tmp_path, monkeypatch):
+    from PIL import Image
+
+    monkeypatch.chdir(tmp_path)
+    scene = BUILTIN_SCENES["courtyard"]()
+    sun = ["--light", "sun 0.3,-1,0.2 1,1,1"]
+    scene.lights += [parse_light(sun[1])]
+    settings = Settings(gi="none", camera=CameraSettings(frames=2))
+    session = Session(Renderer(scene, size=SIZE, settings=settings), source=("courtyard", *sun))
+    assert "--relight" not in session.command()
+    scene.lights[0].intensity, scene.lights[0].color = 2.5, (0.9, 0.5, 0.1)
+    scene.lights[0].direction = (-0.557, -0.5, 0.663)
+    scene.environment.color = (0.05, 0.1, 0.4)
+    session.relit()
+    settle(session)
+    assert main(shlex.split(session.command("view.npy"))[1:]) == 0
+    found, expected = load_image("view.npy"), session.values()
+    assert expected.mean() > 0.01
+    assert (np.abs(found - expected) > 1e-3 * expected.max()).mean() < 0.01
+    with Image.open(session.save(tmp_path)[0]) as picture:
+        assert "--relight '0=2.25,1.25,0.25 " in picture.text["command"]
 
 
 def test_command_names_the_buffer_and_all_settings():
@@ -244,6 +302,7 @@ def test_saved_shader_is_seen_and_a_broken_one_keeps_the_picture(tmp_path, monke
     shader = folder / "composite/display.wgsl"
     text = shader.read_text()
     shader.write_text(text.replace("srgb_from_linear(color), 1.0", "srgb_from_linear(color.bgr), 1.0"))
+    monkeypatch.setattr(session_module, "LOOK_SECONDS", 0.0)
     assert session.watch_shaders()
     assert not session.watch_shaders()
     settle(session)
@@ -304,7 +363,7 @@ def test_changed_light_is_seen():
     settle(session)
     before = session.values().mean()
     session.renderer.scene.lights[0].intensity *= 2
-    session.camera = session.camera
+    session.relit()
     settle(session)
     assert session.values().mean() == pytest.approx(2 * before, rel=1e-3)
 

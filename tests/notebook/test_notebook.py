@@ -69,6 +69,20 @@ def test_example_runs_and_keeps_its_pictures():
 
 
 @pytest.mark.slow
+def test_page_made_of_the_notebook_shows_its_pictures():
+    exporter = pytest.importorskip("nbconvert").HTMLExporter()
+    book = nbformat.read(EXAMPLE, 4)
+    NotebookClient(book, timeout=150, kernel_name="python3").execute()
+    page, _ = exporter.from_notebook_node(book)
+    shown = re.search(r'<div class="(wgpu-gi-\w+)"><img[^>]* src="data:image/png;base64,([^"]+)"', page)
+    still = np.asarray(Image.open(io.BytesIO(base64.b64decode(shown[2]))))
+    assert still.shape == (270, 480, 3)
+    assert 20 < still.mean() < 200
+    assert not re.search(rf"\.{shown[1]} *{{ *display: none", page)
+    assert len(re.findall(r'<img[^>]+src="data:image/png;base64,', page)) == 3  # with a frame and a buffer
+
+
+@pytest.mark.slow
 def test_cell_run_twenty_times_does_not_grow():
     show = f"import wgpu_gi as gi; gi.show('cornell-point', size={SIZE}, gi='none')"
     count = """

@@ -140,6 +140,7 @@ def test_what_changes_nothing_is_noted(arguments, words, capsys):
         ("render --env 1,-1,1", "radiance must be finite and not negative"),
         ("render --env missing.hdr", "missing.hdr"),
         ("render --light sun", "sun"),
+        ("render --relight 3=1,1,1", "there is no light '3'; this scene has none"),
         ("render --show beauty", "--show takes one of radiance, direct"),
         ("render --set camera.jitter", "section.name=value"),
         ("render --set camera.shake=1", "no setting 'camera.shake'"),

@@ -7,8 +7,9 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.builtin import BUILTIN_SCENES
-from wgpu_gi.scene.load import load, parse_light
-from wgpu_gi.scene.scene import DirectionalLight, Environment, PointLight
+from wgpu_gi.scene.light_texts import light_texts, parse_light, relight
+from wgpu_gi.scene.load import load
+from wgpu_gi.scene.scene import DirectionalLight, Environment, PointLight, Scene
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -102,6 +103,66 @@ def test_parse_light():
     np.testing.assert_allclose(np.multiply(point.color, point.intensity), [40, 40, 40])
 
 
+def relit() -> Scene:
+    lights = [
+        PointLight((0, 1, 0), 2.0, (1.0, 0.5, 0.0), name="lamp"),
+        DirectionalLight((0, -1, 0), name="the sun = 1"),
+    ]
+    return Scene(lights=lights, environment=Environment((1.0, 1.0, 1.0)))
+
+
+def test_relight():
+    scene = relit()
+    relight(scene, "lamp=3,2,1")
+    assert np.multiply(scene.lights[0].color, scene.lights[0].intensity) == pytest.approx([3, 2, 1])
+    relight(scene, "0=5")
+    assert np.multiply(scene.lights[0].color, scene.lights[0].intensity) == pytest.approx([5, 5, 5])
+    relight(scene, "the sun = 1=1,2,3 1,-1,0")
+    assert (scene.lights[1].color, list(scene.lights[1].direction)) == ((1.0, 2.0, 3.0), [1.0, -1.0, 0.0])
+    relight(scene, "env=0.1,0.2,0.3 90")
+    assert scene.environment.color == (0.1, 0.2, 0.3)
+    assert scene.environment.rotation == pytest.approx(np.pi / 2)
+
+
+def test_light_texts_are_what_relight_understands():
+    scene, other = relit(), relit()
+    scene.lights[0].intensity, scene.lights[0].color = 0.123456789, (0.3, 0.2, 0.1)
+    scene.lights[1].direction, scene.environment.rotation = (0.6, -0.8, 0.0), -1.0
+    for text in light_texts(scene):
+        relight(other, text)
+    assert light_texts(other) == light_texts(scene)
+    assert light_texts(scene)[0] == "0=0.0370370367,0.0246913578,0.0123456789"
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "not understood"),
+        ("lamp", "not understood"),
+        ("=1", "not understood"),
+        ("lamp=", "not understood"),
+        ("lamp=1 2 3", "not understood"),
+        ("lamp=1,1", "one number or three for its colour"),
+        ("lamp=1,-1,1", "negative"),
+        ("lamp=1,x,1", "not a list of numbers"),
+        ("lamp=1,nan,1", "finite"),
+        ("lamp=1 0,-1,0", "only of a sun"),
+        ("1=1 0,-1", "three numbers for its direction"),
+        ("1=1 0,0,0", "points nowhere"),
+        ("2=1", "this scene has 0 'lamp', 1 'the sun = 1', env"),
+        ("env=1 0,1,0", "one number, in degrees"),
+    ],
+)
+def test_bad_changes_of_lights(text, sentence):
+    with pytest.raises(GiError, match=sentence):
+        relight(relit(), text)
+
+
+def test_no_environment_to_change():
+    with pytest.raises(GiError, match="there is no light 'env'; this scene has none"):
+        relight(Scene(), "env=1")
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -112,7 +173,7 @@ def test_parse_light():
         ("sun 0, -1, 0 1,1,1", "not understood"),
         ("sun 0,-1 1,1,1", "three numbers for its direction"),
         ("point 0,-1 1,1,1", "three numbers for its position"),
-        ("sun 0,-1,0 1,1", "three for its colour"),
+        ("sun 0,-1,0 1,1", "one number or three for its colour"),
         ("sun a,-1,0 1,1,1", "not a list of numbers"),
         ("sun 0,-1,0 1,,1", "not a list of numbers"),
         ("sun 0,0,0 1,1,1", "points nowhere"),

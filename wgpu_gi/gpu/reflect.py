@@ -17,7 +17,7 @@ def parse(text: str) -> Module:
 
 class _Parser:
     def __init__(self, tokens: list[Token]) -> None:
-        self.tokens = tokens
+        self.tokens = [*tokens, Token("end", "end of file", tokens[-1].line if tokens else 1)]
         self.at = 0
         self.out = Module()
         self.aliases: dict[str, Type] = {}
@@ -29,8 +29,7 @@ class _Parser:
 
     @property
     def token(self) -> Token:
-        last = self.tokens[-1].line if self.tokens else 1
-        return self.tokens[self.at] if self.at < len(self.tokens) else Token("end", "end of file", last)
+        return self.tokens[self.at]
 
     def take(self, text: str = "") -> Token:
         token = self.token
@@ -171,9 +170,13 @@ class _Parser:
                 outputs = {"": self.integer(result["location"][0])} if "location" in result else {}
         depth = 0
         while True:
-            depth += {"{": 1, "}": -1}.get(self.take().text, 0)
-            if depth == 0:
-                break
+            text = self.take().text
+            if text == "{":
+                depth += 1
+            elif text == "}":
+                depth -= 1
+                if depth == 0:
+                    break
         words = self.tokens[start : self.at]
         # A name behind a dot is a member, not a variable of that name.
         before = [self.tokens[start - 1], *words]

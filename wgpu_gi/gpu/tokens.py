@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 TOKEN = re.compile(
     r"(?P<number>0[xX][0-9a-fA-F]+[iu]?|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?[iufh]?)"
-    r"|(?P<name>[^\W\d]\w*)|(?P<space>\s+)|(?P<mark>->|.)",
+    r"|(?P<name>[^\W\d]\w*)|(?P<line>\n)|(?P<space>[^\S\n]+|//[^\n]*)|(?P<comment>/\*)|(?P<mark>->|.)",
     re.DOTALL,
 )
+COMMENT_MARK = re.compile(r"/\*|\*/")
 PRECEDENCE = ({"<<", ">>"}, {"+", "-"}, {"*", "/", "%"})
 
 
@@ -22,8 +23,7 @@ class ParseError(Exception):
         self.line = line
 
 
-@dataclass(frozen=True)
-class Token:
+class Token(NamedTuple):
     """A word or a mark of the source; `kind` is "name", "number", "mark" or "end"."""
 
     kind: str
@@ -34,28 +34,31 @@ class Token:
 def tokenize(text: str) -> list[Token]:
     """Split WGSL into tokens, without comments (block comments nest)."""
     tokens: list[Token] = []
-    line, depth, at = 1, 0, 0
+    line, at = 1, 0
     while at < len(text):
-        pair = text[at : at + 2]
-        if pair == "/*":
-            depth, at = depth + 1, at + 2
-        elif depth and pair == "*/":
-            depth, at = depth - 1, at + 2
-        elif depth:
-            line, at = line + (text[at] == "\n"), at + 1
-        elif pair == "//":
-            end = text.find("\n", at)
-            at = len(text) if end < 0 else end
+        for match in TOKEN.finditer(text, at):
+            kind = match.lastgroup
+            if kind == "line":
+                line += 1
+            elif kind == "comment":
+                at = _comment_end(text, match.start(), line)
+                line += text.count("\n", match.start(), at)
+                break
+            elif kind != "space":
+                tokens.append(Token(kind or "mark", match.group(), line))
         else:
-            match = TOKEN.match(text, at)
-            assert match is not None and match.lastgroup is not None  # the last branch takes any character
-            word = match.group()
-            if match.lastgroup != "space":
-                tokens.append(Token(match.lastgroup, word, line))
-            line, at = line + word.count("\n"), match.end()
-    if depth:
-        raise ParseError("this block comment is not closed", line)
+            break
     return tokens
+
+
+def _comment_end(text: str, start: int, line: int) -> int:
+    """Return where the block comment that begins at `start` is over."""
+    depth = 0
+    for mark in COMMENT_MARK.finditer(text, start):
+        depth += 1 if mark.group() == "/*" else -1
+        if depth == 0:
+            return mark.end()
+    raise ParseError("this block comment is not closed", line)
 
 
 def evaluate(tokens: list[Token], constants: Mapping[str, int | float]) -> int | float | None:

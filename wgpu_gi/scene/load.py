@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from .builtin import BUILTIN_SCENES, builtin_scene
 from .camera_files import framing_camera
 from .files import read_file
 from .mesh_files import MESH_EXTENSIONS, load_mesh_file
-from .scene import DirectionalLight, Environment, Light, PointLight, Scene
+from .scene import Environment, Light, Scene
 
 GLTF_EXTENSIONS = (".glb", ".gltf")
 
@@ -81,39 +80,3 @@ def add_defaults(scene: Scene) -> None:
     if not scene.cameras:
         scene.cameras.append(framing_camera(scene))
         scene.notes.append(NO_CAMERA_NOTE)
-
-
-def parse_light(text: str) -> Light:
-    """Return the light that "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b" describes.
-
-    The sun's direction is that of travel and its r,g,b are lux (W/m2) on a plane facing it; a point's position is in
-    metres and its r,g,b are candela (W/sr). One value instead of three is white light. Raises GiError if malformed,
-    not finite or negative, or without direction.
-    """
-    words = text.split()
-    if len(words) != 3 or words[0] not in ("sun", "point"):
-        raise GiError(f'light {text!r} is not understood; write "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
-    where, power = _numbers(text, words[1]), _numbers(text, words[2])
-    power = power * 3 if len(power) == 1 else power
-    place = "direction" if words[0] == "sun" else "position"
-    if len(where) != 3 or len(power) != 3:
-        raise GiError(f"light {text!r} needs three numbers for its {place} and three for its colour")
-    if min(power) < 0:
-        raise GiError(f"light {text!r}: a light cannot be negative")
-    color = (power[0], power[1], power[2])
-    if words[0] == "point":
-        return PointLight(where, 1.0, color, name="point")
-    if not any(where):
-        raise GiError(f"light {text!r}: the direction 0,0,0 points nowhere; the sun at noon travels 0,-1,0")
-    return DirectionalLight(where, 1.0, color, name="sun")
-
-
-def _numbers(text: str, word: str) -> list[float]:
-    """Parse comma-separated finite numbers."""
-    try:
-        values = [float(part) for part in word.split(",")]
-    except ValueError:
-        raise GiError(f"light {text!r}: {word!r} is not a list of numbers such as 0.3,-1,0.2") from None
-    if not all(math.isfinite(value) for value in values):
-        raise GiError(f"light {text!r}: all numbers must be finite")
-    return values

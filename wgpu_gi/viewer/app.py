@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import glfw
 import wgpu
@@ -21,7 +22,7 @@ from .window import SETTLE_FRAMES, Window
 
 FLIGHT = 0.25  # of the scene's size per second: chosen
 DOUBLE_CLICK_SECONDS, DOUBLE_CLICK_REACH = 0.4, 0.01  # the second, a share of the window's height: chosen
-IDLE_SECONDS = 0.5  # from look to look whether a shader was saved: chosen
+IDLE_SECONDS = 0.5  # of waiting for an event before there is another look at the shaders: chosen
 SHORT_SECONDS = 0.02  # from look to look whether a move has ended: chosen
 TICK_SECONDS = 0.1  # from redraw to redraw while a frame takes long: chosen
 MEASURE_SECONDS = 0.5  # from measurement to measurement of the error: chosen
@@ -77,7 +78,7 @@ class App:
             return False
         self._prepare()
         # A person at the panel does not wait for pictures that take long.
-        if window.wanted and session.coarseness and not session.urgent:
+        if window.wanted and session.pace.coarseness and not session.urgent:
             self._draw()
             return True
         ran = session.step(self._tick)
@@ -160,7 +161,11 @@ class App:
         comparison = self.comparison
         shows_truth = comparison.ready and not self.session.moving
         split = (comparison.split if comparison.mode == "split" else 0.0) if shows_truth else 2.0
-        self.window.draw(lambda render_pass, width: self.screen.draw(render_pass, split, width), self.panel.draw)
+
+        def picture(render_pass: Any, width: int) -> None:
+            self.screen.draw(render_pass, split, width, self.panel.place)
+
+        self.window.draw(picture, self.panel.draw)
         self._drawn = time.monotonic()
 
     def _tick(self, fraction: float) -> None:

@@ -16,28 +16,23 @@ UNITS = {"PointLight": "cd", "SpotLight": "cd", "DirectionalLight": "lx"}
 
 
 class LightPanel:
-    """Changes the lights of the session's scene in place; says so, as the command line that is copied knows not."""
+    """Changes the lights of the session's scene in place."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._touched = False
 
     def draw(self) -> None:
         """Say to imgui what there is."""
         scene = self._session.renderer.scene
         if not imgui.collapsing_header("lights"):
             return
-        if self._touched:
-            imgui.text_wrapped("Changed lights are not in the command that is copied.")
         if not scene.lights and scene.environment is None:
             imgui.text_wrapped("The scene has no light but what its materials emit.")
         changed = [self._light(i, light) for i, light in enumerate(scene.lights)]
         if scene.environment is not None:
             changed.append(self._environment(scene.environment))
         if any(changed):
-            self._touched = True
-            # Fewer pixels while it changes, as when the camera does.
-            self._session.camera = self._session.camera
+            self._session.relit()
 
     def _light(self, number: int, light: Any) -> bool:
         kind = type(light).__name__

@@ -125,6 +125,10 @@ class View:
         display(self.box)
         self._still = display(HTML(self._still_html()), display_id=True)
 
+    def _display_(self) -> Any:
+        """What marimo shows: the live canvas alone, as it takes no other Jupyter widgets."""
+        return self.canvas
+
     # ------------------------------------------------------------------------------------------------ Drawing
 
     def _draw(self) -> None:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from typing import Any
 
 from imgui_bundle import imgui
 
-from ..frame import TECHNIQUES
+from ..frame import TECHNIQUES, Settings
 from ..settings import QUALITIES, Row, describe
 from .comparison import MODES, Comparison
 from .lights import LightPanel
-from .probe import Probe
+from .probe import PROBED, Probe
 from .session import Session
 from .thumbnails import SIZE
 
 WIDTH, MARGIN = 380.0, 8.0  # points
-OPACITY = 0.85
 CAPTION = 23  # characters below a picture
 WIDE_RANGE = 100.0  # from this ratio of its ends on, a slider is logarithmic: chosen
 LARGEST_SLIDER = 2**31 - 1  # a slider's whole numbers have 32 bits
@@ -51,10 +51,14 @@ class Panel:
         self.pictured = False  # the passes are shown as pictures
         self.pictures: list[tuple[str, str]] = []  # pass and resource of each
         self.sheet: Any = None  # they themselves, one below the other
+        self.place = (0.0, 0.0, 0.0, 0.0)  # left, top, right and bottom, shares of the window: its ground is not drawn
+        self._listed: Settings | None = None
+        self._sectioned: dict[str, list[Row]] = {}  # what `_listed` holds
         self._edited: dict[str, Any] = {}  # values under the mouse, which count when it is let go
 
     def draw(self) -> None:
         """Say to imgui what there is."""
+        self.place = (0.0, 0.0, 0.0, 0.0)
         if self.visible:
             self._main()
         else:
@@ -68,8 +72,11 @@ class Panel:
         imgui.set_next_window_pos(imgui.ImVec2(MARGIN, MARGIN), imgui.Cond_.always)
         height = max(imgui.get_io().display_size.y - 2 * MARGIN, 100.0)
         imgui.set_next_window_size(imgui.ImVec2(WIDTH, height), imgui.Cond_.always)
-        imgui.set_next_window_bg_alpha(OPACITY)
+        imgui.set_next_window_bg_alpha(0.0)
         imgui.begin("wgpu_gi", None, imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize)
+        corner, extent, whole = imgui.get_window_pos(), imgui.get_window_size(), imgui.get_io().display_size
+        right, bottom = (corner.x + extent.x) / whole.x, (corner.y + extent.y) / whole.y
+        self.place = (corner.x / whole.x, corner.y / whole.y, right, bottom)
         imgui.text_wrapped(self.status)
         for i, (label, action) in enumerate(self._actions.items()):
             if i:
@@ -127,16 +134,19 @@ class Panel:
     def _probe(self) -> None:
         """What is under the mouse."""
         self.probe.on = bool(imgui.collapsing_header("pixel"))
-        for line in self.probe.lines(*self.pointer) if self.probe.on else ():
+        nothing = [""] * (1 + len(PROBED))  # what follows keeps its place
+        for line in (self.probe.lines(*self.pointer) or nothing) if self.probe.on else ():
             imgui.text(line)
 
     def _sections(self) -> None:
         """All settings, by section."""
-        sections: dict[str, list[Row]] = {}
-        for row in describe(self._session.settings):
-            if row.name not in ("gi", "exposure"):
-                sections.setdefault(row.name.rpartition(".")[0] or "frame", []).append(row)
-        for name, rows in sections.items():
+        settings = self._session.settings
+        if settings != self._listed:
+            self._listed, self._sectioned = deepcopy(settings), {}
+            for row in describe(settings):
+                if row.name not in ("gi", "exposure"):
+                    self._sectioned.setdefault(row.name.rpartition(".")[0] or "frame", []).append(row)
+        for name, rows in self._sectioned.items():
             if imgui.collapsing_header(name):
                 imgui.push_id(name)
                 for row in rows:

@@ -11,7 +11,7 @@ UNITS = {"position": "m", "radiance": "W/(m2 sr)", "depth": "m"}
 
 
 class Probe:
-    """While it is `on`, steps also make what it tells, and `take` reads it."""
+    """While it is `on`, steps of a view that rests also make what it tells, and `take` reads it."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -31,8 +31,9 @@ class Probe:
             self._session.changed()
 
     def take(self) -> None:
-        """Read what the last step made."""
-        if self._on:
+        """Read what the last step made; nothing while the view moves."""
+        self._layers = {}
+        if self._on and self._session.made_also:
             self._layers = {name: self._session.renderer.read_back(name) for name in PROBED}
 
     def lines(self, x: float, y: float) -> list[str]:

@@ -23,7 +23,7 @@ class Screen:
         source = load(SHADER)
         self._params = np.zeros((), source.struct_dtype("Screen"))
         usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
-        self._buffer = self._gpu.create_buffer(label="screen", size=16, usage=usage)
+        self._buffer = self._gpu.create_buffer(label="screen", size=self._params.nbytes, usage=usage)
         self._sampler = self._gpu.create_sampler(label="screen", mag_filter="linear", min_filter="linear")
         module = self._gpu.create_shader_module(label=SHADER, code=source.text)
         self._pipeline = self._gpu.create_render_pipeline(
@@ -53,13 +53,16 @@ class Screen:
         layout = {"bytes_per_row": width * 4, "rows_per_image": height}
         self._gpu.queue.write_texture({"texture": target}, coded, layout, (width, height, 1))
 
-    def draw(self, render_pass: Any, split: float, width: int) -> None:
-        """Draw the first picture, and the second one right of `split` (a share of the `width` in pixels)."""
-        self._params["split"], self._params["line"] = split, LINE_PIXELS / width
-        self._gpu.queue.write_buffer(self._buffer, 0, self._params.tobytes().ljust(16, b"\0"))
+    def draw(self, render_pass: Any, split: float, width: int, panel: tuple[float, float, float, float]) -> None:
+        """Draw the first picture, and the second one right of `split` (a share of the `width` in pixels).
+
+        `panel` is where the ground of a panel lies over them: left, top, right, bottom, shares of width and height.
+        """
+        self._params["panel"], self._params["split"], self._params["line"] = panel, split, LINE_PIXELS / width
+        self._gpu.queue.write_buffer(self._buffer, 0, self._params.tobytes())
         if self._group is None:
             resources = [texture.create_view() for texture in self._textures]
-            resources += [self._sampler, {"buffer": self._buffer, "offset": 0, "size": 16}]
+            resources += [self._sampler, {"buffer": self._buffer, "offset": 0, "size": self._buffer.size}]
             entries = [{"binding": i, "resource": resource} for i, resource in enumerate(resources)]
             layout = self._pipeline.get_bind_group_layout(0)
             self._group = self._gpu.create_bind_group(label="screen", layout=layout, entries=entries)

@@ -12,7 +12,8 @@ import math
 import os
 import shlex
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +26,16 @@ from ..image import save_image
 from ..renderer import Renderer
 from ..resources import resource_dir
 from ..scene.camera_files import camera_fields
+from ..scene.light_texts import light_texts
 from ..settings import apply_quality, assign, describe
 from .navigation import pivot_of
+from .pace import Pace, pixels_at
 
 REST_SECONDS = 0.25  # without a move, until the picture gets all its pixels: chosen
-FRAME_SECONDS = 1 / 15  # of a frame while the camera moves; from less than a third of it on, pixels are added
-COARSEST = 6  # halvings of the number of pixels while moving: chosen, an eighth of the width is still a picture
-WORTH_COARSER, WORTH_FINER = 0.3, 0.1  # shares of a frame's time that its pixels take: chosen
-REFINEMENT = 2  # of which a step at rest takes back so many
+SHARED_FRAMES = 8  # that indirect light is averaged over while the camera moves: chosen
+TIMING_SECONDS = 0.25  # from measurement to measurement of the passes while moving, as they take time: chosen
+REFINEMENT = 4  # of coarseness, that a step at rest takes back: chosen
+LOOK_SECONDS = 0.4  # from look to look whether a shader was saved: chosen, a look takes 1.4 ms
 DISPLAY = "display"
 
 
@@ -49,20 +52,22 @@ class Session:
         self.quality = quality
         self.source = list(source)
         self.start_camera = renderer.camera
+        self._start_lights = light_texts(renderer.scene)
         self.pivot = pivot_of(renderer.camera, renderer.scene)
         self.size = renderer.size  # of the picture at rest
         self.shown = DISPLAY
-        self.also: tuple[str, ...] = ()  # buffers that steps make besides
+        self.also: tuple[str, ...] = ()  # buffers that steps at rest make besides
+        self.made_also = False  # the last step made them
         self._measure = self._force = False
         self.error = ""
-        self.coarseness = 0  # halvings of the number of pixels while moving
-        self._before = 1.0, 0.0  # share of the pixels, and time of a frame, before `coarseness` changed
-        self._level = 0  # halvings of the number of pixels in the next step
-        self._moved = -math.inf  # when the camera did
+        self.pace = Pace()  # while moving
+        self._timed = -math.inf  # when the passes were measured last
+        self._level = 0  # coarseness of the next step at rest
+        self._moved = self._relit = -math.inf  # when the camera did, and when lights changed
         self.at_rest = False  # there is nothing to do until something changes
         self.interrupted = False  # something changed since the last step began
         self.shown_range: tuple[float, float] | None = None  # of the values shown
-        self._shaders = _shader_times()
+        self._shaders, self._looked = _shader_times(), time.monotonic()
 
     @property
     def settings(self) -> Settings:
@@ -142,9 +147,17 @@ class Session:
         if self.shown not in self.buffers:
             self.shown = DISPLAY
 
+    def relit(self) -> None:
+        """Note that lights changed: there are fewer pixels while they do, as while the camera moves."""
+        self._relit = self._moved = time.monotonic()
+        self.changed()
+
     def watch_shaders(self) -> bool:
-        """Return True if a shader file changed since the last call; the next step takes it."""
+        """Return True if a shader file was seen to change since the last call; the next step takes it."""
+        if time.monotonic() - self._looked < LOOK_SECONDS:
+            return False
         before, self._shaders = self._shaders, _shader_times()
+        self._looked = time.monotonic()
         if before == self._shaders:
             return False
         self.renderer.reload()
@@ -163,7 +176,7 @@ class Session:
             return False
         self.interrupted = False
         moving = self.moving
-        size = self._size_at(self.coarseness if moving else self._level)
+        size = self._size_at(self.pace.coarseness if moving else self._level)
         resized, self.renderer.size = size != self.renderer.size, size
 
         def progress(fraction: float) -> None:
@@ -174,9 +187,9 @@ class Session:
 
         start = time.perf_counter()
         try:
-            force, self._force = self._force, False
-            ran = self.renderer.step(progress, show=self._show(), timings=self._measure, force=force)
-            self.renderer.graph.device.wait()
+            self.made_also = not moving
+            with self._smoothed(moving):
+                ran = self._render(progress, moving)
         except Interrupted:
             return False
         except GiError as error:
@@ -186,17 +199,15 @@ class Session:
             self.error = ""
         if moving:
             if ran and not resized:
-                self._adapt(time.perf_counter() - start)
-            self._level = self.coarseness
+                self.pace.note(time.perf_counter() - start)
+            self._level = self.pace.coarseness
             return ran or not self.moving
         if self._level:
             self._level = max(self._level - REFINEMENT, 0)
             return True
         self.at_rest = not ran and not self.interrupted
-        needed = _halvings(time.perf_counter() - start) if ran else 0
-        if needed > self.coarseness:
-            # So that the first frame of a move is not a slow one.
-            self.coarseness, self._before = needed, (1.0, time.perf_counter() - start)
+        if ran:
+            self.pace.note_rest(time.perf_counter() - start)
         return ran
 
     def status(self) -> str:
@@ -214,37 +225,44 @@ class Session:
 
     def point_at(self, x: float, y: float) -> NDArray[np.float64] | None:
         """Return the world position seen at a share of the picture's width and height; None if that is nothing."""
-        self.renderer.step(show=(*self._show(), "position", "depth"))
+        self.renderer.step(show=(*self._show(self.moving), "position", "depth"))
         depth, position = self.renderer.read_back("depth"), self.renderer.read_back("position")
         row, column = int(y * depth.shape[0]), int(x * depth.shape[1])
         if not (0 <= row < depth.shape[0] and 0 <= column < depth.shape[1]) or depth[row, column] <= 0:
             return None
         return position[row, column].astype(np.float64)
 
-    def _show(self) -> tuple[str, ...]:
+    def _render(self, progress: Callable[[float], None], moving: bool) -> bool:
+        force, self._force = self._force, False
+        ran = self.renderer.step(progress, show=self._show(moving), timings=self._measures(moving), force=force)
+        self.renderer.graph.device.wait()
+        return ran
+
+    @contextmanager
+    def _smoothed(self, moving: bool) -> Iterator[None]:
+        """Let frames share light while the camera moves; at rest, and where lights change, the settings hold as set."""
+        temporal = self.settings.temporal
+        own = temporal.frames
+        if moving and time.monotonic() - self._relit > REST_SECONDS:
+            temporal.frames = max(own, SHARED_FRAMES)
+        try:
+            yield
+        finally:
+            temporal.frames = own
+
+    def _measures(self, moving: bool) -> bool:
+        now = time.monotonic()
+        measures = self._measure and not (moving and now - self._timed < TIMING_SECONDS)
+        self._timed = now if measures else self._timed
+        return measures
+
+    def _show(self, moving: bool) -> tuple[str, ...]:
         wanted = self.shown if self.shown in self.buffers else DISPLAY
-        return tuple(dict.fromkeys((DISPLAY, wanted, *self.also)))
+        return tuple(dict.fromkeys((DISPLAY, wanted, *(() if moving else self.also))))
 
     def _size_at(self, coarseness: int) -> tuple[int, int]:
-        scale = 2 ** (-coarseness / 2)
+        scale = math.sqrt(pixels_at(coarseness))
         return max(round(self.size[0] * scale), 1), max(round(self.size[1] * scale), 1)
-
-    def _adapt(self, seconds: float) -> None:
-        """Choose how many pixels the next frame has while moving, from how long one took.
-
-        What a frame takes besides its pixels, fewer of them do not make shorter: then there may as well be more.
-        """
-        pixels, (pixels_before, seconds_before) = 2.0**-self.coarseness, self._before
-        share = 1.0  # of the time that is for pixels
-        if pixels_before != pixels:
-            share = (seconds_before - seconds) / (pixels_before - pixels) * pixels / seconds
-        coarseness = self.coarseness
-        if seconds > FRAME_SECONDS and share > WORTH_COARSER:
-            self.coarseness = min(coarseness + _halvings(seconds), COARSEST)
-        elif coarseness and (seconds < FRAME_SECONDS / 3 or share < WORTH_FINER):
-            self.coarseness -= 1
-        if self.coarseness != coarseness:
-            self._before = pixels, seconds
 
     # ------------------------------------------------------------------------------------------------ Keeping
 
@@ -253,6 +271,9 @@ class Session:
         width, height = self.size
         camera = json.dumps(self._camera_fields())
         words = ["wgpu-gi", "render", *self.source, "-o", output, "--size", f"{width}x{height}", "--camera", camera]
+        for text in light_texts(self.renderer.scene):
+            if text not in self._start_lights:
+                words += ["--relight", text]
         if self.shown != DISPLAY:
             words += ["--show", self.shown]
         words += ["--gi", self.settings.gi, "--quality", self.quality]
@@ -284,11 +305,6 @@ class Session:
 
     def _camera_fields(self) -> dict[str, object]:
         return camera_fields(self.camera, max(float(np.linalg.norm(self.pivot - self.camera.position)), 1e-9))
-
-
-def _halvings(seconds: float) -> int:
-    """Return how often the number of pixels must be halved for a frame that took `seconds` to be in time."""
-    return min(max(math.ceil(math.log2(seconds / FRAME_SECONDS)), 0), COARSEST)
 
 
 def _shader_times() -> dict[str, int]:

@@ -1,11 +1,16 @@
 // Draws a picture over the whole window, and from `split` on another one to compare it with.
 //
+// The ground of a panel is drawn with it: blended over it afterwards, it takes as long again.
+//
 // In: both 8-bit sRGB, of any size. Out: 8-bit sRGB, one pixel of the window.
 
 struct Screen {
-    split: f32,  // share of the window's width where the other picture begins; 1 and more: nowhere
-    line: f32,   // half the width of the line between them, likewise
+    panel: vec4f,  // left, top, right, bottom of a panel's ground, shares of width and height
+    split: f32,    // share of the window's width where the other picture begins; 1 and more: nowhere
+    line: f32,     // half the width of the line between them, likewise
 }
+
+const GROUND = vec4f(0.06, 0.06, 0.06, 0.85);  // colour and opacity of a panel's ground: chosen
 
 @group(0) @binding(0) var picture: texture_2d<f32>;
 @group(0) @binding(1) var other: texture_2d<f32>;
@@ -27,6 +32,8 @@ fn corner(@builtin(vertex_index) index: u32) -> Corner {
 fn pixel(in: Corner) -> @location(0) vec4f {
     let left = textureSampleLevel(picture, smooth_sampler, in.place, 0.0);
     let right = textureSampleLevel(other, smooth_sampler, in.place, 0.0);
-    let color = select(left, right, in.place.x >= screen.split);
-    return vec4f(select(color.rgb, vec3f(1.0), abs(in.place.x - screen.split) < screen.line), 1.0);
+    let color = select(left, right, in.place.x >= screen.split).rgb;
+    let divided = select(color, vec3f(1.0), abs(in.place.x - screen.split) < screen.line);
+    let inside = all(in.place >= screen.panel.xy) && all(in.place < screen.panel.zw);
+    return vec4f(mix(divided, GROUND.rgb, select(0.0, GROUND.a, inside)), 1.0);
 }
