@@ -145,6 +145,6 @@ def declare_vpls(
         over=count,
         reads={"drawn": drawn},
         writes={"vpls": table},
-        params={"count": count, "stride": -(-count // OVERLAP_LIGHTS)},
+        constants={"COUNT": count, "STRIDE": -(-count // OVERLAP_LIGHTS)},
     )
     return Vpls(table, count)
