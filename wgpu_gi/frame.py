@@ -37,7 +37,7 @@ from .techniques.shadow_views import ShadowSettings
 from .techniques.sky import declare_sky_occlusion
 from .techniques.ssdo import History, Occlusion, declare_bounce, declare_occlusion
 from .techniques.ssdo_sources import Sources, SsdoSettings, declare_sources
-from .techniques.ssil import SsilSettings, declare_ssil
+from .techniques.ssil import MOST_BOUNCES, SsilSettings, declare_ssil, is_amortised
 from .techniques.temporal import TemporalSettings, declare_temporal
 from .techniques.voxels import VoxelSettings
 from .techniques.vpl import VplSettings, declare_vpls, declare_walk
@@ -190,6 +190,11 @@ def picture_count(settings: Settings) -> int:
     """Return how many frames make a still picture; of the path tracer, which averages samples itself, one."""
     several = settings.camera.jitter or TECHNIQUES[settings.gi].is_random
     return settings.camera.frames if several and settings.gi != "path" else 1
+
+
+def frames_ahead(settings: Settings) -> int:
+    """Return how many frames come before those that a still picture averages, for light to go round in."""
+    return MOST_BOUNCES if settings.gi == "ssil" and is_amortised(settings.ssil, settings.bounces) else 0
 
 
 def pixel_offset(frame: int, frames: int) -> tuple[float, float]:

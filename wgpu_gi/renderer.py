@@ -21,6 +21,7 @@ from .frame import (
     buffers_of,
     check_size,
     declare_frame,
+    frames_ahead,
     picture_count,
     pixel_offset,
     views_of,
@@ -81,7 +82,7 @@ class Renderer:
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
         self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
-        self._frame = 0  # of the jittered ones that a still picture averages
+        self._frame = 0  # of the jittered ones that a still picture averages; below 0 are those before them
         self._rested = False  # nothing has moved in the last step
         self._rows: list[Row] = []  # of the plan
         self._complete = False  # every pixel is known to have all its samples
@@ -199,7 +200,8 @@ class Renderer:
 
         ran = self._graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
         if progress is not None and frames > 1:
-            progress((self._frame + 1) / frames)
+            ahead = frames_ahead(self.settings)
+            progress((ahead + self._frame + 1) / (ahead + frames))
         if ran:
             self._complete = False
             self._rows = self._graph.plan()
@@ -291,7 +293,7 @@ class Renderer:
             # Only settings differ: whether they matter to the frames averaged so far, the graph knows.
             self._update(inputs)
             goes_on = not any(name.startswith(MEANS) for name in self._graph.stale())
-        self._frame = min(self._frame + 1, frames - 1) if goes_on else 0
+        self._frame = min(self._frame + 1, frames - 1) if goes_on else -frames_ahead(settings)
         self._update(inputs)
 
     def _update(self, inputs: tuple[Any, ...]) -> None:
@@ -316,7 +318,7 @@ class Renderer:
         if settings.gi != "path":
             self._deferred.update(upload, self.scene, view, settings.direct, settings.shadow)
             jittered = picture_count(settings) if settings.camera.jitter else 1
-            view = upload.view(self.camera, self.size, False, pixel_offset(self._frame, jittered))
+            view = upload.view(self.camera, self.size, False, pixel_offset(max(self._frame, 0), jittered))
             self._deferred.note_motion(upload, self.scene, graph, view)
             self._deferred.note_frame(graph, self._frame)
         if settings.gi == "ssdo":

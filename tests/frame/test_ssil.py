@@ -11,6 +11,7 @@ from wgpu_gi.__main__ import main
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.settings import assign
+from wgpu_gi.techniques.ssil import MOST_BOUNCES
 
 SHOW = ("radiance",)
 SURFELS = {"ssil/first", "ssil/vote_1", "ssil/vote_4"}
@@ -102,10 +103,10 @@ def test_settings_at_their_ends(texts, size):
 
 
 def test_a_dim_bounce_is_left_out():
-    """The second bounce is dimmer than what counts: the picture is that of one."""
-    one = make(SCENES["cornell-point"](), diffuse=True)
-    dim = make(SCENES["cornell-point"](), "ssil.least_light=1", bounces=2, diffuse=True)
-    two = make(SCENES["cornell-point"](), bounces=2, diffuse=True)
+    """The second bounce is dimmer than what counts: the picture is that of one, but for lone pixels, which ask not."""
+    one = make(SCENES["cornell-point"](), "ssil.lone=false", diffuse=True)
+    dim = make(SCENES["cornell-point"](), "ssil.lone=false", "ssil.least_light=1", bounces=2, diffuse=True)
+    two = make(SCENES["cornell-point"](), "ssil.lone=false", bounces=2, diffuse=True)
     for each in (one, dim, two):
         each.run()
     assert np.array_equal(one.read_back("indirect"), dim.read_back("indirect"))
@@ -186,3 +187,67 @@ def test_visible_only_by_the_command_line(tmp_path, capsys):
     capsys.readouterr()
     assert main([*common, "--gi", "ssil", "--set", "camera.frames=1", "--visible-only"]) == 0
     assert "--visible-only changes nothing" in capsys.readouterr().err
+
+
+def settled(*texts, **fields):
+    """Return the bounces that make up a picture when all are asked for, and how many steps they took."""
+    renderer = make(SCENES["cornell-point"](), *texts, frames=8, bounces=None, diffuse=True, size=(96, 54), **fields)
+    steps = 0
+    while renderer.step(show=("indirect",), check=True):
+        steps += 1
+    assert not any(renderer.step(show=("indirect",)) for _ in range(2))
+    return renderer.read_back("indirect"), steps
+
+
+def test_amortised_bounces_are_those_of_one_frame():
+    """Light goes round before the frames that count, and each pixel of the picture comes to rest at the same."""
+    all_at_once, steps = settled("ssil.bounces=12", "ssil.visible_bounces=all", "ssil.least_light=0")
+    amortised, more_steps = settled("ssil.amortised=true")
+    assert amortised.mean() == pytest.approx(all_at_once.mean(), rel=0.01)
+    assert np.abs(amortised - all_at_once).mean() <= 0.02 * all_at_once.mean()
+    assert more_steps == steps + MOST_BOUNCES
+
+
+def test_amortised_bounces_while_the_camera_turns():
+    """Once light has gone round, every frame has it."""
+    shown = {}
+    for name, texts in (
+        ("apart", ("ssil.bounces=12", "ssil.visible_bounces=all")),
+        ("amortised", ("ssil.amortised=1",)),
+    ):
+        renderer = make(SCENES["cornell-point"](), *texts, bounces=None, diffuse=True, size=(96, 54))
+        position, matrix = renderer.camera.position, renderer.camera.world_from_view
+        means = []
+        for k in range(16):
+            renderer.camera = Camera.look_at(position, position - matrix[:3, 2] + 0.02 * k * matrix[:3, 0])
+            renderer.step(show=("indirect",))
+            means.append(renderer.read_back("indirect").mean())
+        shown[name] = np.array(means)
+    ratio = shown["amortised"] / shown["apart"]
+    assert ratio[0] < 0.85 and np.allclose(ratio[8:], 1, atol=0.03)
+
+
+@pytest.mark.parametrize(
+    ("text", "bounces", "reason"),
+    [
+        ("ssil.amortised=false", None, "ssil.amortised is off"),
+        ("ssil.amortised=true", 1, "one bounce"),
+        ("ssil.amortised=true", 2, "a number of bounces is given"),
+    ],
+)
+def test_when_bounces_are_not_amortised(text, bounces, reason):
+    renderer = make(SCENES["cornell-point"](), text, bounces=bounces, diffuse=True)
+    renderer.step(show=SHOW)
+    line = next(line for line in renderer.plan().splitlines()[1:] if line.split()[0] == "ssil/again")
+    assert line.split()[1] == "culled" and line.endswith(reason)
+
+
+def test_amortised_light_that_passes_through_walls_stays_finite():
+    """White walls and no visibility: more than all light comes back, frame by frame."""
+    scene = SCENES["cornell-point"]()
+    for material in scene.materials:
+        material.base_color = (1.0, 1.0, 1.0, 1.0)
+    renderer = make(scene, "ssil.amortised=true", "ssil.visibility=none", bounces=None, diffuse=True)
+    for _ in range(60):
+        renderer.step(force=True, check=True)
+    assert renderer.read_back("indirect").max() <= 100 * renderer.read_back("direct").max()

@@ -71,9 +71,9 @@ class DeferredInputs:
         self.shadows.update(self._records, draws)
 
     def note_frame(self, graph: Graph, frame: int) -> None:
-        """Send the number of the frame of a still picture."""
+        """Send the number of the frame of a still picture; below 0 it comes before the first one that counts."""
         sequence = np.zeros((), SEQUENCE)
-        sequence["index"] = frame
+        sequence["index"], sequence["ahead"] = max(frame, 0), max(-frame, 0)
         graph.uniform("sequence", sequence)
 
     def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:

@@ -3,7 +3,8 @@
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination". Departures: eq. 4 with the factor
 of pi that it lacks; patterns of samples are dealt out to interleaved classes of pixels and go round from frame to
 frame; light is summed over pixels and not averaged, so that none is lost where surfaces do not survive the vote; the
-default radius is twice the least that covers the screen. Bounces on alternate frames are not there.
+default radius is twice the least that covers the screen. Amortised bounces are not two on alternate frames: a frame
+gathers once, of direct light and of what the frame before got, so that light passes on by a bounce each, without end.
 """
 
 from __future__ import annotations
@@ -17,15 +18,25 @@ from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
 from ..gpu.wgsl import load
 from ..settings import setting
-from .gbuffer import FOUR_FLOATS, Gbuffer
+from .gbuffer import Gbuffer
 from .scene_inputs import SceneInputs
+from .ssil_full import Lone, declare_last, declare_lone
 from .ssil_glossy import declare_glossy
-from .ssil_levels import Levels, declare_levels, declare_light_levels, declare_reflected, declare_sent, level_buffer
-from .temporal import TemporalSettings, declare_accumulate
+from .ssil_levels import (
+    Levels,
+    declare_again,
+    declare_levels,
+    declare_light_levels,
+    declare_reflected,
+    declare_sent,
+    level_buffer,
+)
+from .temporal import TemporalSettings
 from .voxels import Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
 MOST_BOUNCES = 16
+LONE_SHARE = 4  # lone pixels, which are few, get a share of the samples of others. Chosen
 ADD_ROW = int(load("ssil/add.wgsl").constants["ROW"])
 _SIDE, _CLASSES = (int(load("ssil/classes.wgsl").constants[name]) for name in ("SIDE", "CLASSES"))
 
@@ -63,6 +74,9 @@ class SsilSettings:
     form_factor: str = setting(
         "disc", "Form factor of a sample: a disc of its area, bounded, or the plain one.", choices=("disc", "plain")
     )
+    lone: bool = setting(
+        True, "Gather for pixels by themselves that no pixel of the resolution of the start stands for."
+    )
     glossy_samples: int = setting(
         16,
         "Samples of each coated pixel at each level for what its coat reflects.",
@@ -72,6 +86,9 @@ class SsilSettings:
     )
     bounces: int = setting(
         2, "Bounces where all are asked for.", "bounces", range=(1, MOST_BOUNCES), presets={"high": 4}
+    )
+    amortised: bool = setting(
+        False, "Where all bounces are asked for, gather one a frame, of direct light and what the frame before got."
     )
     least_light: float = setting(
         0.001, "Later bounces whose brightest light is this share of the first's are left out.", range=(0, 1)
@@ -88,6 +105,13 @@ class _Gathering:
     pattern: Buffer
     voxels: Voxels | None
     first_peak: Buffer
+    lone: Lone | None
+    kept: Buffer | None  # where the irradiance goes round to the next frame, it
+
+
+def is_amortised(settings: SsilSettings, bounces: int | None) -> bool:
+    """Tell whether bounces are spread over frames: a given number of them is not."""
+    return settings.amortised and bounces is None and settings.bounces > 1
 
 
 def declare_ssil(
@@ -114,14 +138,23 @@ def declare_ssil(
     else:
         graph.skip("voxels", f"ssil.visibility is {settings.visibility}")
     light, peak = declare_sent(graph, scene, gbuffer, levels, direct)
-    gathering = _Gathering(settings, scene, levels, pattern, voxels, peak)
-    lights = declare_light_levels(graph, levels, light, "")
-    total = got = _declare_bounce(graph, gathering, lights, peak, "")
     count = settings.bounces if bounces is None else min(bounces, MOST_BOUNCES)
     if count == 1:
         graph.skip("ssil/reflectors", "one bounce")
     else:
         reflectors = declare_sent(graph, scene, gbuffer, levels, None)[0]
+    kept: Buffer | None = None
+    if is_amortised(settings, bounces):
+        kept = level_buffer(graph, f"ssil/combined_{levels.first}", levels.surfels[levels.first].size, history=True)
+        light, peak = declare_again(graph, gbuffer, levels, light, reflectors, motion, kept.previous)
+        count = 1
+    else:
+        given = "one bounce" if count == 1 else "a number of bounces is given"
+        graph.skip("ssil/again", given if settings.amortised else "ssil.amortised is off")
+    lone = declare_lone(graph, levels, settings.lone)
+    gathering = _Gathering(settings, scene, levels, pattern, voxels, peak, lone, kept)
+    lights = declare_light_levels(graph, levels, light, "")
+    total = got = _declare_bounce(graph, gathering, lights, peak, "")
     if settings.visible_bounces == "first":
         gathering = replace(gathering, settings=replace(settings, visibility="none"), voxels=None)
     coated = scene.features["HAS_COATS"] and settings.glossy_samples > 0
@@ -136,7 +169,7 @@ def declare_ssil(
         total = _declare_sum(graph, total, got, suffix)
     radius = _radius(settings, levels)
     glossy = declare_glossy(graph, scene, gbuffer, levels, voxels, lights, settings.glossy_samples, radius, seed)
-    return _declare_last(graph, temporal, scene, gbuffer, motion, levels, total, glossy)
+    return declare_last(graph, temporal, scene, gbuffer, motion, levels, total, glossy, lone)
 
 
 def default_radius(size: tuple[int, int], levels: int) -> float:
@@ -176,7 +209,8 @@ def _declare_bounce(graph: Graph, gathering: _Gathering, lights: list[Buffer], p
         if combined is None:
             combined = own
             continue
-        finer = level_buffer(graph, f"ssil/combined_{k}{suffix}", levels.surfels[k].size)
+        finer = gathering.kept if k == levels.first else None
+        finer = finer or level_buffer(graph, f"ssil/combined_{k}{suffix}", levels.surfels[k].size)
         graph.compute(
             f"ssil/combine_{k}{suffix}",
             "ssil/combine.wgsl",
@@ -196,37 +230,47 @@ def _declare_bounce(graph: Graph, gathering: _Gathering, lights: list[Buffer], p
 
 
 def _declare_gather(graph: Graph, gathering: _Gathering, k: int, light: Buffer, peak: Buffer, suffix: str) -> Buffer:
-    """Declare the irradiance of a level by its own disc or ring."""
-    settings, levels, voxels = gathering.settings, gathering.levels, gathering.voxels
+    """Declare the irradiance of a level by its own disc or ring; that of lone pixels is added to."""
+    settings, levels, voxels, lone = gathering.settings, gathering.levels, gathering.voxels, gathering.lone
     width, height = levels.surfels[k].size
     irradiance = level_buffer(graph, f"ssil/irradiance_{k}{suffix}", (width, height))
     shader = f"ssil/gather_{settings.visibility}.wgsl"
     rays = settings.visibility == "exact"
+    reads = {
+        "surfels": levels.surfels[k],
+        "light": light,
+        "pattern": gathering.pattern,
+        **(gathering.scene.surfaces if rays else {}),
+        **(voxels.reads(k) if voxels is not None else {}),
+    }
+    constants = {
+        **gathering.scene.constants(shader),
+        **(voxels.constants(k) if voxels is not None else {}),
+        "SAMPLES": settings.samples,
+        "FINEST": k == levels.first,
+        "BOUNDED": settings.form_factor == "disc",
+    }
     # Whole workgroups of 8x8 pixels of each class, a band of the picture after the other.
     block = 8 * _SIDE
     graph.compute(
         f"ssil/gather_{k}{suffix}",
         shader,
         over=(-(-width // block) * 8, -(-height // block) * _CLASSES * 8),
-        reads={
-            "surfels": levels.surfels[k],
-            "light": light,
-            "pattern": gathering.pattern,
-            "peak": peak,
-            "first_peak": gathering.first_peak,
-            **(gathering.scene.surfaces if rays else {}),
-            **(voxels.reads(k) if voxels is not None else {}),
-        },
+        reads={**reads, "peak": peak, "first_peak": gathering.first_peak},
         writes={"irradiance": irradiance},
-        constants={
-            **gathering.scene.constants(shader),
-            **(voxels.constants(k) if voxels is not None else {}),
-            "SAMPLES": settings.samples,
-            "FINEST": k == levels.first,
-            "BOUNDED": settings.form_factor == "disc",
-            "LEAST_LIGHT": settings.least_light if suffix else 0.0,
-        },
+        constants={**constants, "LEAST_LIGHT": settings.least_light if suffix else 0.0},
     )
+    if lone is not None:
+        graph.compute(
+            f"ssil/lone_{k}{suffix}",
+            shader,
+            entry="listed",
+            indirect=lone.groups,
+            reads={**reads, "lone": lone.pixels, "lone_groups": lone.groups, "finest_surfels": levels.surfels[0]},
+            writes={"irradiance": lone.irradiance},
+            constants={**constants, "LONE_SAMPLES": max(settings.samples // LONE_SHARE, 1), "LEVEL": k},
+            clear=[] if suffix or k < levels.gathered[-1] else [lone.irradiance],
+        )
     return irradiance
 
 
@@ -240,58 +284,3 @@ def _declare_sum(graph: Graph, before: Buffer, irradiance: Buffer, suffix: str) 
         writes={"total": total},
     )
     return total
-
-
-def _declare_last(
-    graph: Graph,
-    temporal: TemporalSettings,
-    scene: SceneInputs,
-    gbuffer: Gbuffer,
-    motion: Buffer,
-    levels: Levels,
-    irradiance: Buffer,
-    glossy: Buffer | None,
-) -> Buffer:
-    """Declare the light that pixels of the picture reflect: of the irradiance, and of `glossy`, of the first level."""
-    if temporal.frames == 1:
-        graph.skip("temporal/accumulate", "temporal.frames is 1")
-        return _declare_full(graph, scene, gbuffer, levels, irradiance, "indirect", glossy, {})
-    full = _declare_full(graph, scene, gbuffer, levels, irradiance, "irradiance", None, {"REFLECTED": False})
-    mean = declare_accumulate(graph, temporal, scene, gbuffer, motion, full).averaged
-    return _declare_full(graph, scene, gbuffer, levels, mean, "indirect", glossy, {"UPSAMPLED": True})
-
-
-def _declare_full(
-    graph: Graph,
-    scene: SceneInputs,
-    gbuffer: Gbuffer,
-    levels: Levels,
-    coarse: Buffer,
-    name: str,
-    glossy: Buffer | None,
-    constants: dict[str, bool],
-) -> Buffer:
-    """Declare what pixels of the picture get, or reflect, of the light of the first level."""
-    width, height = graph.size
-    full = graph.buffer(f"ssil/{name}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
-    shader = "ssil/last.wgsl"
-    graph.compute(
-        f"ssil/{name}",
-        shader,
-        over=(width, height),
-        reads={
-            "surfaces": gbuffer.surfaces,
-            "surfels": levels.surfels[0],
-            "coarse_surfels": levels.surfels[levels.first],
-            "coarse": coarse,
-            "coarse_glossy": graph.neutral("buffer") if glossy is None else glossy,
-        },
-        writes={"full": full},
-        constants={
-            **scene.constants(shader),
-            "SQUARE": 1 << levels.first,
-            "HAS_GLOSSY": glossy is not None,
-            **constants,
-        },
-    )
-    return full

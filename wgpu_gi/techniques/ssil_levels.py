@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..gpu.graph import Graph
-from ..gpu.handles import Buffer, Texture
+from ..gpu.handles import Buffer, Texture, View
 from ..gpu.wgsl import load
-from .gbuffer import Gbuffer
+from .gbuffer import FOUR_FLOATS, Gbuffer
 from .scene_inputs import SceneInputs
 
 LIGHT = np.dtype((np.uint32, 2))  # codes of wgsl/common/light_code.wgsl
@@ -116,6 +116,32 @@ def declare_reflected(
     return light, peak
 
 
+def declare_again(
+    graph: Graph, gbuffer: Gbuffer, levels: Levels, sent: Buffer, reflectors: Buffer, motion: Buffer, before: View
+) -> tuple[Buffer, Buffer]:
+    """Declare what the first level sends together with what it got in the frame before, and the brightest radiance."""
+    light = graph.buffer("ssil/light_again", dtype=LIGHT, count=reflectors.count)
+    peak = graph.buffer("ssil/light_peak_again", dtype=np.uint32, count=1, history=True)
+    graph.compute(
+        "ssil/again",
+        "ssil/again.wgsl",
+        over=levels.surfels[levels.first],
+        reads={
+            "surfels": levels.surfels[levels.first],
+            "distance": gbuffer.distance,
+            "reflectors": reflectors,
+            "sent": sent,
+            "motion": motion,
+            "before": before,
+            "peak_before": peak.previous,
+        },
+        writes={"light": light, "peak": peak},
+        constants={"SQUARE": 1 << levels.first},
+        clear=[peak],
+    )
+    return light, peak
+
+
 def declare_light_levels(graph: Graph, levels: Levels, light: Buffer, suffix: str) -> list[Buffer]:
     """Declare the light of the coarser levels; return that of all that are gathered at, the finest first."""
     found = [light]
@@ -134,7 +160,7 @@ def declare_light_levels(graph: Graph, levels: Levels, light: Buffer, suffix: st
     return found
 
 
-def level_buffer(graph: Graph, name: str, size: tuple[int, int]) -> Buffer:
+def level_buffer(graph: Graph, name: str, size: tuple[int, int], history: bool = False) -> Buffer:
     """Declare four floats for each pixel of a level."""
-    dtype = np.dtype((np.float32, 4))
-    return graph.buffer(name, dtype=dtype, count=size[0] * size[1], width=size[0], nonnegative=True)
+    count = size[0] * size[1]
+    return graph.buffer(name, dtype=FOUR_FLOATS, count=count, width=size[0], nonnegative=True, history=history)

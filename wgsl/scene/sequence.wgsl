@@ -3,6 +3,7 @@
 
 struct Sequence {
     index: u32,
+    ahead: u32,  // frames before the first one that counts, in which light that goes round settles; their index is 0
 }
 
 @group(0) @binding(3) var<uniform> sequence: Sequence;

@@ -1,4 +1,5 @@
-// One invocation adds to a pixel's irradiance that of all coarser levels. In: surfels, irradiance of both, W/m2.
+// One invocation adds to a pixel's irradiance that of all coarser levels. In: surfels, irradiance of both, W/m2. Out:
+// irradiance, and the distance of its surface, metres, 0 where there is none.
 #import "ssil/upsample.wgsl"
 
 @group(1) @binding(13) var surfels: texture_storage_2d<rgba32uint, read>;
@@ -17,5 +18,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         combined[index] = vec4f(0.0);
         return;
     }
-    combined[index] = vec4f(own[index].rgb + upsample(id.xy, texel, 2.0).irradiance, 1.0);
+    combined[index] = vec4f(own[index].rgb + upsample(id.xy, texel, 2.0).irradiance, length(surfel_position(texel)));
 }

@@ -13,7 +13,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let seen = load_distance(id.xy);
     var texel = vec4u(0u);
     if (seen > 0.0) {
-        texel = pack_surfel(pixel_surfel(id.xy, load_surface(id.xy), seen));
+        let facing = facing_side();
+        texel = pack_surfel(pixel_surfel(id.xy, load_surface(id.xy), seen, facing), facing);
     }
     textureStore(surfels, id.xy, texel);
 }

@@ -28,6 +28,82 @@ override LEAST_LIGHT: f32 = 0.0; // of the brightest light of the first bounce: 
 @group(1) @binding(15) var<storage, read> peak: array<u32>;        // brightest light of the bounce, bits of a float
 @group(1) @binding(16) var<storage, read> first_peak: array<u32>;  // and of the first one
 
+// For pixels of the picture that no pixel of the first level stands for.
+override LONE_SAMPLES: u32 = 16u;  // of each of them at each level
+override LEVEL: u32 = 1u;
+
+@group(1) @binding(17) var<storage, read> lone: array<u32>;         // by their index
+@group(1) @binding(18) var<storage, read> lone_groups: array<u32>;  // x, y, z workgroups; pixels
+@group(1) @binding(19) var finest_surfels: texture_2d<u32>;
+
+const LONE_GROUP: u32 = 64u;
+
+// Returns the pixel that a sample of the pattern lies at.
+fn place_of(start: Place, entry: vec2u) -> vec2i {
+    return start.pixel + (vec2i(bitcast<i32>(entry.x << 16u), bitcast<i32>(entry.x)) >> vec2u(16u));
+}
+
+// Returns which of `count` samples of the pattern, from `first` on, send any light, a bit each.
+fn lit_samples(start: Place, first: u32, count: u32, size: vec2u) -> u32 {
+    var lit = 0u;
+    for (var k = 0u; k < count; k += 1u) {
+        let place = place_of(start, pattern[first + k]);
+        let inside = all(place >= vec2i(0)) && all(place < vec2i(size));
+        let code = light[select(0, place.y * i32(size.x) + place.x, inside)];
+        lit |= select(0u, 1u << k, inside && (code.x | (code.y & 0xffffu)) != 0u);
+    }
+    return lit;
+}
+
+// Returns which of the samples `lit` the pixel faces, and they it.
+fn facing_samples(start: Place, first: u32, lit: u32) -> u32 {
+    var left = lit;
+    var facing = 0u;
+    while (left != 0u) {
+        let k = firstTrailingBit(left);
+        left &= left - 1u;
+        let texel = textureLoad(surfels, vec2u(place_of(start, pattern[first + k])));
+        let way = surfel_position(texel) - start.position;
+        let is_facing = max(dot(start.normal, way), 0.0) * max(-dot(surfel_normal(texel), way), 0.0) > 0.0;
+        facing |= select(0u, 1u << k, is_facing);
+    }
+    return facing;
+}
+
+// Returns the irradiance by a sample that faces the pixel; `side` is facing_side().
+fn received(start: Place, entry: vec2u, width: u32, side: vec4f, number: u32) -> vec3f {
+    let place = place_of(start, entry);
+    let texel = textureLoad(surfels, vec2u(place));
+    let end = Place(place, surfel_position(texel), surfel_normal(texel));
+    let way = end.position - start.position;
+    let squared = dot(way, way);
+    let arriving = max(dot(start.normal, way), 0.0);
+    let leaving = max(-dot(end.normal, way), 0.0);
+    let count = bitcast<f32>(entry.y);
+    let disc = leaving * inverseSqrt(squared) * count * surfel_area(texel, side) * (BOUND_SHARE * INV_PI);
+    // Both cosines still have a length of d.
+    let term = count * arriving * leaving / max(squared * (squared + select(0.0, disc, BOUNDED)), 1e-37);
+    return unpack_light(light[u32(place.y) * width + u32(place.x)]) * (term * visibility(start, end, number));
+}
+
+// Returns the irradiance by `count` samples of the pattern from `first` on.
+fn irradiance_at(start: Place, first: u32, count: u32, size: vec2u) -> vec3f {
+    let side = facing_side();
+    var sum = vec3f(0.0);
+    // Threads that run in step do what any of them needs, and lavapipe runs what none needs: what is cheap is asked of
+    // all samples first, and each thread goes on with those of its own that are left.
+    for (var k = 0u; k < count; k += 32u) {
+        let lit = lit_samples(start, first + k, min(count - k, 32u), size);
+        var left = facing_samples(start, first + k, lit);
+        while (left != 0u) {
+            let number = k + firstTrailingBit(left);
+            left &= left - 1u;
+            sum += received(start, pattern[first + number], size.x, side, number);
+        }
+    }
+    return sum;
+}
+
 fn gather(group: vec3u, thread: vec3u) {
     let size = textureDimensions(surfels);
     let first = vec2u(group.y % SIDE, group.y / SIDE % SIDE);
@@ -43,34 +119,26 @@ fn gather(group: vec3u, thread: vec3u) {
         irradiance[index] = vec4f(0.0);
         return;
     }
-    let normal = surfel_normal(own);
-    let start = Place(vec2i(pixel), surfel_position(own), normal);
+    let start = Place(vec2i(pixel), surfel_position(own), surfel_normal(own));
     prepare(start);
     let table = (select(CLASSES, 0u, FINEST) + pattern_of(first, sequence.index)) * SAMPLES;
-    var sum = vec3f(0.0);
-    for (var k = 0u; k < SAMPLES; k += 1u) {
-        let entry = pattern[table + k];
-        let offset = vec2i(bitcast<i32>(entry.x << 16u), bitcast<i32>(entry.x)) >> vec2u(16u);
-        let place = start.pixel + offset;
-        let inside = all(place >= vec2i(0)) && all(place < vec2i(size));
-        let code = light[select(0, place.y * i32(size.x) + place.x, inside)];
-        if (!inside || (code.x | (code.y & 0xffffu)) == 0u) {
-            continue;
-        }
-        let texel = textureLoad(surfels, vec2u(place));
-        let end = Place(place, surfel_position(texel), surfel_normal(texel));
-        let way = end.position - start.position;
-        let squared = dot(way, way);
-        let arriving = max(dot(normal, way), 0.0);
-        let leaving = max(-dot(end.normal, way), 0.0);
-        if (arriving * leaving <= 0.0) {
-            continue;
-        }
-        let count = bitcast<f32>(entry.y);
-        let disc = leaving * inverseSqrt(squared) * count * surfel_area(texel) * (BOUND_SHARE * INV_PI);
-        // Both cosines still have a length of d.
-        let term = count * arriving * leaving / max(squared * (squared + select(0.0, disc, BOUNDED)), 1e-37);
-        sum += unpack_light(code) * (term * visibility(start, end, k));
+    irradiance[index] = vec4f(irradiance_at(start, table, SAMPLES, size), 1.0);
+}
+
+// Adds to the irradiance of listed pixels of the picture what they get from this level, by a part of the samples of
+// their class, in each frame another.
+fn gather_lone(thread: u32, threads: u32) {
+    let size = textureDimensions(surfels);
+    let parts = SAMPLES / LONE_SAMPLES;
+    for (var slot = thread; slot < lone_groups[3]; slot += threads) {
+        let index = lone[slot];
+        let pixel = vec2u(index % view.size.x, index / view.size.x);
+        let own = textureLoad(finest_surfels, pixel, 0);
+        let start = Place(vec2i(pixel >> vec2u(LEVEL)), surfel_position(own), surfel_normal(own));
+        prepare(start);
+        let table = (select(CLASSES, 0u, FINEST) + pattern_of(pixel % SIDE, sequence.index)) * SAMPLES;
+        let part = (pixel.x / SIDE + pixel.y / SIDE + sequence.index) % parts;
+        let got = irradiance_at(start, table + part * LONE_SAMPLES, LONE_SAMPLES, size);
+        irradiance[slot] = vec4f(irradiance[slot].rgb + got * (f32(SAMPLES) / f32(LONE_SAMPLES)), 1.0);
     }
-    irradiance[index] = vec4f(sum, 1.0);
 }

@@ -6,3 +6,8 @@
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
     gather(group, thread);
 }
+
+@compute @workgroup_size(LONE_GROUP)
+fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    gather_lone(id.x, groups.x * LONE_GROUP);
+}

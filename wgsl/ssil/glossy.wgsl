@@ -106,6 +106,7 @@ fn gather_glossy(id: vec3u) {
     let mirrored = projected(start.position, reflect(ray.direction, normal));
     let forward = mirrored * inverseSqrt(max(dot(mirrored, mirrored), 1e-30));
     let pixel_seed = hash2(id.x, hash2(id.y, params.seed ^ SHIFT));
+    let pixel_side = facing_side();
     var sum = vec3f(0.0);
     for (var k = 0u; k < SAMPLES; k += 1u) {
         let number = sequence.index * SAMPLES + k;
@@ -125,7 +126,7 @@ fn gather_glossy(id: vec3u) {
         if (arriving * leaving <= 0.0) {
             continue;
         }
-        let facing = leaving * inverseSqrt(squared) * drawn.count * surfel_area(texel);
+        let facing = leaving * inverseSqrt(squared) * drawn.count * surfel_area(texel, pixel_side);
         let reach = squared + facing * INV_PI;
         let shine = shine_of(brdf, normal, to_eye, way, reach, facing);
         let term = drawn.count * arriving * leaving / max(squared * reach, 1e-37) * shine.lobe;

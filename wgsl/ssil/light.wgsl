@@ -20,6 +20,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(id.xy >= size)) {
         return;
     }
+    let facing = facing_side();
     var sum = vec3f(0.0);
     for (var y = 0u; y < SQUARE; y += 1u) {
         for (var x = 0u; x < SQUARE; x += 1u) {
@@ -41,7 +42,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
                 let lit = (surface.flags & GBUFFER_UNLIT) == 0u;
                 sent = select(vec3f(0.0), gbuffer_brdf(surface).diffuse * INV_PI, lit);
             }
-            sum += sent * pixel_surfel(pixel, surface, seen).area;
+            sum += sent * pixel_surfel(pixel, surface, seen, facing).area;
         }
     }
     light[id.y * size.x + id.x] = pack_light(sum);

@@ -6,10 +6,10 @@
 const LEAST_COSINE: f32 = 0.001;
 
 // Returns the surfel of a pixel that shows something: eq. 2, z^2 cos(alpha) / cos(beta) times the facing pixel's area.
-fn pixel_surfel(pixel: vec2u, surface: GbufferSurface, seen: f32) -> Surfel {
+fn pixel_surfel(pixel: vec2u, surface: GbufferSurface, seen: f32, facing: vec4f) -> Surfel {
     let ray = pixel_ray(pixel);
     let position = ray.origin - view.position + ray.direction * seen;
     let along = dot(ray.direction, view.forward);
     let slope = max(abs(dot(surface.geometric_normal, ray.direction)), LEAST_COSINE);
-    return Surfel(position, surface.normal, facing_area(position) * along / slope);
+    return Surfel(position, surface.normal, facing_area(position, facing) * along / slope);
 }

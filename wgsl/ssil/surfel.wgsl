@@ -2,24 +2,39 @@
 #import "scene/info.wgsl"
 #import "common/math.wgsl"
 
+const AREA_ONE: u32 = 0x3f800000u;   // the bits of 1.0
+const AREA_STEP: u32 = 0x00100000u;  // between floats with 3 bits of mantissa
+
 struct Surfel {
     position: vec3f,  // metres from the camera, along the axes of the world
     normal: vec3f,    // unit, shading, towards the viewer
     area: f32,        // of all surfaces that the pixel shows, m2
 }
 
-// Returns the area of a pixel of the whole picture on a plane that faces the camera, m2.
-fn facing_area(position: vec3f) -> f32 {
-    let depth = dot(position, view.forward);
-    let per_depth = 4.0 * length(view.right) * length(view.up) / f32(view.size.x * view.size.y);
-    return per_depth * select(depth * depth, 1.0, view.orthographic != 0u);
+// Returns what gives the side of a pixel of the whole picture on a plane that faces the camera, metres: times a
+// position, plus w. Loads in loops are dear: call this before them.
+fn facing_side() -> vec4f {
+    let side = sqrt(4.0 * length(view.right) * length(view.up) / f32(view.size.x * view.size.y));
+    return side * select(vec4f(view.forward, 0.0), vec4f(0.0, 0.0, 0.0, 1.0), view.orthographic != 0u);
 }
 
-// Normals take 12 bits for each octahedral coordinate, 0 and 1 exactly. Areas are off by 3 % at most, which only moves
-// the bound of near light.
-fn pack_surfel(s: Surfel) -> vec4u {
+// Returns the area of such a pixel, m2.
+fn facing_area(position: vec3f, facing: vec4f) -> f32 {
+    let side = dot(position, facing.xyz) + facing.w;
+    return side * side;
+}
+
+// Returns how many pixels of the whole picture a metre takes up that faces the camera.
+fn pixels_per_metre(position: vec3f) -> f32 {
+    return inverseSqrt(max(facing_area(position, facing_side()), 1e-37));
+}
+
+// Normals take 12 bits for each octahedral coordinate, 0 and 1 exactly. Areas are floats in 8 bits, of the facing
+// pixel's: they are off by 6 % at most, which only moves the bound of near light.
+fn pack_surfel(s: Surfel, facing: vec4f) -> vec4u {
     let normal = vec2u(round(octahedral_encode(s.normal) * 2047.0) + 2048.0);
-    let area = u32(clamp(10.0 * log2(s.area / max(facing_area(s.position), 1e-37)), 0.0, 254.0) + 0.5);
+    let share = clamp(s.area / max(facing_area(s.position, facing), 1e-37), 1.0, 3e9);
+    let area = (bitcast<u32>(share) - AREA_ONE + AREA_STEP / 2u) / AREA_STEP;
     return vec4u(bitcast<vec3u>(s.position), normal.x | (normal.y << 12u) | ((area + 1u) << 24u));
 }
 
@@ -35,6 +50,7 @@ fn surfel_normal(texel: vec4u) -> vec3f {
     return octahedral_decode((vec2f(vec2u(texel.w, texel.w >> 12u) & vec2u(4095u)) - 2048.0) * (1.0 / 2047.0));
 }
 
-fn surfel_area(texel: vec4u) -> f32 {
-    return facing_area(surfel_position(texel)) * exp2(0.1 * f32((texel.w >> 24u) - 1u));
+fn surfel_area(texel: vec4u, facing: vec4f) -> f32 {
+    let share = bitcast<f32>((texel.w >> 24u) * AREA_STEP + (AREA_ONE - AREA_STEP));
+    return facing_area(surfel_position(texel), facing) * share;
 }

@@ -20,6 +20,14 @@ struct Upsampled {
     glossy: vec3f,
 }
 
+// Returns how much a coarser surfel is of one surface with a finer one, 0 to 1; `per_width` turns metres into widths of
+// the coarser pixel.
+fn sameness(position: vec3f, normal: vec3f, other: vec4u, per_width: f32) -> f32 {
+    let off = dot(normal, surfel_position(other) - position) * per_width;
+    let turned = 1.0 - dot(normal, surfel_normal(other));
+    return max(1.0 - off * off / (OFF_PLANE * OFF_PLANE), 0.0) * max(1.0 - turned / OFF_NORMAL, 0.0);
+}
+
 // Returns the light at a pixel of a level that has SQUARE^2 pixels for each coarse one.
 fn upsample(pixel: vec2u, texel: vec4u, square: f32) -> Upsampled {
     let size = vec2i(textureDimensions(coarse_surfels));
@@ -28,8 +36,7 @@ fn upsample(pixel: vec2u, texel: vec4u, square: f32) -> Upsampled {
     let f = place - floor(place);
     let position = surfel_position(texel);
     let normal = surfel_normal(texel);
-    let width = f32(view.size.x) / f32(size.x);
-    let per_width = inverseSqrt(max(facing_area(position), 1e-37)) / width;
+    let per_width = pixels_per_metre(position) * f32(size.x) / f32(view.size.x);
     var sum = vec3f(0.0);
     var shine = vec3f(0.0);
     var weights = 0.0;
@@ -38,9 +45,7 @@ fn upsample(pixel: vec2u, texel: vec4u, square: f32) -> Upsampled {
         let at = clamp(corner + offset, vec2i(0), size - 1);
         let other = textureLoad(coarse_surfels, vec2u(at));
         let share = select(1.0 - f, f, offset > vec2i(0));
-        let off = dot(normal, surfel_position(other) - position) * per_width;
-        let turned = 1.0 - dot(normal, surfel_normal(other));
-        let same = max(1.0 - off * off / (OFF_PLANE * OFF_PLANE), 0.0) * max(1.0 - turned / OFF_NORMAL, 0.0);
+        let same = sameness(position, normal, other, per_width);
         let weight = select(share.x * share.y * max(same, LEAST), 0.0, is_empty(other));
         sum += weight * coarse[at.y * size.x + at.x].rgb;
         if (HAS_GLOSSY) {

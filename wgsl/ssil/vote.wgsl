@@ -42,6 +42,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var best = vec4u(0u);
     var best_score = 0.0;
     var area = 0.0;
+    let facing = facing_side();
     let near = exp(-0.5 / (STEP_WIDTH * STEP_WIDTH));
     for (var k = 0; k < 4; k += 1) {
         let pixel = 2 * vec2i(id.xy) + vec2i(k & 1, k >> 1u);
@@ -49,11 +50,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         if (is_empty(own)) {
             continue;
         }
-        area += surfel_area(own);
+        area += surfel_area(own, facing);
         let position = surfel_position(own);
         let normal = surfel_normal(own);
         let width = f32(view.size.x) / f32(textureDimensions(finer).x);
-        let per_width = inverseSqrt(max(facing_area(position), 1e-37)) / width;
+        let per_width = inverseSqrt(max(facing_area(position, facing), 1e-37)) / width;
         let sides = vote(position, normal, per_width, load(pixel - vec2i(1, 0)))
             + vote(position, normal, per_width, load(pixel + vec2i(1, 0)))
             + vote(position, normal, per_width, load(pixel - vec2i(0, 1)))
@@ -65,7 +66,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         }
     }
     if (best_score > 0.0) {
-        best = pack_surfel(Surfel(surfel_position(best), surfel_normal(best), area));
+        best = pack_surfel(Surfel(surfel_position(best), surfel_normal(best), area), facing);
     }
     textureStore(surfels, id.xy, best);
 }

@@ -23,6 +23,9 @@ const STEP_SLICES: f32 = 16.0;
 
 var<private> slices: Slices;
 var<private> border: vec2f;  // cells
+var<private> centre: vec2f;  // of the picture, cells
+var<private> forward: vec3f;
+var<private> parallel: bool;
 // What turns metres right and down into cells, at a depth of one metre.
 var<private> cells_right: vec3f;
 var<private> cells_down: vec3f;
@@ -35,9 +38,11 @@ var<private> lift_forward: vec3f;
 fn prepare_march() {
     slices = slices_of(range[0], range[1]);
     border = vec2f(f32(WIDTH), f32(HEIGHT)) - 0.01;
-    let cells = vec2f(view.size) * (0.5 / CELL);
-    cells_right = view.right * (cells.x / dot(view.right, view.right));
-    cells_down = view.up * (-cells.y / dot(view.up, view.up));
+    centre = vec2f(view.size) * (0.5 / CELL);
+    forward = view.forward;
+    parallel = view.orthographic != 0u;
+    cells_right = view.right * (centre.x / dot(view.right, view.right));
+    cells_down = view.up * (-centre.y / dot(view.up, view.up));
     let side = 2.0 * CELL * LIFT / f32(view.size.x);
     lift_right = view.right * side;
     lift_up = normalize(view.up) * (length(view.right) * side);
@@ -47,19 +52,17 @@ fn prepare_march() {
 // Returns where a ray to or from a surface ends: cells right and down, and what is linear along it over the picture,
 // near / depth, or depth under parallel rays.
 fn lifted(position: vec3f, normal: vec3f) -> vec3f {
-    let parallel = view.orthographic != 0u;
     let spanned = abs(dot(normal, lift_right)) + abs(dot(normal, lift_up)) + abs(dot(normal, lift_forward));
-    let place = position + normal * (spanned * select(dot(position, view.forward), 1.0, parallel));
-    let depth = clamp(dot(place, view.forward), slices.near, slices.far);
+    let place = position + normal * (spanned * select(dot(position, forward), 1.0, parallel));
+    let depth = clamp(dot(place, forward), slices.near, slices.far);
     let per_depth = select(1.0 / depth, 1.0, parallel);
-    let cell = vec2f(dot(place, cells_right), dot(place, cells_down)) * per_depth + vec2f(view.size) * (0.5 / CELL);
+    let cell = vec2f(dot(place, cells_right), dot(place, cells_down)) * per_depth + centre;
     // All between two ends that lie in the grid does.
     return vec3f(clamp(cell, vec2f(0.0), border), select(slices.near * per_depth, depth, parallel));
 }
 
 // Returns 1 where nothing stands between two ends as `lifted` has them, else 0. `jitter` in [0, 1) shifts the steps.
 fn march(start: vec3f, end: vec3f, jitter: f32) -> f32 {
-    let parallel = view.orthographic != 0u;
     let way = end - start;
     let cells = max(max(abs(way.x), abs(way.y)), 1e-6);
     let gap = min(END_CELLS / cells, 0.5);
@@ -71,7 +74,10 @@ fn march(start: vec3f, end: vec3f, jitter: f32) -> f32 {
     let half = 0.5 * passed * min(step, 1.0 / cells);
     // As many bits, and where they begin before the middle.
     let bits = 0xffffffffu >> (31u - u32(2.0 * half + 0.5));
-    for (var k = 0.0; k < steps; k += 4.0) {
+    var k = 0.0;
+    var hidden = false;
+    // Left at its end: lavapipe goes through a loop once more to find that it is left at its beginning.
+    loop {
         let t = gap + (vec4f(0.0, 1.0, 2.0, 3.0) + k + jitter) * step;
         let x = vec4u(start.x + t * way.x);
         let y = vec4u(start.y + t * way.y);
@@ -82,9 +88,11 @@ fn march(start: vec3f, end: vec3f, jitter: f32) -> f32 {
         let mask = select(vec4u(bits) << vec4u(low), vec4u(bits) >> vec4u(-low), low < vec4i(0));
         let index = (y * WIDTH + x) * (BITS / 32u) + word;
         let found = vec4u(voxels[index.x], voxels[index.y], voxels[index.z], voxels[index.w]);
-        if (any((found & mask) != vec4u(0u))) {
-            return 0.0;
+        hidden = any((found & mask) != vec4u(0u));
+        k += 4.0;
+        if (hidden || k >= steps) {
+            break;
         }
     }
-    return 1.0;
+    return select(1.0, 0.0, hidden);
 }
