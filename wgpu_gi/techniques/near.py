@@ -16,8 +16,8 @@ from .environment import Ambient
 from .gather import Gathered, Near
 from .gbuffer import FOUR_FLOATS, SURFACE, Gbuffer
 from .scene_inputs import SceneInputs
-from .ssdo import declare_reflected, declare_upsampling
-from .ssdo_search import INTERLEAVE, declare_search
+from .ssdo import declare_reflected, declare_rest_reflected, declare_upsampling
+from .ssdo_search import INTERLEAVE, Asked, declare_rest, declare_search
 from .ssdo_senders import declare_shown
 from .ssdo_sources import Sources, SsdoSettings
 from .vpl import TABLE_WIDTH, Vpls
@@ -57,7 +57,9 @@ def declare_near(
     sources = Sources([gbuffer], [])
     # Of the environment nothing is asked here.
     dark = Ambient(ambient.reads, dict.fromkeys(ambient.features, False))
-    search = declare_search(graph, settings, scene, sources, dark, seed, reach=settings.near_reach)
+    asked = Asked(graph, settings, scene, sources, dark, seed, reach=settings.near_reach)
+    search = declare_search(asked)
+    declare_rest(asked, search, None)
     senders = graph.buffer("ssdo/senders", dtype=SURFACE, count=width * height)
     declare_shown(graph, scene, gbuffer, direct, senders, gathered.irradiance if bounces != 1 else None)
     near = declare_reflected(graph, settings, scene, sources, search, senders)
@@ -65,6 +67,7 @@ def declare_near(
         radius = INTERLEAVE if settings.blur else 1
         near = declare_blur(graph, "ssdo/near", gbuffer, near, search.normals, radius, stride=search.stride)
         near = declare_upsampling(graph, scene, "ssdo/near", gbuffer, near, search, reflected=False)
+        declare_rest_reflected(graph, settings, scene, sources, search, senders, near, reflected=False)
     irradiance = graph.buffer("ssdo/both", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     graph.compute(
         "ssdo/add",

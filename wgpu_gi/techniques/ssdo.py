@@ -16,7 +16,17 @@ from .denoise import declare_blur
 from .environment import Ambient
 from .gbuffer import FOUR_FLOATS, Gbuffer
 from .scene_inputs import SceneInputs
-from .ssdo_search import INTERLEAVE, SENDER_STRIDE, Search, declare_search, grid_of, grid_reads, over_grid
+from .ssdo_search import (
+    INTERLEAVE,
+    SENDER_STRIDE,
+    Asked,
+    Search,
+    declare_rest,
+    declare_search,
+    grid_of,
+    grid_reads,
+    over_grid,
+)
 from .ssdo_senders import declare_senders
 from .ssdo_sources import Sources, SsdoSettings
 from .temporal import TemporalSettings, declare_accumulate
@@ -59,11 +69,14 @@ def declare_occlusion(
     `frames` make a still picture.
     """
     gbuffer = sources.layers[0]
-    search = declare_search(graph, settings, scene, sources, ambient, seed)
+    asked = Asked(graph, settings, scene, sources, ambient, seed)
+    search = declare_search(asked)
     if not ambient.features["HAS_ENVIRONMENT"]:
         graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")
+        declare_rest(asked, search, None)
         return Occlusion(None, search)
     share = _declare_average(graph, "ssdo/share", settings, scene, gbuffer, search.light, search, frames)
+    declare_rest(asked, search, share)
     return Occlusion(history.declare(graph, scene, gbuffer, share, "ssdo/share"), search)
 
 
@@ -83,10 +96,11 @@ def declare_bounce(
     search, gbuffer = occlusion.search, sources.layers[0]
     senders = declare_senders(graph, settings, scene, sources, direct, atlas, ambient, seed)
     irradiance = declare_reflected(graph, settings, scene, sources, search, senders)
-    name = "ssdo/bounce"
-    if history.settings.frames == 1:
-        return _declare_average(graph, name, settings, scene, gbuffer, irradiance, search, reflected=True)
-    light = _declare_average(graph, name, settings, scene, gbuffer, irradiance, search)
+    name, reflected = "ssdo/bounce", history.settings.frames == 1
+    light = _declare_average(graph, name, settings, scene, gbuffer, irradiance, search, reflected=reflected)
+    declare_rest_reflected(graph, settings, scene, sources, search, senders, light, reflected=reflected)
+    if reflected:
+        return light
     return _declare_reflection(graph, scene, gbuffer, history.declare(graph, scene, gbuffer, light, name))
 
 
@@ -129,17 +143,52 @@ def declare_reflected(
             "senders": senders,
         },
         writes={"irradiance": irradiance},
-        constants={
-            **scene.constants(shader),
-            **sources.constants,
-            "DIRECTIONS": settings.directions,
-            "STRIDE": search.stride,
-            "SENDER_STRIDE": SENDER_STRIDE,
-            "WEIGHT": 1.0 if search.sent is None else 2.0,
-        },
+        constants=_bounce_constants(settings, scene, sources, search),
         clear=[irradiance],
     )
     return irradiance
+
+
+def declare_rest_reflected(
+    graph: Graph,
+    settings: SsdoSettings,
+    scene: SceneInputs,
+    sources: Sources,
+    search: Search,
+    senders: Buffer,
+    fine: Buffer,
+    *,
+    reflected: bool,
+) -> None:
+    """Declare the same for the pixels that the grid does not stand for, into light of all."""
+    if search.rest is None:
+        return
+    graph.compute(
+        "ssdo/rest_bounce",
+        "ssdo/bounce.wgsl",
+        indirect=search.rest.groups,
+        entry="listed",
+        reads={
+            "surfaces": sources.gbuffer(0).surfaces,
+            "found": graph.neutral("buffer"),
+            "hits": search.rest.hits,
+            "senders": senders,
+            **search.rest.listed,
+        },
+        writes={"irradiance": fine},
+        constants={**_bounce_constants(settings, scene, sources, search), "REFLECTED": reflected},
+    )
+
+
+def _bounce_constants(settings: SsdoSettings, scene: SceneInputs, sources: Sources, search: Search) -> dict[str, float]:
+    return {
+        **scene.constants("ssdo/bounce.wgsl"),
+        **sources.constants,
+        "DIRECTIONS": settings.directions,
+        "STRIDE": search.stride,
+        "SENDER_STRIDE": SENDER_STRIDE,
+        "WEIGHT": 1.0 if search.sent is None else 2.0,
+    }
 
 
 def _declare_average(
@@ -187,6 +236,7 @@ def declare_upsampling(
     reflected: bool,
 ) -> Buffer:
     """Declare light of the grid for all pixels; `reflected`: as radiance."""
+    assert search.rest is not None
     width, height = graph.size
     fine = graph.buffer(f"{name}/fine", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     shader = "ssdo/upsample.wgsl"
@@ -194,7 +244,7 @@ def declare_upsampling(
         f"{name}/upsample",
         shader,
         over=grid_of(graph, search.stride),
-        reads={"surfaces": gbuffer.surfaces, "distance": gbuffer.distance, "coarse": coarse, "normals": search.normals},
+        reads={"surfaces": gbuffer.surfaces, "coarse": coarse, "guide": search.rest.guide},
         writes={"fine": fine},
         constants={**scene.constants(shader), "REFLECTED": reflected},
     )

@@ -18,8 +18,12 @@ from .ssdo_sources import Sources, SsdoSettings
 
 # Sources other than the picture are lit at one pixel in so many in each row and column; chosen.
 SENDER_STRIDE = 2
+# the sky that they see is looked for at one in so many,
+SKY_STRIDE = 8
 # and with one in so many points along each direction: errors on a courtyard are not larger for it.
 FEWER = 2
+# Pixels that no searched one stands for are searched for, too: at most as many as others, over this; chosen, with room.
+ROOM = 2
 INTERLEAVE = 4  # side of the squares of pixels that share directions; chosen
 LAST_MAP = int(load("environment/maps.wgsl").constants["LAST_MAP"])
 
@@ -32,7 +36,7 @@ class Search:
 
     light: the share of the environment that arrives, (r, g, b, depth of `wgsl/denoise/plane.wgsl`). normals: packed as
     there. hits: what each direction meets and the way there, as `wgsl/ssdo/hit.wgsl` packs them, of the picture itself
-    only. sent: what `light` is over, once both are averaged; None if it is a share already.
+    only. sent: what `light` is over, once both are averaged; None if it is a share already. rest: of other pixels.
     """
 
     stride: int
@@ -40,6 +44,24 @@ class Search:
     normals: Buffer
     hits: Buffer
     sent: Buffer | None
+    rest: Rest | None = None
+
+
+@dataclass
+class Rest:
+    """Pixels beside the grid. guide: how its pixels count for each of them. Those that none stands for: a list,
+    workgroups for it, and what their directions meet.
+    """
+
+    guide: Buffer
+    pixels: Buffer
+    groups: Buffer
+    hits: Buffer
+
+    @property
+    def listed(self) -> dict[str, Any]:
+        """What passes over the list read."""
+        return {"rest": self.pixels, "rest_groups": self.groups}
 
 
 def stride_of(settings: SsdoSettings) -> int:
@@ -66,73 +88,142 @@ def grid_reads(sources: Sources, number: int, stride: int) -> dict[str, Any]:
     return {**tiles, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance}
 
 
-def declare_search(
-    graph: Graph,
-    settings: SsdoSettings,
-    scene: SceneInputs,
-    sources: Sources,
-    ambient: Ambient,
-    seed: int,
-    *,
-    number: int = 0,
-    reach: float | None = None,
-) -> Search:
-    """Declare what hides the environment from a source, and for the picture itself, number 0, which surfaces do.
+@dataclass
+class Asked:
+    """What is asked of a search: of which source, `seed`, and a `reach` instead of that of the settings."""
 
-    `reach` is instead of that of the settings.
-    """
-    is_picture = number == 0
-    stride = stride_of(settings) if is_picture else SENDER_STRIDE
-    directions = settings.directions if is_picture else 1
-    by_picture = is_picture and _draws_by_picture(settings, ambient)
+    graph: Graph
+    settings: SsdoSettings
+    scene: SceneInputs
+    sources: Sources
+    ambient: Ambient
+    seed: int
+    number: int = 0
+    reach: float | None = None
+
+    @property
+    def directions(self) -> int:
+        """How many for each pixel."""
+        return self.settings.directions if self.number == 0 else 1
+
+    @property
+    def by_picture(self) -> bool:
+        """Tell whether directions are drawn by the environment's picture, too."""
+        return self.number == 0 and _draws_by_picture(self.settings, self.ambient)
+
+    def arguments(self, stride: int) -> dict[str, Any]:
+        """Return what all passes of `wgsl/ssdo/occlusion.wgsl` have in common; reads are without the G-buffer."""
+        settings, sources, number, shader = self.settings, self.sources, self.number, "ssdo/occlusion.wgsl"
+        return {
+            "shader": shader,
+            "reads": {
+                "environment_cdf": self.scene.lights["environment_cdf"],
+                **self.ambient.reads,
+                **sources.reads(self.graph),
+            },
+            "params": {"seed": self.seed, "pictures": settings.reach if self.reach is None else self.reach},
+            "constants": {
+                **self.scene.constants(shader),
+                **self.ambient.constants(shader),
+                **sources.constants,
+                "STEPS": settings.steps if number == 0 else -(-settings.steps // FEWER),
+                "DIRECTIONS": self.directions,
+                "STRIDE": stride,
+                "INTERLEAVE": INTERLEAVE,
+                "DIRECTIONAL": settings.occlusion == "directional",
+                "OUTWARD": sources.is_outward(number),
+                "BY_PICTURE": self.by_picture,
+                "HITS": number == 0,
+                "LOBE": _lobe_of(self.directions),
+            },
+            "uniforms": {**sources.uniforms(), "view": sources.view_of(number)},
+        }
+
+
+def declare_search(asked: Asked) -> Search:
+    """Declare what hides the environment from a source, and for the picture itself, number 0, which surfaces do."""
+    graph, sources, number = asked.graph, asked.sources, asked.number
+    stride = SKY_STRIDE if number else stride_of(asked.settings)
     name = f"ssdo/occlusion_{number}" if number else "ssdo/occlusion"
-    found = _allocate(graph, name, stride, directions if is_picture else 0, by_picture)
+    found = _allocate(asked, name, stride)
     sent = found.sent or graph.buffer(f"{name}_unsent", dtype=FOUR_FLOATS, count=1)
-    shader = "ssdo/occlusion.wgsl"
+    arguments = asked.arguments(stride)
+    arguments["reads"] |= grid_reads(sources, number, stride)
     graph.compute(
         name,
-        shader,
         **over_grid(graph, sources, number, stride),
-        reads={
-            **grid_reads(sources, number, stride),
-            "environment_cdf": scene.lights["environment_cdf"],
-            **ambient.reads,
-            **sources.reads(graph),
-        },
+        **arguments,
         writes={"occlusion": found.light, "normals": found.normals, "hits": found.hits, "sent": sent},
-        params={"seed": seed, "pictures": settings.reach if reach is None else reach},
-        constants={
-            **scene.constants(shader),
-            **ambient.constants(shader),
-            **sources.constants,
-            "STEPS": settings.steps if is_picture else -(-settings.steps // FEWER),
-            "DIRECTIONS": directions,
-            "STRIDE": stride,
-            "INTERLEAVE": INTERLEAVE,
-            "DIRECTIONAL": settings.occlusion == "directional",
-            "OUTWARD": sources.is_outward(number),
-            "BY_PICTURE": by_picture,
-            "HITS": is_picture,
-            "LOBE": _lobe_of(directions),
-        },
-        uniforms={**sources.uniforms(), "view": sources.view_of(number)},
         clear=[found.light, sent],
     )
+    if number == 0 and stride > 1:
+        found.rest = _declare_guide(asked, found)
     return found
 
 
-def _allocate(graph: Graph, name: str, stride: int, directions: int, by_picture: bool) -> Search:
-    """Return the buffers of a search, with so many hits per pixel."""
+def declare_rest(asked: Asked, search: Search, share: Buffer | None) -> None:
+    """Declare what directions meet from the rest; it goes to the `share` of the environment of all pixels, if any."""
+    rest, graph = search.rest, asked.graph
+    if rest is None:
+        return
+    nothing = {
+        name: graph.buffer(f"ssdo/rest_{name}", dtype=dtype, count=1)
+        for name, dtype in (("occlusion", FOUR_FLOATS), ("normals", np.uint32), ("sent", FOUR_FLOATS))
+    }
+    arguments = asked.arguments(search.stride)
+    arguments["constants"] |= {"REST": True, "SHARE": share is not None}
+    gbuffer = asked.sources.gbuffer(0)
+    arguments["reads"] |= {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance, **rest.listed}
+    graph.compute(
+        "ssdo/rest",
+        indirect=rest.groups,
+        entry="listed",
+        **arguments,
+        writes={**nothing, "hits": rest.hits} | ({"occlusion": share} if share is not None else {}),
+    )
+
+
+def _declare_guide(asked: Asked, search: Search) -> Rest:
+    """Declare how the grid's pixels count for all others, and the list of those that none stands for."""
+    graph, gbuffer, shader = asked.graph, asked.sources.gbuffer(0), "ssdo/guide.wgsl"
+    room = search.light.count // ROOM
+    rest = Rest(
+        graph.buffer("ssdo/guide", dtype=np.uint32, count=graph.size[0] * graph.size[1], width=graph.size[0]),
+        graph.buffer("ssdo/rest_pixels", dtype=np.uint32, count=room + 1),
+        graph.buffer("ssdo/rest_groups", dtype=np.uint32, count=4),
+        graph.buffer("ssdo/rest_hits", dtype=TWO_WORDS, count=(room + 1) * asked.directions),
+    )
+    graph.compute(
+        "ssdo/guide",
+        shader,
+        over=grid_of(graph, search.stride),
+        reads={
+            "surfaces": gbuffer.surfaces,
+            "distance": gbuffer.distance,
+            "coarse": search.light,
+            "coarse_normals": search.normals,
+        },
+        writes={"guide": rest.guide, "rest": rest.pixels, "rest_groups": rest.groups},
+        constants={"COARSE": search.stride},
+        clear=[rest.groups],
+    )
+    return rest
+
+
+def _allocate(asked: Asked, name: str, stride: int) -> Search:
+    """Return the buffers of a search."""
+    graph = asked.graph
     width, height = grid_of(graph, stride)
     count = width * height
     sent: Buffer | None = None
-    if by_picture:
+    if asked.by_picture:
         sent = graph.buffer(f"{name}_sent", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
+    hits = 1 if asked.number else count * asked.directions
     return Search(
         stride,
         graph.buffer(name, dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True),
         graph.buffer(f"{name}_normals", dtype=np.uint32, count=count, width=width),
-        graph.buffer(f"{name}_hits", dtype=TWO_WORDS, count=max(count * directions, 1)),
+        graph.buffer(f"{name}_hits", dtype=TWO_WORDS, count=hits),
         sent,
     )
 

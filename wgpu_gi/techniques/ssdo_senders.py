@@ -8,7 +8,7 @@ from .denoise import declare_blur
 from .environment import Ambient
 from .gbuffer import SURFACE, Gbuffer
 from .scene_inputs import SceneInputs
-from .ssdo_search import INTERLEAVE, SENDER_STRIDE, declare_search, grid_of
+from .ssdo_search import INTERLEAVE, SENDER_STRIDE, SKY_STRIDE, Asked, declare_search, grid_of
 from .ssdo_sources import Sources, SsdoSettings
 
 
@@ -30,7 +30,7 @@ def declare_senders(
     declare_shown(graph, scene, sources.layers[0], direct, senders)
     for number in range(1, sources.count):
         first = width * height + further * (number - 1)
-        sky: Handle = graph.neutral("buffer")
+        sky: dict[str, Handle] = {"coarse": graph.neutral("buffer"), "coarse_normals": graph.neutral("buffer")}
         if ambient.features["HAS_ENVIRONMENT"]:
             sky = _declare_sky(graph, settings, scene, sources, ambient, seed, number)
         _declare_further(graph, scene, sources, number, atlas, ambient, sky, senders, first)
@@ -68,7 +68,7 @@ def _declare_further(
     number: int,
     atlas: Texture | None,
     ambient: Ambient,
-    sky: Handle,
+    sky: dict[str, Handle],
     senders: Buffer,
     first: int,
 ) -> None:
@@ -83,7 +83,7 @@ def _declare_further(
             **ambient.reads,
             "surfaces": gbuffer.surfaces,
             "distance": gbuffer.distance,
-            "sky": sky,
+            **sky,
             "light_table": scene.direct.lights,
             "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
             "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
@@ -95,6 +95,7 @@ def _declare_further(
             **ambient.constants(shader),
             "OUTWARD": sources.is_outward(number),
             "STRIDE": SENDER_STRIDE,
+            "COARSE": SKY_STRIDE,
         },
         uniforms={"view": sources.view_of(number)},
     )
@@ -108,10 +109,10 @@ def _declare_sky(
     ambient: Ambient,
     seed: int,
     number: int,
-) -> Buffer:
-    """Declare the share of the environment's light that the grid of another source gets."""
-    found = declare_search(graph, settings, scene, sources, ambient, seed, number=number)
-    return declare_blur(
+) -> dict[str, Handle]:
+    """Declare the share of the environment's light that another source gets, as `wgsl/ssdo/taps.wgsl` reads it."""
+    found = declare_search(Asked(graph, settings, scene, sources, ambient, seed, number))
+    share = declare_blur(
         graph,
         f"ssdo/share_{number}",
         sources.gbuffer(number),
@@ -121,3 +122,4 @@ def _declare_sky(
         stride=found.stride,
         view=sources.view_of(number),
     )
+    return {"coarse": share, "coarse_normals": found.normals}

@@ -50,7 +50,8 @@ class SsdoSettings:
     layers: int = setting(1, "Layers of depth peeling.", "layers", range=(1, MAX_LAYERS), presets={"high": 2})
     cameras: int | None = setting(
         None,
-        "Further cameras, of ssdo.places; none for one, and for two where there is an environment, which roofs hide.",
+        "Further cameras, of ssdo.places; none for one, and for three where there is an environment, which roofs and"
+        " walls behind the camera hide.",
         "cameras",
         range=(0, MAX_CAMERAS),
         presets={"low": 0, "high": 3},
@@ -137,7 +138,7 @@ def screen_views(
 
     Layers and cameras that add nothing are left out.
     """
-    wanted = settings.cameras if settings.cameras is not None else 2 if has_sky else 1
+    wanted = settings.cameras if settings.cameras is not None else 3 if has_sky else 1
     skipped: list[tuple[str, str]] = []
     crossed = 1 if (np.ptp(box, axis=0) == 0).any() else max(triangles, 1)
     layers = min(settings.layers, crossed)

@@ -11,9 +11,11 @@
 #import "gbuffer/tiles.wgsl"
 #import "ssdo/hit.wgsl"
 #import "ssdo/grid.wgsl"
+#import "ssdo/rest.wgsl"
 #import "gather/coat.wgsl"
 
 override DIRECTIONS: u32 = 1u;
+override REFLECTED: bool = false;   // of the list: radiance
 override WEIGHT: f32 = 1.0;         // of a direction at most
 override SENDER_STRIDE: u32 = 2u;  // of the grid of sources other than the picture
 
@@ -34,16 +36,11 @@ fn sender_of(hit: u32) -> u32 {
     return select(further, at.y * view.size.x + at.x, block == 0u);
 }
 
-fn gather(grid: vec2u) {
-    let pixel = grid * STRIDE;
-    let index = grid.y * grid_size().x + grid.x;
-    let depth = found[index].w;
-    if (depth <= 0.0) {
-        return;
-    }
+// Returns the irradiance of a pixel, W/m2; `slot` is where its hits are kept.
+fn gather(pixel: vec2u, slot: u32) -> vec3f {
     var sum = vec3f(0.0);
     for (var k = 0u; k < DIRECTIONS; k += 1u) {
-        let hit = hits[index * DIRECTIONS + k];
+        let hit = hits[slot * DIRECTIONS + k];
         if (hit.x == NO_HIT) {
             continue;
         }
@@ -57,7 +54,15 @@ fn gather(grid: vec2u) {
         }
         sum += arriving;
     }
-    irradiance[index] = vec4f(sum * (PI * WEIGHT / f32(DIRECTIONS)), depth);
+    return sum * (PI * WEIGHT / f32(DIRECTIONS));
+}
+
+fn gather_of_grid(grid: vec2u) {
+    let index = grid.y * grid_size().x + grid.x;
+    let depth = found[index].w;
+    if (depth > 0.0) {
+        irradiance[index] = vec4f(gather(grid * STRIDE, index), depth);
+    }
 }
 
 // For each pixel of a seen tile.
@@ -65,7 +70,7 @@ fn gather(grid: vec2u) {
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
     let pixel = pixel_of_tile(group, thread, view.size);
     if (all(pixel < view.size)) {
-        gather(pixel);
+        gather_of_grid(pixel);
     }
 }
 
@@ -73,6 +78,18 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
 @compute @workgroup_size(8, 8)
 fn coarse(@builtin(global_invocation_id) id: vec3u) {
     if (all(id.xy < grid_size())) {
-        gather(id.xy);
+        gather_of_grid(id.xy);
+    }
+}
+
+// For each pixel of the list: irradiance, or with REFLECTED the radiance rho E / pi, W/(m2 sr).
+@compute @workgroup_size(REST_GROUP)
+fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let count = rest_count();
+    for (var slot = id.x; slot < count; slot += groups.x * REST_GROUP) {
+        let index = rest[slot];
+        let pixel = vec2u(index % view.size.x, index / view.size.x);
+        let factor = select(vec3f(1.0), gbuffer_brdf(load_surface(pixel)).diffuse * INV_PI, REFLECTED);
+        irradiance[index] = vec4f(gather(pixel, slot) * factor, 1.0);
     }
 }

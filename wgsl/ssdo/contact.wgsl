@@ -13,7 +13,7 @@ fn contact_visibility(position: vec3f, normal: vec3f, to_light: vec3f, bias: f32
     var visible = 1.0;
     for (var k = 0u; k < CONTACT_POINTS; k += 1u) {
         let way = bias * (f32(k) + 1.0) / f32(CONTACT_POINTS);
-        let at = point_on(view_0, m, m.axes[2], way);
+        let at = point_on(m, m.axes[2], way);
         let seen = look_at_layers(m, at, advance);
         // What is farther before the point than the segment is long is no part of what stands there.
         visible = select(visible, 0.0, seen.gap <= bias);

@@ -9,61 +9,64 @@ const PLANE_ROUNDING: f32 = 1e-5;
 // what lies beside. Chosen.
 const APART: f32 = 1.5;
 
-// A point on a surface, the axes of its directions and its tangent plane, as a camera projects them.
+// A point on a surface, the axes of its directions and its tangent plane, as a camera projects them: x and y of clip
+// space are turned so that over w they are pixels.
 struct InView {
     clip: vec4f,
     axes: mat3x4f,
-    plane: vec3f,   // depth of the tangent plane: x place.x + y place.y + z, in pixels
+    plane: vec3f,   // depth of the tangent plane, with rounding: x place.x + y place.y + z, in pixels
     place: vec2f,   // of the point, pixels
     nearer: vec2f,  // what z and w of clip space change by for a metre towards the camera
-}
-
-fn place_of(v: View, clip: vec4f) -> vec2f {
-    return (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(v.size);
+    size: vec2f,    // of the picture, pixels
+    rounding: vec2f,  // of depths: of 1 and of themselves
 }
 
 // `frame` holds the axes of directions, the first two of `tangents` span the surface itself.
 fn in_view(v: View, position: vec3f, frame: mat3x3f, tangents: mat3x3f) -> InView {
-    let m = v.clip_from_world;
+    let size = vec2f(v.size);
+    let to_pixels = mat4x4f(
+        vec4f(0.5 * size.x, 0.0, 0.0, 0.0), vec4f(0.0, -0.5 * size.y, 0.0, 0.0), vec4f(0.0, 0.0, 1.0, 0.0),
+        vec4f(0.5 * size, 0.0, 1.0));
+    let m = to_pixels * v.clip_from_world;
     let clip = m * vec4f(position, 1.0);
     let axes = mat3x4f(m * vec4f(frame[0], 0.0), m * vec4f(frame[1], 0.0), m * vec4f(frame[2], 0.0));
     // How place and depth change along the plane: derivatives of a projective map.
-    let ndc = clip.xyz / clip.w;
+    let place = clip.xyz / clip.w;
     let a4 = m * vec4f(tangents[0], 0.0);
     let b4 = m * vec4f(tangents[1], 0.0);
-    let to_pixels = vec3f(0.5 * f32(v.size.x), -0.5 * f32(v.size.y), 1.0);
-    let a = (a4.xyz - ndc * a4.w) * to_pixels;
-    let b = (b4.xyz - ndc * b4.w) * to_pixels;
+    let a = a4.xyz - place * a4.w;
+    let b = b4.xyz - place * b4.w;
     let slope = vec2f(a.z * b.y - b.z * a.y, b.z * a.x - a.z * b.x) / (a.x * b.y - a.y * b.x);
     // A plane seen edge-on covers no pixels; written so that a NaN fails.
     let known = all(abs(slope) < vec2f(1e30)) && clip.w > 0.0;
-    let place = place_of(v, clip);
-    let at = ndc.z - dot(slope, place);
-    return InView(clip, axes, select(vec3f(0.0), vec3f(slope, at), known), place, -(m * vec4f(v.forward, 0.0)).zw);
+    let at = place.z - dot(slope, place.xy);
+    let rounded = at + PLANE_ROUNDING * (dot(abs(slope), size) + abs(at));
+    let parallel = v.orthographic != 0u;
+    return InView(
+        clip, axes, select(vec3f(0.0), vec3f(slope, rounded), known), place.xy, -(m * vec4f(v.forward, 0.0)).zw, size,
+        select(vec2f(0.0, 1.0 + RASTER_ROUNDING), vec2f(RASTER_ROUNDING, 1.0), parallel));
 }
 
 // A point on the way along a direction, as a camera sees it.
 struct Point {
     clip: vec2f,   // z and w
-    pixel: vec2u,
+    pixel: vec2i,
     inside: bool,  // of the picture
     apart: bool,   // from the marcher's own place, so that its pixels do not show both
     depth: f32,    // that of the point, with rounding
+    own: f32,      // that of the marcher's tangent plane at the pixel, with rounding
     least: f32,    // of what lies before the point and is not the marcher's own surface
 }
 
-fn point_on(v: View, p: InView, along: vec4f, way: f32) -> Point {
+fn point_on(p: InView, along: vec4f, way: f32) -> Point {
     let clip = p.clip + way * along;
-    let place = place_of(v, clip);
-    let inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < vec2f(v.size));
-    let pixel = vec2u(select(vec2f(0.0), place, inside));
-    let parallel = v.orthographic != 0u;
-    let depth = clip.z / clip.w;
-    let centre = vec3f(vec2f(pixel) + 0.5, 1.0);
-    let own = dot(p.plane, centre) + PLANE_ROUNDING * dot(abs(p.plane), centre);
-    let rounded = depth + RASTER_ROUNDING * select(depth, 1.0, parallel);
+    let place = clip.xyz * (1.0 / clip.w);
+    let inside = clip.w > 0.0 && all(place.xy >= vec2f(0.0)) && all(place.xy < p.size);
+    let corner = floor(select(vec2f(0.0), place.xy, inside));
+    let own = dot(p.plane, vec3f(corner + 0.5, 1.0));
+    let rounded = place.z * p.rounding.y + p.rounding.x;
     let apart = max(abs(place.x - p.place.x), abs(place.y - p.place.y)) > APART;
-    return Point(clip.zw, pixel, inside, apart, rounded, max(rounded, own));
+    return Point(clip.zw, vec2i(corner), inside, apart, rounded, own, max(rounded, own));
 }
 
 // Returns how far a point lies behind a depth along the view, metres.
@@ -76,13 +79,14 @@ struct Look {
     gap: f32,    // how far behind a surface it is, metres; FLOAT_MAX: behind none
     hit: u32,    // that surface
     open: bool,  // nothing is there
+    crossed: bool,  // the way to there leads through that surface
 }
 
 fn look(p: InView, at: Point, depth: f32, source: u32) -> Look {
     let behind = at.inside && depth > at.least && (at.apart || source < FIRST_CAMERA);
     return Look(
-        select(FLOAT_MAX, gap_behind(p, at, depth), behind), pack_hit(at.pixel, source),
-        at.inside && depth < at.depth);
+        select(FLOAT_MAX, gap_behind(p, at, depth), behind), pack_hit(vec2u(at.pixel), source),
+        at.inside && depth < at.depth, false);
 }
 
 // What a further camera showed of the point before, where a direction begins behind what that camera sees, as under a
@@ -93,30 +97,34 @@ struct Under {
     hit: u32,
 }
 
-fn start_pixel(p: InView) -> vec2u {
-    let inside = p.clip.w > 0.0 && all(p.place >= vec2f(0.0)) && all(p.place < vec2f(view_0.size));
-    return vec2u(select(vec2f(0.0), p.place, inside));
+// Returns where a direction begins for that: so far before its surface that another pixel shows it if it is seen
+// edge-on, and that a ceiling seen from above is over it.
+fn start_of(v: View, p: InView) -> Point {
+    let width = 2.0 * length(v.up) / f32(v.size.y) * p.clip.w;
+    return point_on(p, p.axes[2], APART * width);
 }
 
-fn start_under(p: InView, v: View, depth: f32, source: u32) -> Under {
-    let at = point_on(v, p, vec4f(0.0), 0.0);
-    return Under(at.inside && depth > at.least, FLOAT_MAX, pack_hit(at.pixel, source));
+fn start_under(at: Point, depth: f32, source: u32) -> Under {
+    return Under(at.inside && depth > at.depth, FLOAT_MAX, pack_hit(vec2u(at.pixel), source));
 }
 
-// Returns what a further camera shows. `advance` is as below.
-fn look_from(p: InView, at: Point, depth: f32, source: u32, under: ptr<function, Under>, advance: f32) -> Look {
+// Returns what a further camera shows. `advance` and `reach` are as below.
+fn look_from(
+    p: InView, at: Point, depth: f32, source: u32, under: ptr<function, Under>, advance: f32, reach: f32
+) -> Look {
     let now = look(p, at, depth, source);
     let behind = at.inside && depth > at.depth;
     // It comes out through the surface if it has gone as far as that was, else aside of its border.
     let through = at.inside && !behind && (*under).gap <= -advance;
-    let found = Look(select(FLOAT_MAX, 0.0, through), (*under).hit, !behind && now.open && !through);
+    // It shows the far side then: what another camera shows comes first.
+    let found = Look(select(FLOAT_MAX, reach, through), (*under).hit, !behind && now.open && !through, through);
     let was_under = (*under).is_under;
     // What the camera shows at the marcher's own place may be the top of its own wall.
     *under = Under(
-        was_under && behind, select(FLOAT_MAX, gap_behind(p, at, depth), at.apart), pack_hit(at.pixel, source));
+        was_under && (behind || !at.apart), select(FLOAT_MAX, gap_behind(p, at, depth), at.apart), pack_hit(vec2u(at.pixel), source));
     return Look(
         select(now.gap, found.gap, was_under), select(now.hit, found.hit, was_under),
-        select(now.open, found.open, was_under));
+        select(now.open, found.open, was_under), was_under && through);
 }
 
 // Returns what the camera's layers show. `advance` is how much farther from the camera the point lies than the one
@@ -159,11 +167,11 @@ fn look_at_layers(p: InView, at: Point, advance: f32) -> Look {
     face -= select(0u, 1u, crossed);
     let claimed = behind & (within | crossed);
     return Look(
-        select(FLOAT_MAX, select(gap, 0.0, ends | crossed), claimed), pack_hit(at.pixel, face),
-        at.inside && !claimed && (behind || first < at.depth));
+        select(FLOAT_MAX, select(gap, 0.0, ends | crossed), claimed), pack_hit(vec2u(at.pixel), face),
+        at.inside && !claimed && (behind || first < at.depth), false);
 }
 
 // Returns what two cameras know together.
 fn together(a: Look, b: Look) -> Look {
-    return Look(min(a.gap, b.gap), select(b.hit, a.hit, a.gap <= b.gap), a.open || b.open);
+    return Look(min(a.gap, b.gap), select(b.hit, a.hit, a.gap <= b.gap), a.open || b.open, a.crossed || b.crossed);
 }

@@ -19,6 +19,7 @@
 #import "denoise/plane.wgsl"
 #import "ssdo/march.wgsl"
 #import "ssdo/grid.wgsl"
+#import "ssdo/rest.wgsl"
 
 override DIRECTIONS: u32 = 1u;
 override INTERLEAVE: u32 = 4u;      // n
@@ -26,6 +27,8 @@ override DIRECTIONAL: bool = true;  // else V = mean of V(w_k): ambient occlusio
 override OUTWARD: bool = false;     // light the counter-clockwise side of surfaces, not the one that is seen
 override BY_PICTURE: bool = false;  // draw by the picture, too
 override HITS: bool = true;         // keep the surfaces
+override REST: bool = false;        // of listed pixels, and for these only
+override SHARE: bool = true;        // of the list: keep V
 override LOBE: u32 = 2u;            // which of the environment's maps
 
 @group(1) @binding(11) var<storage, read_write> occlusion: array<vec4f>;
@@ -72,9 +75,8 @@ fn sent_along(direction: vec3f, mean: vec3f) -> vec3f {
     return load_ambient_map(LOBE, picture_from_world(direction)) / mean;
 }
 
-fn find_light(grid: vec2u) {
-    let pixel = grid * STRIDE;
-    let index = grid.y * grid_size().x + grid.x;
+// Finds what a pixel's directions meet; `slot` is where that is kept, `class_number` that in its square.
+fn find_light(pixel: vec2u, slot: u32, class_number: u32) {
     let seen = load_distance(pixel);
     let surface = load_surface(pixel);
     if (seen <= 0.0 || (surface.flags & GBUFFER_UNLIT) != 0u) {
@@ -88,8 +90,9 @@ fn find_light(grid: vec2u) {
     let frame = frame_from_normal(normal);
     let reach = reach_at(ray, seen, params.pictures);
     let m = marcher(position, frame, frame_from_normal(side), reach);
-    let class_number = (grid.y % INTERLEAVE) * INTERLEAVE + grid.x % INTERLEAVE;
-    let first = (sequence.index * INTERLEAVE * INTERLEAVE + class_number) * DIRECTIONS;
+    // Each frame draws from other parts of the hemisphere for a pixel, so that its own mean settles, too.
+    let classes = INTERLEAVE * INTERLEAVE;
+    let first = (sequence.index * classes + (class_number + sequence.index * 5u) % classes) * DIRECTIONS;
     var mean = vec3f(1.0);
     if (HAS_ENVIRONMENT && HAS_PICTURED_ENVIRONMENT && DIRECTIONAL && !BY_PICTURE) {
         mean = max(load_ambient_map(0u, picture_from_world(normal)), vec3f(1e-30));
@@ -121,14 +124,27 @@ fn find_light(grid: vec2u) {
         arriving += light * visible;
         whole += light;
         if (HITS) {
-            hits[index * DIRECTIONS + k] = vec2u(hit, way);
+            hits[slot * DIRECTIONS + k] = vec2u(hit, way);
         }
     }
-    occlusion[index] = vec4f(arriving / f32(DIRECTIONS), plane_depth(ray, seen));
-    if (BY_PICTURE) {
-        sent[index] = vec4f(whole / f32(DIRECTIONS), 1.0);
+    let depth = plane_depth(ray, seen);
+    if (REST) {
+        let share = select(arriving / f32(DIRECTIONS), arriving / max(whole, vec3f(1e-30)), BY_PICTURE);
+        if (SHARE) {
+            occlusion[pixel.y * view.size.x + pixel.x] = vec4f(share, depth);
+        }
+        return;
     }
-    normals[index] = pack_view_normal(normal);
+    occlusion[slot] = vec4f(arriving / f32(DIRECTIONS), depth);
+    if (BY_PICTURE) {
+        sent[slot] = vec4f(whole / f32(DIRECTIONS), 1.0);
+    }
+    normals[slot] = pack_view_normal(normal);
+}
+
+fn find_light_of_grid(grid: vec2u) {
+    let class_number = (grid.y % INTERLEAVE) * INTERLEAVE + grid.x % INTERLEAVE;
+    find_light(grid * STRIDE, grid.y * grid_size().x + grid.x, class_number);
 }
 
 // For each pixel of a seen tile.
@@ -136,7 +152,7 @@ fn find_light(grid: vec2u) {
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
     let pixel = pixel_of_tile(group, thread, view.size);
     if (all(pixel < view.size)) {
-        find_light(pixel);
+        find_light_of_grid(pixel);
     }
 }
 
@@ -144,6 +160,17 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
 @compute @workgroup_size(8, 8)
 fn coarse(@builtin(global_invocation_id) id: vec3u) {
     if (all(id.xy < grid_size())) {
-        find_light(id.xy);
+        find_light_of_grid(id.xy);
+    }
+}
+
+// For each pixel of the list.
+@compute @workgroup_size(REST_GROUP)
+fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let count = rest_count();
+    for (var slot = id.x; slot < count; slot += groups.x * REST_GROUP) {
+        let index = rest[slot];
+        find_light(
+            vec2u(index % view.size.x, index / view.size.x), slot, hash(index) % (INTERLEAVE * INTERLEAVE));
     }
 }

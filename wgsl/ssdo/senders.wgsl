@@ -1,18 +1,18 @@
 // One invocation lights a pixel of a deeper layer or of a further camera, one in STRIDE^2, for it and its neighbours:
 // L = rho / pi (E_sky V + sum_i E_i cos_i V_i).
 //
-// Visibility V_i by filtered shadow maps, and V of the sky as `occlusion.wgsl` finds it, blurred. In: G-buffer of the
+// Visibility V_i by filtered shadow maps, and V of the sky as `occlusion.wgsl` finds it for a coarser grid, blurred. In: G-buffer of the
 // source, lights. Out: (r, g, b) W/(m2 sr) and the normal; coats reflect to a camera that sees them, not to other
 // surfaces, and are left out.
 #import "gbuffer/load.wgsl"
 #import "direct/lighting.wgsl"
 #import "environment/ambient.wgsl"
 #import "ssdo/grid.wgsl"
+#import "ssdo/taps.wgsl"
 
 override OUTWARD: bool = false;  // light the counter-clockwise side, not the one that is seen
 
-@group(1) @binding(11) var<storage, read> sky: array<vec4f>;  // V
-@group(1) @binding(12) var<storage, read_write> senders: array<vec4u>;
+@group(1) @binding(11) var<storage, read_write> senders: array<vec4u>;
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
@@ -36,7 +36,12 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let albedo = select(vec3f(0.0), gbuffer_brdf(surface).diffuse, lit);
     var irradiance = ambient_irradiance(normal);
     if (HAS_ENVIRONMENT) {
-        irradiance *= sky[index].rgb;
+        let first = pixel / COARSE;
+        let f = vec2f(pixel - first * COARSE) / f32(COARSE);
+        let taps = load_taps(first);
+        let weights = weights_of(taps, pixel, plane_depth(ray, seen), to_view(normal), f);
+        let sum = mat4x3f(taps.a.light.rgb, taps.b.light.rgb, taps.c.light.rgb, taps.d.light.rgb) * weights;
+        irradiance *= sum / max(dot(weights, vec4f(1.0)), 1e-30);
     }
     let count = load_light_count();
     for (var number = 0u; number < count; number += 1u) {
