@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer, Texture
@@ -94,24 +95,11 @@ def declare_gather(
     near: Near | None = None,
 ) -> Gathered:
     """Declare the irradiance by VPLs, but for what is `near`; `ism` is there if `settings.visibility` is "ism"."""
-    width, height = graph.size
     n = settings.interleave
-    irradiance = graph.buffer(
-        "gather/irradiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
-    )
     coated = scene.features["HAS_COATS"]
-    glossy = graph.buffer(
-        "gather/glossy", dtype=FOUR_FLOATS, count=width * height if coated else 1, width=width, nonnegative=True
-    )
-    normals = graph.buffer("gather/normals", dtype=np.uint32, count=width * height, width=width)
     compensated = settings.compensation and settings.clamping != "none"
-    bound_sums = graph.buffer(
-        "gather/bound_sums", dtype=TWO_FLOATS, count=width * height if compensated else 1, width=width
-    )
+    layers = _layers(graph, coated, compensated)
     clusters = declare_clusters(graph, settings.culling, gbuffer, vpls, n)
-    # Whole workgroups of each class.
-    block = (_GROUP[0] * n, _GROUP[1] * _PIXELS * n)
-    threads = (-(-width // block[0]) * _GROUP[0], -(-height // block[1]) * n * n * _GROUP[1])
     shader = f"gather/{settings.visibility}.wgsl"
     exact = settings.visibility == "exact"
     sampled = settings.visibility == "sampled"
@@ -122,7 +110,7 @@ def declare_gather(
         graph.compute(
             f"gather_{first}" if first else "gather",
             shader,
-            over=threads,
+            over=_threads(graph.size, n),
             reads={
                 "surfaces": gbuffer.surfaces,
                 "distance": gbuffer.distance,
@@ -132,7 +120,7 @@ def declare_gather(
                 **(scene.surfaces if exact or sampled else {}),
                 **(maps.reads if maps is not None else {}),
             },
-            writes={"irradiance": irradiance, "glossy": glossy, "normals": normals, "bound_sums": bound_sums},
+            writes=layers,
             params={"first": first} if exact else {"seed": seed} if sampled else None,
             constants={
                 **scene.constants(shader),
@@ -146,8 +134,36 @@ def declare_gather(
                 "COMPENSATED": compensated,
                 **near_constants(near),
             },
-            clear=[irradiance, glossy, bound_sums] if exact and not first else (),
+            clear=[layers[name] for name in ("irradiance", "glossy", "bound_sums")] if exact and not first else (),
         )
     return Gathered(
-        irradiance, glossy if coated else None, normals, n, clusters, bound_sums if compensated else None, near
+        layers["irradiance"],
+        layers["glossy"] if coated else None,
+        layers["normals"],
+        n,
+        clusters,
+        layers["bound_sums"] if compensated else None,
+        near,
     )
+
+
+def _threads(size: tuple[int, int], interleave: int) -> tuple[int, int]:
+    """Return the threads that gather: whole workgroups of each class."""
+    block = (_GROUP[0] * interleave, _GROUP[1] * _PIXELS * interleave)
+    return -(-size[0] // block[0]) * _GROUP[0], -(-size[1] // block[1]) * interleave**2 * _GROUP[1]
+
+
+def _layers(graph: Graph, coated: bool, compensated: bool) -> dict[str, Buffer]:
+    """Return what gathering writes, by the names of `Gathered`; of what is not asked for a stand-in."""
+    width, height = graph.size
+
+    def layer(name: str, dtype: DTypeLike, asked: bool = True, nonnegative: bool = False) -> Buffer:
+        count = width * height if asked else 1
+        return graph.buffer(f"gather/{name}", dtype=dtype, count=count, width=width, nonnegative=nonnegative)
+
+    return {
+        "irradiance": layer("irradiance", FOUR_FLOATS, nonnegative=True),
+        "glossy": layer("glossy", FOUR_FLOATS, coated, nonnegative=True),
+        "normals": layer("normals", np.uint32),
+        "bound_sums": layer("bound_sums", TWO_FLOATS, compensated),
+    }
