@@ -53,7 +53,8 @@ def main() -> int:
         if verb == "test":
             set_up("[dev]")
             ensure_display_tools()
-            return run_tool([PYTHON, "-m", "pytest", *arguments], folder=ROOT)
+            # Two at a time: compiling shaders, the most of it, keeps one core busy.
+            return run_tool([PYTHON, "-m", "pytest", "-n", "2", "--dist", "worksteal", *arguments], folder=ROOT)
         if verb == "setup":
             set_up("[dev]")
             ensure_display_tools()
