@@ -54,7 +54,7 @@ class SsdoSettings:
         " walls behind the camera hide.",
         "cameras",
         range=(0, MAX_CAMERAS),
-        presets={"low": 0, "high": 3},
+        presets={"low": 0},
     )
     places: str = setting(
         "wide",
