@@ -102,8 +102,7 @@ def _draw_technique(panel: Any, name: str, color: str, points: list[tuple[Measur
         label = name if m is points[0][0] else None
         panel.plot(x, y, color=color, marker=MARKERS[m.quality], linestyle="-", label=label)
         if (m, x, y) in best and len(points) > 1:
-            values = " ".join(text.partition("=")[2] for text in m.variant.split())
-            _annotate(panel, values if swept else m.quality, x, y, color)
+            _annotate(panel, _values(m) if swept else m.quality, x, y, color)
 
 
 def frontier(points: list[tuple[Measurement, float, float]]) -> list[tuple[Measurement, float, float]]:
@@ -117,13 +116,26 @@ def frontier(points: list[tuple[Measurement, float, float]]) -> list[tuple[Measu
 
 def _draw_settled(panel: Any, color: str, layer: str, measurements: list[Measurement]) -> None:
     """Draw hollow marks where still pictures come to, after the time of all their frames."""
-    for m in measurements:
-        (x, y), errors = _point(m, layer), m.settled[layer]
-        if errors is not None and errors.relmse > 0 and x > 0 and y > 0:
-            after = m.settled_frames * x
-            panel.plot((x, after), (y, errors.relmse), color=color, linestyle=":", linewidth=1)
-            panel.plot(after, errors.relmse, color=color, marker=MARKERS[m.quality], markerfacecolor="white")
-            _annotate(panel, f"{m.settled_frames} frames", after, errors.relmse, color)
+    swept = any(m.variant for m in measurements)
+    errors = ((m, *_point(m, layer), m.settled[layer]) for m in measurements)
+    points = [(m, x, y, e.relmse) for m, x, y, e in errors if e is not None and e.relmse > 0 and x > 0 and y > 0]
+    best = frontier([(m, m.settled_frames * x, settled) for m, x, _, settled in points])
+    if swept:
+        panel.plot([x for _, x, _ in best], [y for _, _, y in best], color=color, linestyle=":")
+    for m, x, y, settled in points:
+        after = m.settled_frames * x
+        panel.plot(after, settled, color=color, marker=MARKERS[m.quality], markerfacecolor="white", linestyle="")
+        frames = f"{m.settled_frames} frames"
+        if not swept:
+            panel.plot((x, after), (y, settled), color=color, linestyle=":", linewidth=1)
+            _annotate(panel, frames, after, settled, color)
+        elif (m, after, settled) in best:
+            _annotate(panel, f"{_values(m)}, {frames}" if m is best[0][0] else _values(m), after, settled, color)
+
+
+def _values(m: Measurement) -> str:
+    """Return the values that a sweep has set, for a label."""
+    return " ".join(text.partition("=")[2] or text for text in m.variant.split())
 
 
 def _annotate(panel: Any, text: str, x: float, y: float, color: str) -> None:

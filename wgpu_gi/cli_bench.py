@@ -42,6 +42,7 @@ OWN_SETTINGS = {
 BASELINES = {"ssao": ("ssdo", ("ssdo.occlusion=ambient", "ssdo.bounce=false"))}
 TABLE_WIDTH = 140  # where the output is no terminal
 MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
+PRESET = "(preset)"  # mark of swept settings that are as the quality has them
 
 
 def bench(arguments: Namespace) -> int:
@@ -96,15 +97,17 @@ def candidates_from(arguments: Namespace) -> list[Candidate]:
             if quality not in QUALITIES:
                 raise GiError(f"--quality takes {', '.join(QUALITIES)}, with commas between, not {quality!r}")
             for variant in variants:
-                settings = Settings()
+                settings, preset = Settings(), Settings()
                 apply_quality(settings, quality)
+                apply_quality(preset, quality)
                 for text in (*arguments.set, *variant.split(), *own):
                     assign(settings, text)
+                name_of_variant = f"{variant} {PRESET}" if variant and settings == preset else variant
                 settings.gi, settings.diffuse, settings.camera.jitter = gi, arguments.diffuse, False
                 if name == "path":
                     settings.spp = settings.path.samples_per_run  # a frame of it is one run
                 validate(settings)
-                candidates.append(Candidate(name, quality, settings, variant))
+                candidates.append(Candidate(name, quality, settings, name_of_variant))
     return candidates
 
 

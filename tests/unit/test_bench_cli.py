@@ -67,11 +67,14 @@ def test_everything_is_passed_on(stand_ins):
 
 
 def test_sweeps_are_measured_one_by_one(stand_ins):
-    arguments = "bench --gi many-light --sweep vpl.count=64,128 --sweep gather.rays=1,4"
+    arguments = "bench --gi many-light --sweep vpl.count=64,2048 --sweep gather.rays=1,4"
     assert main(arguments.split()) == 0
     ((_, _, _, candidates, _, _),) = stand_ins
     assert [(c.variant, c.settings.vpl.count, c.settings.gather.rays) for c in candidates] == [
-        (f"vpl.count={count} gather.rays={rays}", count, rays) for count in (64, 128) for rays in (1, 4)
+        ("vpl.count=64 gather.rays=1", 64, 1),
+        ("vpl.count=64 gather.rays=4", 64, 4),
+        ("vpl.count=2048 gather.rays=1 (preset)", 2048, 1),
+        ("vpl.count=2048 gather.rays=4", 2048, 4),
     ]
 
 
