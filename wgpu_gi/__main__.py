@@ -169,6 +169,17 @@ def _add_picture_arguments(parser: Parser, size: tuple[int, int], gi: str) -> No
     add("--quality", choices=QUALITIES, default="medium", help="of all settings that have presets (default: medium)")
     add("--bounces", type=_bounces, metavar="N", help="indirect bounces: 0, 1 ... or unlimited (the default)")
     add("--spp", type=int, default=64, metavar="N", help="samples per pixel (default: 64)")
+    _add_light_arguments(parser)
+    add("--exposure", type=float, default=0.0, metavar="EV", help="brighten what is shown by 2^EV (default: 0)")
+    add("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; 'help' lists them")
+    add("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
+    add("--adapter", metavar="NAME", help="use the adapter whose name contains this (see wgpu-gi info)")
+    add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+    add("--visible-only", action="store_true", help="of --gi path: let light leave only surfaces in the picture")
+
+
+def _add_light_arguments(parser: Parser) -> None:
+    add = parser.add_argument
     add("--env", metavar="ENV", help="environment: an .hdr or .exr file, or a constant radiance R,G,B")
     add("--light", action="append", default=[], metavar="LIGHT", help='add "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
     add(
@@ -179,12 +190,6 @@ def _add_picture_arguments(parser: Parser, size: tuple[int, int], gi: str) -> No
         help="change a light of the scene, by index from 0 or name: candela or lux; of a sun also the direction,"
         ' "LIGHT=r,g,b dx,dy,dz"; "env=r,g,b degrees" dyes and turns the environment',
     )
-    add("--exposure", type=float, default=0.0, metavar="EV", help="brighten what is shown by 2^EV (default: 0)")
-    add("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; 'help' lists them")
-    add("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
-    add("--adapter", metavar="NAME", help="use the adapter whose name contains this (see wgpu-gi info)")
-    add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
-    add("--visible-only", action="store_true", help="of --gi path: let light leave only surfaces in the picture")
 
 
 def _add_render_arguments(parser: Parser) -> None:
@@ -222,8 +227,7 @@ def _add_bench_arguments(parser: Parser) -> None:
     add("--quality", default="medium", metavar="A,B,C", help="out of low,medium,high (default: medium)")
     add("--size", type=_size, metavar="WxH", help="pixels (default: 640x360, or as the file of --truth)")
     add("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")
-    add("--env", metavar="ENV", help="environment: an .hdr or .exr file, or a constant radiance R,G,B")
-    add("--light", action="append", default=[], metavar="LIGHT", help='add "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
+    _add_light_arguments(parser)
     add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
     add("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting; 'help' lists them")
     add(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .atomic_file import atomic_file
-from .bench_results import Measurement, Reference, Report, SceneReport, bounces_text
+from .bench_results import PRESET, Measurement, Reference, Report, SceneReport, bounces_text
 from .errors import GiError
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
@@ -32,7 +32,8 @@ def save_plot(path: str | Path, report: Report) -> None:
     x is the time of a frame in which all is moving, or of a whole picture of the path tracer, or (hollow) of all frames
     that a still picture of a technique with random numbers averages. Both axes are
     logarithmic, so that a point is left out where an error is not positive: it is lost in the noise of the truth. Of
-    swept settings only those have names, and a line, that no other beats in both time and error.
+    swept settings only those have a line that no other beats in both time and error; these and the preset have names,
+    of still pictures the first and last and the preset.
     """
     require_matplotlib()
     figure_module = importlib.import_module("matplotlib.figure")
@@ -101,7 +102,7 @@ def _draw_technique(panel: Any, name: str, color: str, points: list[tuple[Measur
         # A name in the legend once, by the first of its qualities.
         label = name if m is points[0][0] else None
         panel.plot(x, y, color=color, marker=MARKERS[m.quality], linestyle="-", label=label)
-        if (m, x, y) in best and len(points) > 1:
+        if len(points) > 1 and ((m, x, y) in best or PRESET in m.variant):
             _annotate(panel, _values(m) if swept else m.quality, x, y, color)
 
 
@@ -129,8 +130,10 @@ def _draw_settled(panel: Any, color: str, layer: str, measurements: list[Measure
         if not swept:
             panel.plot((x, after), (y, settled), color=color, linestyle=":", linewidth=1)
             _annotate(panel, frames, after, settled, color)
-        elif (m, after, settled) in best:
-            _annotate(panel, f"{_values(m)}, {frames}" if m is best[0][0] else _values(m), after, settled, color)
+        elif m is best[0][0]:
+            _annotate(panel, f"{_values(m)}, {frames}", after, settled, color)
+        elif m is best[-1][0] or PRESET in m.variant:
+            _annotate(panel, _values(m), after, settled, color)
 
 
 def _values(m: Measurement) -> str:

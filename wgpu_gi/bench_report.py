@@ -203,7 +203,7 @@ def ratio_table(rows: Mapping[str, Mapping[str, float | None]]) -> Table:
 def _by_key(report: Report) -> dict[Any, Measurement]:
     """Return the measurements by all that must be the same for a comparison."""
     return {
-        (s.scene, s.size, s.camera, s.env, tuple(s.light), s.diffuse, tuple(s.set), m.title): m
+        (s.scene, s.size, s.camera, s.env, tuple(s.light), tuple(s.relight), s.diffuse, tuple(s.set), m.title): m
         for s in report.scenes
         for m in s.techniques
     }

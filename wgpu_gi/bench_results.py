@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from .metrics import Errors
 
 CASES = {"still": "still", "camera": "camera moving", "all": "all moving"}
+PRESET = "(preset)"  # mark of swept settings that are as the quality has them
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class SceneReport:
-    """All that was measured in one scene; the fields before `size` are as on the command line."""
+    """All that was measured in one scene; the fields before `size`, and `relight`, are as on the command line."""
 
     scene: str
     camera: str | None
@@ -90,6 +91,7 @@ class SceneReport:
     size: tuple[int, int]
     techniques: list[Measurement]
     references: list[Reference]
+    relight: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

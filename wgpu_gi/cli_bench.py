@@ -18,7 +18,7 @@ from .atomic_file import check_writable
 from .bench import WARM_UP_FRAMES, Candidate, machine, measure_scene
 from .bench_plot import PLOT_FORMATS, require_matplotlib, save_plot
 from .bench_report import different_machine, load_json, ratio_table, ratios, save_json, tables
-from .bench_results import Report, SceneReport
+from .bench_results import PRESET, Report, SceneReport
 from .camera import Camera
 from .cli_render import scene_from
 from .errors import GiError
@@ -42,7 +42,6 @@ OWN_SETTINGS = {
 BASELINES = {"ssao": ("ssdo", ("ssdo.occlusion=ambient", "ssdo.bounce=false"))}
 TABLE_WIDTH = 140  # where the output is no terminal
 MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
-PRESET = "(preset)"  # mark of swept settings that are as the quality has them
 
 
 def bench(arguments: Namespace) -> int:
@@ -146,7 +145,7 @@ def bench_scene(
     arguments: Namespace, name: str, size: tuple[int, int], candidates: list[Candidate], progress: Progress | None
 ) -> SceneReport:
     """Load and measure one scene."""
-    scene = scene_from(Namespace(scene=name, light=arguments.light, relight=[], env=arguments.env))
+    scene = scene_from(Namespace(scene=name, light=arguments.light, relight=arguments.relight, env=arguments.env))
     camera = choose_camera(scene, arguments.camera, Path(name).parent)
     for note in scene.notes:
         if note != NO_CAMERA_NOTE or arguments.camera is None:
@@ -183,6 +182,7 @@ def bench_scene(
         size,
         techniques,
         references,
+        arguments.relight,
     )
 
 

@@ -53,11 +53,12 @@ def test_defaults(stand_ins, capsys):
 
 def test_everything_is_passed_on(stand_ins):
     arguments = "bench cornell corridor --gi none,path --quality low,high --size 32x18 --frames 3 --diffuse --env 1,2,3"
-    assert main([*arguments.split(), "--light", "point 0,1,0 3", "--set", "seed=5", "--set", "bounces=1"]) == 0
+    lights = ("--light", "point 0,1,0 3", "--relight", "env=2,2,2")
+    assert main([*arguments.split(), *lights, "--set", "seed=5", "--set", "bounces=1"]) == 0
     assert [call[0].name for call in stand_ins] == ["cornell", "corridor"]
     for scene, _, size, candidates, _, options in stand_ins:
         assert (size, options["frames"]) == ((32, 18), 3)
-        assert scene.environment.color == (1.0, 2.0, 3.0)
+        assert tuple(scene.environment.color) == (2.0, 2.0, 2.0)
         assert len(scene.lights) >= 1
         names = [(c.gi, c.quality) for c in candidates]
         assert names == [("none", "low"), ("none", "high"), ("path", "low"), ("path", "high")]
