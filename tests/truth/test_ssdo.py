@@ -13,9 +13,9 @@ from wgpu_gi.metrics import bias, relmse
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.scene import builtin
 from wgpu_gi.scene.builtin import matte
-from wgpu_gi.scene.scene import Environment, Instance, PointLight, Scene
-from wgpu_gi.scene.shapes import box, grid
-from wgpu_gi.settings import assign
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene
+from wgpu_gi.scene.shapes import box, grid, quad
+from wgpu_gi.settings import apply_quality, assign
 
 # The most bias and relMSE of direct light, of the bounce and of both: what was measured, and little more.
 BOUNDS = {
@@ -25,8 +25,9 @@ BOUNDS = {
 SMALL = (64, 36)
 
 
-def drawn(scene, *texts, size=SMALL, gi="ssdo", frames=16):
+def drawn(scene, *texts, size=SMALL, gi="ssdo", frames=16, quality="medium"):
     settings = Settings(gi=gi, diffuse=True, bounces=1, spp=256)
+    apply_quality(settings, quality)
     settings.camera.jitter, settings.camera.frames = False, frames
     for text in texts:
         assign(settings, text)
@@ -61,6 +62,34 @@ def test_a_camera_over_a_closed_room_takes_no_light():
     )
     assert relmse(over, truth) <= 1.1 * relmse(inside, truth)
     assert bias(over, truth) >= bias(inside, truth) - 0.03
+
+
+@pytest.mark.parametrize("quality", ["medium", "high"])
+def test_walls_that_another_camera_looks_behind_let_no_light_through(quality):
+    """A spot lights a wall that is seen at a grazing angle; the camera above looks behind it."""
+    layers = layers_of("cornell_spot")
+    truth = layers["direct"] + layers["one"]
+    inside, over = (
+        relmse(full(drawn(scene_of("cornell_spot"), f"ssdo.cameras={k}", size=SIZE, frames=8, quality=quality)), truth)
+        for k in (1, 3)
+    )
+    assert over <= 1.15 * inside, (over, inside)
+
+
+def test_a_closed_room_in_the_sun_stays_dark():
+    """Of the sky, whose radiance is 1, next to nothing gets in, though the camera above sees all that is outside."""
+    walls = [
+        quad((-2, 0, -5), (0, 0, 10), (0, 3, 0), matte(0.7)),
+        quad((2, 0, -5), (0, 0, 10), (0, 3, 0), matte(0.7)),
+        quad((-2, 0, -5), (4, 0, 0), (0, 3, 0), matte(0.7)),
+        quad((-2, 0, 5), (4, 0, 0), (0, 3, 0), matte(0.7)),
+        quad((-2, 3, -5), (4, 0, 0), (0, 0, 10), matte(0.7)),
+        quad((-9, 0, -9), (0, 0, 18), (18, 0, 0), matte(0.7)),
+    ]
+    camera = Camera.look_at((0.3, 1.5, 4.5), (0, 1.4, -4))
+    sun = DirectionalLight((0.4, -1.0, 0.2), 30.0)
+    scene = Scene([Instance(wall) for wall in walls], [sun], Environment((1.0, 1.0, 1.0)), [camera])
+    assert drawn(scene, size=(96, 54), frames=4)["direct"].mean() <= 0.003
 
 
 def sky_lit(lamp=0.0):

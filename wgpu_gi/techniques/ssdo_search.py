@@ -22,8 +22,6 @@ SENDER_STRIDE = 2
 SKY_STRIDE = 8
 # and with one in so many points along each direction: errors on a courtyard are not larger for it.
 FEWER = 2
-# Pixels that no searched one stands for are searched for, too: at most as many as others, over this; chosen, with room.
-ROOM = 2
 INTERLEAVE = 4  # side of the squares of pixels that share directions; chosen
 LAST_MAP = int(load("environment/maps.wgsl").constants["LAST_MAP"])
 
@@ -186,12 +184,14 @@ def declare_rest(asked: Asked, search: Search, share: Buffer | None) -> None:
 def _declare_guide(asked: Asked, search: Search) -> Rest:
     """Declare how the grid's pixels count for all others, and the list of those that none stands for."""
     graph, gbuffer, shader = asked.graph, asked.sources.gbuffer(0), "ssdo/guide.wgsl"
-    room = search.light.count // ROOM
+    width, height = graph.size
+    # Which of them come first is left to chance, so there is room for all.
+    room = max(width * height - search.light.count, 1)
     rest = Rest(
-        graph.buffer("ssdo/guide", dtype=np.uint32, count=graph.size[0] * graph.size[1], width=graph.size[0]),
-        graph.buffer("ssdo/rest_pixels", dtype=np.uint32, count=room + 1),
+        graph.buffer("ssdo/guide", dtype=np.uint32, count=width * height, width=width),
+        graph.buffer("ssdo/rest_pixels", dtype=np.uint32, count=room),
         graph.buffer("ssdo/rest_groups", dtype=np.uint32, count=4),
-        graph.buffer("ssdo/rest_hits", dtype=TWO_WORDS, count=(room + 1) * asked.directions),
+        graph.buffer("ssdo/rest_hits", dtype=TWO_WORDS, count=room * asked.directions),
     )
     graph.compute(
         "ssdo/guide",

@@ -30,12 +30,10 @@ fn find_weights(taps: Taps, pixel: vec2u, f: vec2f) {
     guide[index] = pack4x8unorm(weights / max(sum, 1e-30));
     if (sum < STANDS_FOR) {
         let slot = atomicAdd(&rest_groups[3], 1u);
-        if (slot < arrayLength(&rest)) {
-            rest[slot] = index;
-            atomicMax(&rest_groups[0], min(slot / REST_GROUP + 1u, MAX_REST_GROUPS));
-            atomicStore(&rest_groups[1], 1u);
-            atomicStore(&rest_groups[2], 1u);
-        }
+        rest[slot] = index;
+        atomicMax(&rest_groups[0], min(slot / REST_GROUP + 1u, MAX_REST_GROUPS));
+        atomicStore(&rest_groups[1], 1u);
+        atomicStore(&rest_groups[2], 1u);
     }
 }
 

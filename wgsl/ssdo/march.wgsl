@@ -13,6 +13,11 @@ override STEPS: u32 = 16u;  // points along each direction
 // Of a step: a gap behind a surface no wider than the step to there is matter even where another camera looks into it,
 // since points may step over a thin wall. Chosen: with 2 and 4 a courtyard comes out too dark.
 const LEAST_THICKNESS: f32 = 1.0;
+// Behind a wall seen at a grazing angle, gaps are much wider than the step: such a one is found by its plane. Depth goes
+// on evenly there from pixel to pixel, but for this share of its change,
+const UNEVEN: f32 = 0.5;
+// and what lies off it by no more than it changes within so many pixels is the same wall. Chosen.
+const OFF_PLANE: f32 = 1.0;
 
 struct Marcher {
     reach: f32,      // r_max, metres
@@ -66,6 +71,48 @@ fn move_to_surface(
     return select(hit, pack_hit(vec2u(met.pixel), source_of_hit(hit)), better);
 }
 
+fn depth_at(shown: texture_depth_2d, pixel: vec2i) -> f32 {
+    let inside = clamp(pixel, vec2i(0), vec2i(textureDimensions(shown)) - 1);
+    return select(0.0, textureLoad(shown, inside, 0), all(inside == pixel));
+}
+
+// Returns how the depth that a pixel shows changes to the `next`, by the side where it goes on more evenly, and how
+// unevenly it does there.
+fn slope_at(shown: texture_depth_2d, pixel: vec2i, next: vec2i) -> vec2f {
+    let depth = depth_at(shown, pixel);
+    let ahead = depth_at(shown, pixel + next);
+    let behind = depth_at(shown, pixel - next);
+    let on = vec2f(ahead - depth, abs(depth_at(shown, pixel + 2 * next) - 2.0 * ahead + depth));
+    let back = vec2f(depth - behind, abs(depth_at(shown, pixel - 2 * next) - 2.0 * behind + depth));
+    return select(back, on, on.y < back.y);
+}
+
+// Returns where a direction led through the surface that it lies behind at the end of `way`: there it meets the
+// surface's plane, and the pixel shows that plane. NO_HIT if it came past its border, or if what the hit's pixel shows
+// is too narrow to tell its plane.
+fn led_through(shown: texture_depth_2d, p: InView, along: vec4f, way: f32, hit: u32) -> u32 {
+    let pixel = vec2i(pixel_of_hit(hit));
+    let centre = vec2f(pixel) + 0.5;
+    let depth = depth_at(shown, pixel);
+    let across = slope_at(shown, pixel, vec2i(1, 0));
+    let down = slope_at(shown, pixel, vec2i(0, 1));
+    let slope = vec2f(across.x, down.x);
+    let rounding = PLANE_ROUNDING * (dot(abs(slope), p.size) + depth);
+    let is_plane = all(vec2f(across.y, down.y) <= UNEVEN * abs(slope) + rounding);
+    // Over the picture depths of planes are linear, and so is the way in clip space: find where both meet.
+    let plane = vec4f(-slope, 1.0, dot(slope, centre) - depth);
+    let before = dot(plane, p.clip);
+    let share = before / max(before - dot(plane, p.clip + way * along), 1e-30);
+    let clip = p.clip + saturate(share) * way * along;
+    let place = clip.xy / clip.w;
+    let inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < p.size);
+    let met = floor(select(centre, place, inside));
+    let off = abs(depth_at(shown, vec2i(met)) - depth - dot(slope, met + 0.5 - centre));
+    let shows_plane = off <= OFF_PLANE * (abs(slope.x) + abs(slope.y)) + rounding;
+    let through = is_plane && inside && before >= 0.0 && shows_plane;
+    return select(NO_HIT, pack_hit(vec2u(met), source_of_hit(hit)), through);
+}
+
 // Returns the first surface that a point along a direction of the marcher's frame lies behind, or NO_HIT. Points come
 // with the power 2.5 of their number, since what is near hides more; `shift` in 0 to 1 moves them along.
 fn march(m: Marcher, direction: vec3f, shift: f32) -> u32 {
@@ -76,6 +123,13 @@ fn march(m: Marcher, direction: vec3f, shift: f32) -> u32 {
     let along_d = m.d.axes * direction;
     let away = dot(m.forward, direction);
     var found = NO_HIT;
+    // The first surfaces that a point lies behind, but another camera looks in: did it come there past their borders?
+    // Asked after all steps, by values carried over: where a condition is computed from uniforms and more at once,
+    // lavapipe (Mesa 22.3.6) writes beyond its memory as it follows it.
+    var asked = NO_HIT;
+    var asked_a = NO_HIT;
+    var asked_way = 0.0;
+    var asked_way_a = 0.0;
     var before = 0.0;
     var last = 0.0;
     var under_b: Under;
@@ -122,10 +176,28 @@ fn march(m: Marcher, direction: vec3f, shift: f32) -> u32 {
         let is_matter = seen.crossed || seen.gap <= LEAST_THICKNESS * (way - before)
             || (seen.gap <= m.reach && !seen.open);
         found = select(found, seen.hit, is_matter);
+        let is_asked = seen.gap <= m.reach && !is_matter;
+        let source = source_of_hit(seen.hit);
+        let is_first = is_asked && asked == NO_HIT && source == 0u;
+        asked = select(asked, seen.hit, is_first);
+        asked_way = select(asked_way, way, is_first);
+        let is_first_a = is_asked && asked_a == NO_HIT && source == FIRST_CAMERA;
+        asked_a = select(asked_a, seen.hit, is_first_a);
+        asked_way_a = select(asked_way_a, way, is_first_a);
         last = before;
         before = way;
     }
     // Of the camera's nearest layer and the first further camera; others show less of what is near.
+    var through = NO_HIT;
+    if (CAMERAS > 0u && asked_a != NO_HIT) {
+        through = led_through(depth_4, m.a, along_a, asked_way_a, asked_a);
+    }
+    if (asked != NO_HIT && through == NO_HIT) {
+        through = led_through(depth_0, m.main, along, asked_way, asked);
+    }
+    if (through != NO_HIT) {
+        return through;
+    }
     if (found != NO_HIT && source_of_hit(found) == 0u) {
         return move_to_surface(depth_0, m.main, along, last, before, found);
     }

@@ -2,9 +2,8 @@
 #import "ssdo/rest_group.wgsl"
 
 @group(1) @binding(17) var<storage, read> rest: array<u32>;         // pixels, by their index
-@group(1) @binding(18) var<storage, read> rest_groups: array<u32>;  // x, y, z workgroups; pixels asked for
+@group(1) @binding(18) var<storage, read> rest_groups: array<u32>;  // x, y, z workgroups; pixels
 
-// Returns how many there are; those for which the list had no room take what the grid has.
 fn rest_count() -> u32 {
-    return min(rest_groups[3], arrayLength(&rest));
+    return rest_groups[3];
 }
