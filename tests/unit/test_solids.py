@@ -1,4 +1,4 @@
-"""Which meshes are solids: those that every line meets an even number of times."""
+"""Which meshes are solids: those that every line meets an even number of times, and that are no sheets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from wgpu_gi.scene.builtin import matte
 from wgpu_gi.scene.scene import Mesh
 from wgpu_gi.scene.shapes import box, grid, quad, sphere
-from wgpu_gi.scene.solids import is_closed
+from wgpu_gi.scene.solids import is_closed, is_thick
 
 
 def without(mesh: Mesh, triangle: int) -> Mesh:
@@ -31,6 +31,15 @@ def test_two_sheets_back_to_back_are_closed():
     """A line meets both or none."""
     positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
     assert is_closed(Mesh(positions, np.array([(0, 1, 2), (0, 2, 1)], np.uint32)))
+
+
+@pytest.mark.parametrize(("depth", "expected"), [(2.0, True), (0.1, True), (0.02, False), (0.0, False)])
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
+def test_slabs_are_solids_down_to_a_thickness(depth, expected, scale):
+    """Of whatever size; turned inside out, too."""
+    mesh = box((scale, 0, 0), (2 * scale, scale, depth * scale), matte(0.5))
+    assert is_thick(mesh) == expected
+    assert is_thick(Mesh(mesh.positions, mesh.triangles[:, ::-1])) == expected
 
 
 def test_signed_zeros_are_one_place():

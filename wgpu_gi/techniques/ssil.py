@@ -1,7 +1,8 @@
 """Indirect light in screen space: each pixel gathers from all that the picture shows, far pixels from coarse levels.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination". Departures: eq. 4 with the factor
-of pi that it lacks; patterns of samples are dealt out to interleaved classes of pixels and go round from frame to
+of pi that it lacks; light of a level is gathered by the pixels of the next finer one, each of which takes a quarter of
+its samples in a frame; patterns of samples are dealt out to interleaved classes of pixels and go round from frame to
 frame; light is summed over pixels and not averaged, so that none is lost where surfaces do not survive the vote; the
 default radius is twice the least that covers the screen. Amortised bounces are not two on alternate frames: a frame
 gathers once, of direct light and of what the frame before got, so that light passes on by a bounce each, without end.
@@ -36,7 +37,7 @@ from .voxels import Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
 MOST_BOUNCES = 16
-LONE_SHARE = 4  # lone pixels, which are few, get a share of the samples of others. Chosen
+LONE_SHARE = 4  # lone pixels, which are few, take a share of their samples in a frame. Chosen
 ADD_ROW = int(load("ssil/add.wgsl").constants["ROW"])
 _SIDE, _CLASSES = (int(load("ssil/classes.wgsl").constants[name]) for name in ("SIDE", "CLASSES"))
 
@@ -102,9 +103,9 @@ class _Gathering:
     settings: SsilSettings
     scene: SceneInputs
     levels: Levels
+    last: int  # the coarsest level that any sample can lie at
     pattern: Buffer
     voxels: Voxels | None
-    first_peak: Buffer
     lone: Lone | None
     kept: Buffer | None  # where the irradiance goes round to the next frame, it
 
@@ -152,19 +153,23 @@ def declare_ssil(
         given = "one bounce" if count == 1 else "a number of bounces is given"
         graph.skip("ssil/again", given if settings.amortised else "ssil.amortised is off")
     lone = declare_lone(graph, levels, settings.lone)
-    gathering = _Gathering(settings, scene, levels, pattern, voxels, peak, lone, kept)
+    last = _last_level(settings, levels)
+    for k in range(last + 1, levels.gathered.stop):
+        graph.skip(f"ssil/gather_{k}", "its ring begins beyond the picture")
+    gathering = _Gathering(settings, scene, levels, last, pattern, voxels, lone, kept)
     lights = declare_light_levels(graph, levels, light, "")
     total = got = _declare_bounce(graph, gathering, lights, peak, "")
     if settings.visible_bounces == "first":
         gathering = replace(gathering, settings=replace(settings, visibility="none"), voxels=None)
+    first_peak, least = peak, settings.least_light
     coated = scene.features["HAS_COATS"] and settings.glossy_samples > 0
     for bounce in range(2, count + 1):
         suffix = f"_bounce_{bounce}"
         if bounce == count and coated:
             # What coats reflect has been scattered by all bounces but the last.
-            sent = declare_reflected(graph, reflectors, total, "_all", light)[0]
+            sent = declare_reflected(graph, reflectors, total, first_peak, least, "_all", light)[0]
             lights = declare_light_levels(graph, levels, sent, "_all")
-        sent, peak = declare_reflected(graph, reflectors, got, suffix)
+        sent, peak = declare_reflected(graph, reflectors, got, first_peak, least, suffix)
         got = _declare_bounce(graph, gathering, declare_light_levels(graph, levels, sent, suffix), peak, suffix)
         total = _declare_sum(graph, total, got, suffix)
     radius = _radius(settings, levels)
@@ -175,15 +180,22 @@ def declare_ssil(
 def default_radius(size: tuple[int, int], levels: int) -> float:
     """Return the radius, in pixels of a level, for a first level of `size`: twice the least that covers the screen.
 
-    With it the last ring but one reaches from corner to corner, and light from afar is found at a finer level. Measured
-    with rays for visibility, 320x180, start half, 4 levels, one bounce against the truth of what the picture shows:
-    relMSE 0.015 instead of 0.098 on Cornell's spot, 0.020 instead of 0.047 with the point light, at the same time.
+    With it the last ring but one reaches from corner to corner, the last is left out, and light from afar is found at a
+    finer level. Measured with rays for visibility, 320x180, start half, 4 levels, one bounce against the truth of what
+    the picture shows: relMSE 0.015 instead of 0.098 on Cornell's spot, 0.020 instead of 0.047 with the point light, at
+    the same time.
     """
     return max(math.hypot(*size) / 2 ** (levels - 2), 1.0)
 
 
 def _radius(settings: SsilSettings, levels: Levels) -> float:
     return settings.radius or default_radius(levels.surfels[levels.first].size, settings.levels)
+
+
+def _last_level(settings: SsilSettings, levels: Levels) -> int:
+    """Return the coarsest level whose ring begins within the picture, wherever its middle is; at least the second."""
+    inner, reach = 0.5 * _radius(settings, levels), math.hypot(*levels.surfels[levels.first].size)
+    return max(k for k in levels.gathered[1:] if k == levels.first + 1 or inner * 2 ** (k - levels.first) < reach)
 
 
 def _declare_pattern(graph: Graph, settings: SsilSettings, levels: Levels, seed: int) -> Buffer:
@@ -201,16 +213,19 @@ def _declare_pattern(graph: Graph, settings: SsilSettings, levels: Levels, seed:
 
 
 def _declare_bounce(graph: Graph, gathering: _Gathering, lights: list[Buffer], peak: Buffer, suffix: str) -> Buffer:
-    """Declare the irradiance of the first level by the light that it sends: gathered at all levels, and combined."""
+    """Declare the irradiance of the first level by the light that it sends: gathered at all levels, and combined.
+
+    Light of a level is gathered by the pixels of the next finer one, four times as many, each with a quarter of the
+    samples.
+    """
     levels = gathering.levels
     combined: Buffer | None = None
-    for k in reversed(levels.gathered):
-        own = _declare_gather(graph, gathering, k, lights[k - levels.first], peak, suffix)
-        if combined is None:
-            combined = own
-            continue
-        finer = gathering.kept if k == levels.first else None
+    for k in reversed(range(levels.first, gathering.last)):
+        ring = _declare_gather(graph, gathering, k + 1, k, lights[k + 1 - levels.first], peak, suffix)
+        finest = k == levels.first
+        finer = gathering.kept if finest else None
         finer = finer or level_buffer(graph, f"ssil/combined_{k}{suffix}", levels.surfels[k].size)
+        disc = _declare_gather(graph, gathering, k, k, lights[0], peak, suffix) if finest else graph.neutral("buffer")
         graph.compute(
             f"ssil/combine_{k}{suffix}",
             "ssil/combine.wgsl",
@@ -218,21 +233,34 @@ def _declare_bounce(graph: Graph, gathering: _Gathering, lights: list[Buffer], p
             reads={
                 "surfels": levels.surfels[k],
                 "coarse_surfels": levels.surfels[k + 1],
-                "own": own,
-                "coarse": combined,
+                "disc": disc,
+                "ring": ring,
+                "coarse": combined or ring,
                 "coarse_glossy": graph.neutral("buffer"),
             },
             writes={"combined": finer},
+            constants={"HAS_DISC": finest, "HAS_COARSE": combined is not None},
         )
         combined = finer
     assert combined is not None
     return combined
 
 
-def _declare_gather(graph: Graph, gathering: _Gathering, k: int, light: Buffer, peak: Buffer, suffix: str) -> Buffer:
-    """Declare the irradiance of a level by its own disc or ring; that of lone pixels is added to."""
+def _declare_gather(
+    graph: Graph,
+    gathering: _Gathering,
+    k: int,
+    receivers: int,
+    light: Buffer,
+    peak: Buffer,
+    suffix: str,
+) -> Buffer:
+    """Declare the irradiance of pixels of the level `receivers` by the disc or ring of level `k`.
+
+    That of lone pixels is added to.
+    """
     settings, levels, voxels, lone = gathering.settings, gathering.levels, gathering.voxels, gathering.lone
-    width, height = levels.surfels[k].size
+    width, height = levels.surfels[receivers].size
     irradiance = level_buffer(graph, f"ssil/irradiance_{k}{suffix}", (width, height))
     shader = f"ssil/gather_{settings.visibility}.wgsl"
     rays = settings.visibility == "exact"
@@ -240,6 +268,7 @@ def _declare_gather(graph: Graph, gathering: _Gathering, k: int, light: Buffer, 
         "surfels": levels.surfels[k],
         "light": light,
         "pattern": gathering.pattern,
+        "peak": peak,
         **(gathering.scene.surfaces if rays else {}),
         **(voxels.reads(k) if voxels is not None else {}),
     }
@@ -256,9 +285,13 @@ def _declare_gather(graph: Graph, gathering: _Gathering, k: int, light: Buffer, 
         f"ssil/gather_{k}{suffix}",
         shader,
         over=(-(-width // block) * 8, -(-height // block) * _CLASSES * 8),
-        reads={**reads, "peak": peak, "first_peak": gathering.first_peak},
+        reads={**reads, "receivers": levels.surfels[receivers]},
         writes={"irradiance": irradiance},
-        constants={**constants, "LEAST_LIGHT": settings.least_light if suffix else 0.0},
+        constants={
+            **constants,
+            "LEVEL": k - receivers,
+            "TAKEN": max(settings.samples >> 2 * (k - receivers), 1),
+        },
     )
     if lone is not None:
         graph.compute(
@@ -266,10 +299,10 @@ def _declare_gather(graph: Graph, gathering: _Gathering, k: int, light: Buffer, 
             shader,
             entry="listed",
             indirect=lone.groups,
-            reads={**reads, "lone": lone.pixels, "lone_groups": lone.groups, "finest_surfels": levels.surfels[0]},
+            reads={**reads, "lone": lone.pixels, "lone_groups": lone.groups, "receivers": levels.surfels[0]},
             writes={"irradiance": lone.irradiance},
-            constants={**constants, "LONE_SAMPLES": max(settings.samples // LONE_SHARE, 1), "LEVEL": k},
-            clear=[] if suffix or k < levels.gathered[-1] else [lone.irradiance],
+            constants={**constants, "LEVEL": k, "TAKEN": max(settings.samples // LONE_SHARE, 1)},
+            clear=[] if suffix or k < gathering.last else [lone.irradiance],
         )
     return irradiance
 

@@ -76,7 +76,7 @@ def declare_sent(
     name = "reflectors" if direct is None else "light"
     width, height = levels.surfels[levels.first].size
     light = graph.buffer(f"ssil/{name}", dtype=LIGHT, count=width * height)
-    peak = graph.buffer(f"ssil/{name}_peak", dtype=np.uint32, count=1)
+    peak = graph.buffer(f"ssil/{name}_peak", dtype=np.uint32, count=2)
     shader = "ssil/light.wgsl"
     graph.compute(
         f"ssil/{name}",
@@ -95,11 +95,20 @@ def declare_sent(
 
 
 def declare_reflected(
-    graph: Graph, reflectors: Buffer, irradiance: Buffer, suffix: str, before: Buffer | None = None
+    graph: Graph,
+    reflectors: Buffer,
+    irradiance: Buffer,
+    first_peak: Buffer,
+    least_light: float,
+    suffix: str,
+    before: Buffer | None = None,
 ) -> tuple[Buffer, Buffer]:
-    """Declare what the first level sends on of an irradiance, and the brightest of it; together with `before`."""
+    """Declare what the first level sends on of an irradiance, and the brightest of it; together with `before`.
+
+    It counts as none where it is at most the share `least_light` of the brightest of the first bounce.
+    """
     light = graph.buffer(f"ssil/light{suffix}", dtype=LIGHT, count=reflectors.count)
-    peak = graph.buffer(f"ssil/light_peak{suffix}", dtype=np.uint32, count=1)
+    peak = graph.buffer(f"ssil/light_peak{suffix}", dtype=np.uint32, count=2)
     graph.compute(
         f"ssil/reflect{suffix}",
         "ssil/reflect.wgsl",
@@ -108,9 +117,10 @@ def declare_reflected(
             "reflectors": reflectors,
             "irradiance": irradiance,
             "before": graph.neutral("buffer") if before is None else before,
+            "first_peak": first_peak,
         },
         writes={"light": light, "peak": peak},
-        constants={"ADDED": before is not None},
+        constants={"ADDED": before is not None, "LEAST_LIGHT": least_light},
         clear=[peak],
     )
     return light, peak
@@ -121,7 +131,7 @@ def declare_again(
 ) -> tuple[Buffer, Buffer]:
     """Declare what the first level sends together with what it got in the frame before, and the brightest radiance."""
     light = graph.buffer("ssil/light_again", dtype=LIGHT, count=reflectors.count)
-    peak = graph.buffer("ssil/light_peak_again", dtype=np.uint32, count=1, history=True)
+    peak = graph.buffer("ssil/light_peak_again", dtype=np.uint32, count=2, history=True)
     graph.compute(
         "ssil/again",
         "ssil/again.wgsl",

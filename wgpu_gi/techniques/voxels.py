@@ -2,7 +2,7 @@
 
 Eisemann and Decoret 2008, "Single-Pass GPU Solid Voxelization for Real-Time Applications", as Soler et al. 2010 take
 it, section 4. Departures: by compute instead of blending; slices are as thick as their depth demands and span only what
-the picture shows; meshes with open edges enter as surfaces, without gaps; levels march through a finer grid than their
+the picture shows; meshes with open edges and thin ones enter as surfaces; levels march through a finer grid than their
 own, by steps of its cells.
 """
 
@@ -20,6 +20,7 @@ from ..settings import setting
 from .scene_inputs import SceneInputs
 from .ssil_levels import Levels
 
+LEAST_CELLS = 160  # across the picture. Chosen: those of 640x360, and twice as many as 320x180 would have
 TRIANGLE_ROW, CELL_ROW = (int(load(f"voxels/{name}.wgsl").constants["ROW"]) for name in ("voxelize", "fill"))
 
 
@@ -31,16 +32,17 @@ class VoxelSettings:
         256, "Voxels in the depth of each cell; a multiple of 32.", "voxels", range=(32, 1024), presets={"low": 128}
     )
     step: float = setting(1.0, "Step of a march between two surfaces.", "cells", range=(0.25, 8), presets={"low": 2.0})
-    coarser: int = setting(
-        1,
-        "Levels by which the finest grid is coarser than the level that gathering starts at.",
+    coarser: int | None = setting(
+        None,
+        "Levels by which the finest grid is coarser than the level that gathering starts at; none for 1, or 0 where"
+        f" that has fewer than {LEAST_CELLS} cells across.",
         "levels",
         range=(0, 2),
-        presets={"high": 0},
+        presets={"low": 1, "high": 0},
     )
     finer: int = setting(2, "Levels by which the grid of a level is finer than itself.", "levels", range=(0, 6))
     solids: str = setting(
-        "auto", "Meshes that are solids: those without open edges (auto), all, or none.", choices=CHOICES
+        "auto", "Meshes that are solids: thick ones without open edges (auto), all, or none.", choices=CHOICES
     )
 
 
@@ -82,7 +84,9 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SceneInputs, le
     assert solids is not None and draws is not None
     drawn = bool(draws.opaque or draws.masked)
     bits = -(-settings.bits // 32) * 32
-    finest = levels.first + settings.coarser
+    few = levels.surfels[levels.first + 1].size[0] < LEAST_CELLS
+    coarser = settings.coarser if settings.coarser is not None else int(not few)
+    finest = levels.first + coarser
     first = levels.surfels[finest]
     words = first.size[0] * first.size[1] * bits // 32
     range_ = graph.buffer("voxels/range", dtype=np.uint32, count=2)

@@ -1,11 +1,12 @@
-// The irradiance that a pixel of a level gets from the samples of its pattern. Who imports this defines
+// The irradiance that a pixel gets from samples of its pattern at one level. Who imports this defines
 // fn prepare(start: Place), which is called once, and fn visibility(start: Place, end: Place, number: u32) -> f32, from
 // 0 to 1.
 //
 // E = sum_i Phi_i cos_i cos'_i V_i / (d_i^2 + R_i^2), R_i^2 = cos'_i A_i / pi: eq. 3 with the point-to-disc form factor
 // of eq. 4, which lacks a factor of pi there (both are the same for small areas only with it). Phi_i is the light of
 // the sample's pixel times the number of pixels that it stands for, A_i likewise. In: surfels and light of the level,
-// the pattern. Out: irradiance, W/m2. Errs dark in corners, where a disc that faces the receiver is not what is there.
+// the pattern, surfels of those who receive. Out: irradiance, W/m2. Errs dark in corners, where a disc that faces the
+// receiver is not what is there.
 #import "scene/sequence.wgsl"
 #import "ssil/surfel.wgsl"
 #import "ssil/classes.wgsl"
@@ -13,28 +14,25 @@
 #import "common/light_code.wgsl"
 
 override FINEST: bool = true;    // the disc, else the ring
+override LEVEL: u32 = 1u;        // of the samples, above that of the pixels that gather
+override TAKEN: u32 = 16u;       // of its samples, those that a pixel takes in a frame
 override BOUNDED: bool = true;   // by the disc, else the plain form factor of eq. 1
 // Of the sample's area: a whole disc, exact only straight above it, takes too much light from corners. 320x180, voxels,
 // 16 frames, bias and relMSE with 1 and with 0.25: Cornell's spot -2.7, -0.7 % and 0.077, 0.082; point light -4.0,
 // -0.5 % and 0.029, 0.029; area light -8.5, -4.1 % and 0.019, 0.017.
 override BOUND_SHARE: f32 = 0.25;
-override LEAST_LIGHT: f32 = 0.0; // of the brightest light of the first bounce: where none is above it, none is gathered
 
 @group(1) @binding(11) var surfels: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(12) var<storage, read> light: array<vec2u>;
 @group(1) @binding(13) var<storage, read> pattern: array<vec2u>;
 @group(1) @binding(14) var<storage, read_write> irradiance: array<vec4f>;
 
-@group(1) @binding(15) var<storage, read> peak: array<u32>;        // brightest light of the bounce, bits of a float
-@group(1) @binding(16) var<storage, read> first_peak: array<u32>;  // and of the first one
+@group(1) @binding(15) var<storage, read> peak: array<u32>;  // brightest light, and what counts as none; bits of floats
 
-// For pixels of the picture that no pixel of the first level stands for.
-override LONE_SAMPLES: u32 = 16u;  // of each of them at each level
-override LEVEL: u32 = 1u;
-
+// Those that gather; of the pixels of the picture that no pixel of the first level stands for, those listed.
+@group(1) @binding(19) var receivers: texture_2d<u32>;
 @group(1) @binding(17) var<storage, read> lone: array<u32>;         // by their index
 @group(1) @binding(18) var<storage, read> lone_groups: array<u32>;  // x, y, z workgroups; pixels
-@group(1) @binding(19) var finest_surfels: texture_2d<u32>;
 
 const LONE_GROUP: u32 = 64u;
 
@@ -87,7 +85,8 @@ fn received(start: Place, entry: vec2u, width: u32, side: vec4f, number: u32) ->
 }
 
 // Returns the irradiance by `count` samples of the pattern from `first` on.
-fn irradiance_at(start: Place, first: u32, count: u32, size: vec2u) -> vec3f {
+fn irradiance_by(start: Place, first: u32, count: u32) -> vec3f {
+    let size = textureDimensions(surfels);
     let side = facing_side();
     var sum = vec3f(0.0);
     // Threads that run in step do what any of them needs, and lavapipe runs what none needs: what is cheap is asked of
@@ -104,41 +103,40 @@ fn irradiance_at(start: Place, first: u32, count: u32, size: vec2u) -> vec3f {
     return sum;
 }
 
+// Returns what a pixel gets by a part of the samples of its class, in each frame another.
+fn irradiance_at(pixel: vec2u, own: vec4u, part: u32) -> vec3f {
+    let start = Place(vec2i(pixel >> vec2u(LEVEL)), surfel_position(own), surfel_normal(own));
+    prepare(start);
+    let table = (select(CLASSES, 0u, FINEST) + pattern_of(pixel % SIDE, sequence.index)) * SAMPLES;
+    let first = table + (part + sequence.index) % (SAMPLES / TAKEN) * TAKEN;
+    return irradiance_by(start, first, TAKEN) * (f32(SAMPLES) / f32(TAKEN));
+}
+
 fn gather(group: vec3u, thread: vec3u) {
-    let size = textureDimensions(surfels);
+    let size = textureDimensions(receivers);
     let first = vec2u(group.y % SIDE, group.y / SIDE % SIDE);
     let pixel = (vec2u(group.x, group.y / CLASSES) * 8u + thread.xy) * SIDE + first;
     if (any(pixel >= size)) {
         return;
     }
     let index = pixel.y * size.x + pixel.x;
-    let own = textureLoad(surfels, pixel);
+    let own = textureLoad(receivers, pixel, 0);
     // Nothing to light, or nothing that lights.
-    let brightest = bitcast<f32>(peak[0]);
-    if (is_empty(own) || brightest <= LEAST_LIGHT * bitcast<f32>(first_peak[0])) {
+    if (is_empty(own) || peak[0] <= peak[1]) {
         irradiance[index] = vec4f(0.0);
         return;
     }
-    let start = Place(vec2i(pixel), surfel_position(own), surfel_normal(own));
-    prepare(start);
-    let table = (select(CLASSES, 0u, FINEST) + pattern_of(first, sequence.index)) * SAMPLES;
-    irradiance[index] = vec4f(irradiance_at(start, table, SAMPLES, size), 1.0);
+    // Each of 2x2 pixels takes another quarter of a pattern, so that they share all of it.
+    irradiance[index] = vec4f(irradiance_at(pixel, own, 2u * first.y), 1.0);
 }
 
-// Adds to the irradiance of listed pixels of the picture what they get from this level, by a part of the samples of
-// their class, in each frame another.
+// Adds to the irradiance of listed pixels of the picture what they get from this level.
 fn gather_lone(thread: u32, threads: u32) {
-    let size = textureDimensions(surfels);
-    let parts = SAMPLES / LONE_SAMPLES;
-    for (var slot = thread; slot < lone_groups[3]; slot += threads) {
+    let count = select(lone_groups[3], 0u, peak[0] <= peak[1]);
+    for (var slot = thread; slot < count; slot += threads) {
         let index = lone[slot];
         let pixel = vec2u(index % view.size.x, index / view.size.x);
-        let own = textureLoad(finest_surfels, pixel, 0);
-        let start = Place(vec2i(pixel >> vec2u(LEVEL)), surfel_position(own), surfel_normal(own));
-        prepare(start);
-        let table = (select(CLASSES, 0u, FINEST) + pattern_of(pixel % SIDE, sequence.index)) * SAMPLES;
-        let part = (pixel.x / SIDE + pixel.y / SIDE + sequence.index) % parts;
-        let got = irradiance_at(start, table + part * LONE_SAMPLES, LONE_SAMPLES, size);
-        irradiance[slot] = vec4f(irradiance[slot].rgb + got * (f32(SAMPLES) / f32(LONE_SAMPLES)), 1.0);
+        let got = irradiance_at(pixel, textureLoad(receivers, pixel, 0), pixel.x / SIDE + pixel.y / SIDE);
+        irradiance[slot] = vec4f(irradiance[slot].rgb + got, 1.0);
     }
 }

@@ -1,9 +1,10 @@
 // One invocation finds the light that a pixel of the first level sends on, from what it got: Phi = E * sum rho / pi ds.
-// With ADDED, together with what it sends already. In: irradiance, W/m2. Out: codes of `common/light_code.wgsl`, and
-// the largest of them as bits of a float.
+// With ADDED, together with what it sends already. In: irradiance, W/m2. Out: codes of `common/light_code.wgsl`; the
+// largest of them, and what counts as none, as bits of floats.
 #import "common/light_code.wgsl"
 
 override ADDED: bool = false;
+override LEAST_LIGHT: f32 = 0.001;  // of the brightest light of the first bounce
 
 const ROW: u32 = 4096u;  // threads along x: large pictures need more workgroups than a dispatch has along one axis
 
@@ -12,6 +13,7 @@ const ROW: u32 = 4096u;  // threads along x: large pictures need more workgroups
 @group(1) @binding(13) var<storage, read_write> light: array<vec2u>;
 @group(1) @binding(14) var<storage, read_write> peak: array<atomic<u32>>;
 @group(1) @binding(15) var<storage, read> before: array<vec2u>;
+@group(1) @binding(16) var<storage, read> first_peak: array<u32>;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -24,6 +26,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         sent += unpack_light(before[index]);
     }
     light[index] = pack_light(sent);
+    if (index == 0u) {
+        atomicStore(&peak[1], bitcast<u32>(LEAST_LIGHT * bitcast<f32>(first_peak[0])));
+    }
     let bits = bitcast<u32>(max3(sent));
     // Reading first is cheaper where it is not the largest, which is the rule.
     if (bits > atomicLoad(&peak[0])) {
