@@ -103,12 +103,12 @@ fn irradiance_by(start: Place, first: u32, count: u32) -> vec3f {
     return sum;
 }
 
-// Returns what a pixel gets by a part of the samples of its class, in each frame another.
+// Returns what a pixel gets by a part of the samples of its class.
 fn irradiance_at(pixel: vec2u, own: vec4u, part: u32) -> vec3f {
     let start = Place(vec2i(pixel >> vec2u(LEVEL)), surfel_position(own), surfel_normal(own));
     prepare(start);
-    let table = (select(CLASSES, 0u, FINEST) + pattern_of(pixel % SIDE, sequence.index)) * SAMPLES;
-    let first = table + (part + sequence.index) % (SAMPLES / TAKEN) * TAKEN;
+    let table = (select(CLASSES, 0u, FINEST) + pattern_of(pixel, sequence.index)) * SAMPLES;
+    let first = table + part % (SAMPLES / TAKEN) * TAKEN;
     return irradiance_by(start, first, TAKEN) * (f32(SAMPLES) / f32(TAKEN));
 }
 
@@ -126,8 +126,7 @@ fn gather(group: vec3u, thread: vec3u) {
         irradiance[index] = vec4f(0.0);
         return;
     }
-    // Each of 2x2 pixels takes another quarter of a pattern, so that they share all of it.
-    irradiance[index] = vec4f(irradiance_at(pixel, own, 2u * first.y), 1.0);
+    irradiance[index] = vec4f(irradiance_at(pixel, own, quarter_of(first, sequence.index)), 1.0);
 }
 
 // Adds to the irradiance of listed pixels of the picture what they get from this level.
@@ -136,7 +135,8 @@ fn gather_lone(thread: u32, threads: u32) {
     for (var slot = thread; slot < count; slot += threads) {
         let index = lone[slot];
         let pixel = vec2u(index % view.size.x, index / view.size.x);
-        let got = irradiance_at(pixel, textureLoad(receivers, pixel, 0), pixel.x / SIDE + pixel.y / SIDE);
+        let part = pixel.x / SIDE + pixel.y / SIDE + (sequence.index >> 2u);
+        let got = irradiance_at(pixel, textureLoad(receivers, pixel, 0), part);
         irradiance[slot] = vec4f(irradiance[slot].rgb + got, 1.0);
     }
 }
