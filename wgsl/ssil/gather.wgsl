@@ -135,7 +135,7 @@ fn gather_lone(thread: u32, threads: u32) {
     for (var slot = thread; slot < count; slot += threads) {
         let index = lone[slot];
         let pixel = vec2u(index % view.size.x, index / view.size.x);
-        let part = pixel.x / SIDE + pixel.y / SIDE + (sequence.index >> 2u);
+        let part = pixel.x / SIDE + pixel.y / SIDE + sequence.index + (sequence.index >> 2u);  // not as patterns come
         let got = irradiance_at(pixel, textureLoad(receivers, pixel, 0), part);
         irradiance[slot] = vec4f(irradiance[slot].rgb + got, 1.0);
     }
