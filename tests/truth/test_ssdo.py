@@ -76,6 +76,18 @@ def test_walls_that_another_camera_looks_behind_let_no_light_through(quality):
     assert over <= 1.15 * inside, (over, inside)
 
 
+@pytest.mark.parametrize("count", [2, 4])
+def test_walls_that_layers_look_behind_let_no_light_through(count):
+    """Behind the walls of a corridor layers show bright rooms."""
+    layers = layers_of("leak_corridor_a")
+    truth = layers["direct"] + layers["one"]
+    before, behind = (
+        relmse(full(drawn(scene_of("leak_corridor_a"), f"ssdo.layers={k}", size=SIZE, frames=8)), truth)
+        for k in (1, count)
+    )
+    assert behind <= 1.25 * before, (behind, before)
+
+
 def test_a_closed_room_in_the_sun_stays_dark():
     """Of the sky, whose radiance is 1, next to nothing gets in, though the camera above sees all that is outside."""
     walls = [

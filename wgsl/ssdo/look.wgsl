@@ -80,13 +80,14 @@ struct Look {
     hit: u32,    // that surface
     open: bool,  // nothing is there
     crossed: bool,  // the way to there leads through that surface
+    past: bool,  // it lies behind the first layer, too, whose surface is another
 }
 
 fn look(p: InView, at: Point, depth: f32, source: u32) -> Look {
     let behind = at.inside && depth > at.least && (at.apart || source < FIRST_CAMERA);
     return Look(
         select(FLOAT_MAX, gap_behind(p, at, depth), behind), pack_hit(vec2u(at.pixel), source),
-        at.inside && depth < at.depth, false);
+        at.inside && depth < at.depth, false, false);
 }
 
 // What a further camera showed of the point before, where a direction begins behind what that camera sees, as under a
@@ -117,14 +118,14 @@ fn look_from(
     // It comes out through the surface if it has gone as far as that was, else aside of its border.
     let through = at.inside && !behind && (*under).gap <= -advance;
     // It shows the far side then: what another camera shows comes first.
-    let found = Look(select(FLOAT_MAX, reach, through), (*under).hit, !behind && now.open && !through, through);
+    let found = Look(select(FLOAT_MAX, reach, through), (*under).hit, !behind && now.open && !through, through, false);
     let was_under = (*under).is_under;
     // What the camera shows at the marcher's own place may be the top of its own wall.
     *under = Under(
         was_under && (behind || !at.apart), select(FLOAT_MAX, gap_behind(p, at, depth), at.apart), pack_hit(vec2u(at.pixel), source));
     return Look(
         select(now.gap, found.gap, was_under), select(now.hit, found.hit, was_under),
-        select(now.open, found.open, was_under), was_under && through);
+        select(now.open, found.open, was_under), was_under && through, false);
 }
 
 // Returns what the camera's layers show. `advance` is how much farther from the camera the point lies than the one
@@ -135,7 +136,7 @@ fn look_at_layers(p: InView, at: Point, advance: f32) -> Look {
         return look(p, at, first, 0u);
     }
     // Of the surfaces before the point: is their number odd, which is the last, by which one did the way last go in,
-    // and which comes next?
+    // which comes next, and are these all that is known?
     let second = textureLoad(depth_1, at.pixel, 0);
     let behind = at.inside && first > at.least;
     let past_second = second > at.least;
@@ -143,6 +144,7 @@ fn look_at_layers(p: InView, at: Point, advance: f32) -> Look {
     var face = select(0u, 1u, past_second);
     var entry = first;
     var next = select(second, 0.0, past_second);
+    var past_all = past_second;
     if (LAYERS > 2u) {
         let third = textureLoad(depth_2, at.pixel, 0);
         let past_third = third > at.least;
@@ -150,12 +152,14 @@ fn look_at_layers(p: InView, at: Point, advance: f32) -> Look {
         face = select(face, 2u, past_third);
         entry = select(entry, third, past_third);
         next = select(select(next, third, past_second), 0.0, past_third);
+        past_all = past_third;
         if (LAYERS > 3u) {
             let fourth = textureLoad(depth_3, at.pixel, 0);
             let past_fourth = fourth > at.least;
             within = within & !past_fourth;
             face = select(face, 3u, past_fourth);
             next = select(select(next, fourth, past_third), 0.0, past_fourth);
+            past_all = past_fourth;
         }
     }
     let gap = gap_behind(p, at, entry);
@@ -166,12 +170,15 @@ fn look_at_layers(p: InView, at: Point, advance: f32) -> Look {
     face += select(0u, 1u, within & ends & (advance < 0.0));
     face -= select(0u, 1u, crossed);
     let claimed = behind & (within | crossed);
+    let open = at.inside && !claimed && ((behind && !past_all) || first < at.depth);
     return Look(
-        select(FLOAT_MAX, select(gap, 0.0, ends | crossed), claimed), pack_hit(vec2u(at.pixel), face),
-        at.inside && !claimed && (behind || first < at.depth), false);
+        select(FLOAT_MAX, select(gap, 0.0, ends | crossed), claimed), pack_hit(vec2u(at.pixel), face), open, false,
+        behind & (!claimed | (face > 0u)));
 }
 
 // Returns what two cameras know together.
 fn together(a: Look, b: Look) -> Look {
-    return Look(min(a.gap, b.gap), select(b.hit, a.hit, a.gap <= b.gap), a.open || b.open, a.crossed || b.crossed);
+    return Look(
+        min(a.gap, b.gap), select(b.hit, a.hit, a.gap <= b.gap), a.open || b.open, a.crossed || b.crossed,
+        a.past || b.past);
 }

@@ -3,9 +3,10 @@
 //
 // A point is projected to its pixel and compared with the surface there; it lies in the open if that is farther away.
 // What is behind a surface is taken for matter, however thick, unless another camera or layer shows that it is open:
-// with two layers, matter reaches from the first to the second, with four also from the third to the fourth. Departure:
-// several points along each direction, and the first that is hidden counts, so that what lies behind an occluder does
-// not matter, and with ever more points every crossing is found.
+// with two layers, matter reaches from the first to the second, with four also from the third to the fourth; what lies
+// behind the last is taken for open, unless another camera shows that it is not.
+// Departure: several points along each direction, and the first that is hidden counts, so that what lies behind an
+// occluder does not matter, and with ever more points every crossing is found.
 #import "ssdo/look.wgsl"
 
 override STEPS: u32 = 16u;  // points along each direction
@@ -13,8 +14,8 @@ override STEPS: u32 = 16u;  // points along each direction
 // Of a step: a gap behind a surface no wider than the step to there is matter even where another camera looks into it,
 // since points may step over a thin wall. Chosen: with 2 and 4 a courtyard comes out too dark.
 const LEAST_THICKNESS: f32 = 1.0;
-// Behind a wall seen at a grazing angle, gaps are much wider than the step: such a one is found by its plane. Depth goes
-// on evenly there from pixel to pixel, but for this share of its change,
+// Behind a wall seen at a grazing angle, gaps are much wider than the step, and behind the last layer nothing is known:
+// such a wall is found by its plane. Depth goes on evenly there from pixel to pixel, but for this share of its change,
 const UNEVEN: f32 = 0.5;
 // and what lies off it by no more than it changes within so many pixels is the same wall. Chosen.
 const OFF_PLANE: f32 = 1.0;
@@ -123,7 +124,8 @@ fn march(m: Marcher, direction: vec3f, shift: f32) -> u32 {
     let along_d = m.d.axes * direction;
     let away = dot(m.forward, direction);
     var found = NO_HIT;
-    // The first surfaces that a point lies behind, but another camera looks in: did it come there past their borders?
+    // The first surfaces that a point lies behind, but another camera or layer looks in: did it come there past their
+    // borders?
     // Asked after all steps, by values carried over: where a condition is computed from uniforms and more at once,
     // lavapipe (Mesa 22.3.6) writes beyond its memory as it follows it.
     var asked = NO_HIT;
@@ -150,7 +152,8 @@ fn march(m: Marcher, direction: vec3f, shift: f32) -> u32 {
     for (var k = 0u; k < STEPS && found == NO_HIT; k += 1u) {
         let share = (f32(k) + shift) * (1.0 / f32(STEPS));
         let way = m.reach * share * share * sqrt(share);
-        var seen = look_at_layers(m.main, point_on(m.main, along, way), away * (way - before));
+        let point = point_on(m.main, along, way);
+        var seen = look_at_layers(m.main, point, away * (way - before));
         if (CAMERAS > 0u) {
             let at = point_on(m.a, along_a, way);
             seen = together(seen, look(m.a, at, textureLoad(depth_4, at.pixel, 0), 4u));
@@ -178,8 +181,8 @@ fn march(m: Marcher, direction: vec3f, shift: f32) -> u32 {
         found = select(found, seen.hit, is_matter);
         let is_asked = seen.gap <= m.reach && !is_matter;
         let source = source_of_hit(seen.hit);
-        let is_first = is_asked && asked == NO_HIT && source == 0u;
-        asked = select(asked, seen.hit, is_first);
+        let is_first = ((is_asked && source == 0u) || seen.past) && asked == NO_HIT;
+        asked = select(asked, pack_hit(vec2u(point.pixel), 0u), is_first);
         asked_way = select(asked_way, way, is_first);
         let is_first_a = is_asked && asked_a == NO_HIT && source == FIRST_CAMERA;
         asked_a = select(asked_a, seen.hit, is_first_a);
