@@ -59,9 +59,6 @@ def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, st
     panel.set_title(f"{scene.scene}, {scene.size[0]}x{scene.size[1]}: {LAYERS[layer]}", fontsize="medium")
     panel.set_xscale("log")
     panel.set_yscale("log")
-    panel.xaxis.set_major_locator(importlib.import_module("matplotlib.ticker").LogLocator(subs=(1, 2, 5)))
-    panel.xaxis.set_major_formatter("{x:g}")
-    panel.xaxis.set_minor_formatter("")
     panel.set_xlabel("GPU ms per frame, all moving (path tracer: per picture)")
     panel.set_ylabel("relMSE, less the noise of the truth")
     panel.grid(True, which="major", color="0.88", linewidth=0.8)
@@ -73,6 +70,11 @@ def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, st
         points = [(m, *_point(m, layer)) for m in scene.techniques if m.gi == name]
         _draw_technique(panel, name, color, [(m, x, y) for m, x, y in points if x > 0 and y > 0])
         _draw_settled(panel, color, layer, [m for m in scene.techniques if m.gi == name and m.settled_frames > 1])
+    least, most = panel.get_xlim()
+    subs = (1, 2, 5) if most < 1000 * least else (1, 3)  # labels of more would touch
+    panel.xaxis.set_major_locator(importlib.import_module("matplotlib.ticker").LogLocator(subs=subs))
+    panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_formatter("")
     if not panel.lines:
         panel.text(0.5, 0.5, "nothing to measure: the truth is black", ha="center", transform=panel.transAxes)
 
