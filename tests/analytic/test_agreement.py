@@ -53,6 +53,7 @@ def sources():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("diffuse", "names"), [(True, ("picture", "shell")), (False, ("picture",))])
 def test_light_from_everywhere(diffuse, names):
     """A shell with a coat would reflect, so with coats there are only two guises."""

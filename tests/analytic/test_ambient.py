@@ -136,6 +136,7 @@ def reflectance(base, metallic, roughness, w_o):
     return coat.sum(0) + np.pi * under.mean(0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness", [0.0, 0.05, 0.12, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0])
 def test_constant_environment_is_the_integral_of_the_brdf(probe, roughness):
     """Within 0.5 %, for all kinds of materials and angles; the environment has a colour."""
@@ -283,6 +284,7 @@ def test_grazing_and_hidden_views_are_finite(probe):
         assert np.isfinite(got).all() and (got >= 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness", [0.12, 0.25, 0.5, 1.0])
 def test_prefiltering_keeps_the_mean(probe, roughness):
     """The mean over all directions is the picture's, with a sun of one pixel that gives half of the light."""
@@ -307,6 +309,7 @@ def test_smooth_mirrors_show_the_picture(probe):
     assert np.allclose(got[seen], expected[seen], rtol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness", [0.1, 0.15, 0.21, 0.3, 0.42, 0.6, 0.85])
 def test_mean_under_a_lobe(probe, roughness):
     """Sums of D cos over the sphere, also for widths between those of the maps: within 2 % of the sky's mean."""
@@ -388,6 +391,7 @@ def split_sum_error(probe, roughness, metallic, sun):
     return (got - expected).mean() / expected.mean(), np.abs(got - expected).mean() / expected.mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("roughness", "metallic", "sun", "bias_bound", "error_bound"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.marks import slow_but
 from helpers.medley import medley
 from helpers.techniques import ball_on_a_floor, make_settings, picture, thousand_lights
 
@@ -28,7 +29,7 @@ from wgpu_gi.scene.shapes import box, grid, quad, sphere
 from wgpu_gi.settings import QUALITIES, apply_quality, assign, describe
 from wgpu_gi.techniques.shadow_views import ShadowSettings
 
-pytestmark = pytest.mark.parametrize("technique", TECHNIQUES)
+pytestmark = pytest.mark.parametrize("technique", slow_but(("path", "none"), TECHNIQUES))
 
 ABOVE = Camera.look_at((0.3, 1.5, 1.5), (0, 0, 0))
 

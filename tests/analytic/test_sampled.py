@@ -38,6 +38,7 @@ def drawn(scene, frames=1, *texts, bounces=None, size=SIZE):
     return renderer.read_back("indirect").astype(np.float64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("glossy", [False, True])
 def test_it_is_unbiased(glossy):
     """Of the same VPLs, the mean over frames is that of rays to all, in all parts of the picture and all channels."""
@@ -48,6 +49,7 @@ def test_it_is_unbiased(glossy):
     assert parts[0] == pytest.approx(parts[1], rel=0.05)
 
 
+@pytest.mark.slow
 def test_more_rays_have_less_noise():
     scene = room()
     exact = drawn(scene, 1, "gather.visibility=exact")

@@ -107,6 +107,7 @@ def test_the_vote_keeps_what_is_large():
     assert not (np.abs(level(renderer, 1)[0][..., 2] + 3) < 0.1).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell-point", "courtyard", "medley"])
 def test_light_is_the_same_on_all_levels(name):
     renderer = rendered(SCENES[name](), size=(61, 35))

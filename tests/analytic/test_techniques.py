@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers.marks import slow_but
 from helpers.pictures import moved, translation
 from helpers.skies import gradient_sky
 from helpers.techniques import (
@@ -41,9 +42,7 @@ from wgpu_gi.scene.shapes import box, grid, mesh
 from wgpu_gi.techniques.shadow_views import ShadowSettings
 
 QUICK = ("path", "none")  # all that is not takes minutes together
-pytestmark = pytest.mark.parametrize(
-    "technique", [t if t in QUICK else pytest.param(t, marks=pytest.mark.slow) for t in TECHNIQUES]
-)
+pytestmark = pytest.mark.parametrize("technique", slow_but(QUICK, TECHNIQUES))
 
 # ------------------------------------------------------------------------------------------------ Scale and place
 
@@ -146,6 +145,7 @@ def test_a_thousand_lights_in_one_place(technique):
     assert_same(got, expected, noise_of(technique, expected, scene, **show))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [PointLight, SpotLight])
 def test_a_thousand_lights_add_up(technique, kind):
     """Ten pictures of a hundred lights each are the picture of all thousand."""

@@ -45,6 +45,7 @@ def test_point_light_in_a_closed_box():
     assert 0.85 * 24 < area.sum() < 1.03 * 24
 
 
+@pytest.mark.slow
 def test_every_bounce_in_a_closed_box():
     """rho + rho^2 + ... of the light; paths end after 32 bounces here."""
     scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])

@@ -69,6 +69,7 @@ def test_truth_of_a_file_is_taken_with_its_size(capsys):
     assert scene.techniques[0].errors["direct"].floor is None  # the file does not know
 
 
+@pytest.mark.slow
 def test_every_technique_is_measured_by_default():
     tiny = TINY[: TINY.index("--gi")]
     assert main(["bench", "cornell-point", *tiny, "--json", "b.json"]) == 0

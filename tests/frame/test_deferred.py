@@ -361,6 +361,7 @@ def test_edges_of_the_mean_are_smooth():
 # ------------------------------------------------------------------------------------------------ One renderer, long
 
 
+@pytest.mark.slow
 def test_techniques_take_turns():
     """Each gives in turn what it gives alone."""
     scene = medley()

@@ -42,6 +42,7 @@ def assert_same_files(one: Path, other: Path) -> None:
         assert file.read_bytes() == (other / file.name).read_bytes(), file.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gi", [*TECHNIQUES, "temporal", "motion"])
 def test_parts_are_the_whole(gi, folder, monkeypatch):
     monkeypatch.setattr(cli_frames, "BLOCK", 2)

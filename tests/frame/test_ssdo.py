@@ -84,6 +84,7 @@ def test_a_still_picture_settles_and_rests():
     assert "camera_1/resolve" not in renderer.graph.last_run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", ["false", "true"])
 def test_light_of_frames_before_is_found_again(half):
     """While the camera moves, eight frames count; each draws other directions."""
@@ -104,6 +105,7 @@ def test_light_of_frames_before_is_found_again(half):
     assert errors[1] <= 0.5 * errors[0], errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell-point", "courtyard"])
 def test_every_other_pixel_has_the_same_mean(name):
     fine, coarse = (
@@ -128,6 +130,7 @@ def test_pictures_of_fine_things_are_the_same_each_time():
     assert np.array_equal(first.read_back("radiance"), second.read_back("radiance"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(1, 1), (2, 3), (33, 17)])
 @pytest.mark.parametrize(
     "texts",
@@ -147,6 +150,7 @@ def test_settings_at_their_ends(texts, size):
         assert np.isfinite(got["radiance"]).all() and (got["radiance"] >= 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(1, 1), (33, 17)])
 @pytest.mark.parametrize("texts", [(), ("ssdo.half=false", "gather.visibility=ism"), ("ssdo.near_reach=10",)])
 def test_near_fields_at_their_ends(texts, size):

@@ -87,6 +87,7 @@ def test_every_kind_of_visibility(visibility):
     assert renderer.read_back("indirect").any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "texts",
     [

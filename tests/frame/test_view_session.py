@@ -137,6 +137,7 @@ def test_every_buffer_can_be_shown(gi):
     assert session.status().startswith(f"{gi}, 64x36")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gi", [name for name in TECHNIQUES if name not in ("none", "path")])
 def test_moving_frames_share_light_and_pictures_at_rest_know_nothing_of_it(gi):
     session = make_session(gi)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.marks import slow_but
 from helpers.references import SIZE, layers_of, scene_of
 from mitsuba_scene import camera_rays, pixel_centres
 
@@ -68,7 +69,7 @@ def truth_of(name, bounces):
 
 
 @pytest.mark.parametrize("bounces", [1, None])
-@pytest.mark.parametrize("name", BOUNDS)
+@pytest.mark.parametrize("name", slow_but(("cornell_point",), BOUNDS))
 def test_exact_visibility(name, bounces):
     got, truth = drawn(name, bounces, *FINE), truth_of(name, bounces)
     most_bias, most_error = BOUNDS[name][bounces is None]
@@ -76,6 +77,7 @@ def test_exact_visibility(name, bounces):
     assert relmse(got, truth) <= most_error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell_area", "cornell_point"])
 def test_without_a_bound_nothing_is_lost(name):
     """No factor is missing: what the bound of near lights takes comes back as noise in corners."""
@@ -84,6 +86,7 @@ def test_without_a_bound_nothing_is_lost(name):
     assert abs(np.median(got / np.maximum(truth, 1e-9)) - 1) <= 0.008
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell_area", "cornell_point", "cornell_spot"])
 def test_compensation_finds_what_the_bound_takes(name):
     """With the same lights, whose own noise is in both; `test_compensated` holds the bias of the mean of many."""
@@ -101,7 +104,7 @@ def test_imperfect_shadow_maps(bounces):
 
 
 @pytest.mark.parametrize("bounces", [1, None])
-@pytest.mark.parametrize("name", COMPENSATED_BOUNDS)
+@pytest.mark.parametrize("name", slow_but(("cornell_point",), COMPENSATED_BOUNDS))
 def test_compensated(name, bounces):
     truth = truth_of(name, bounces)
     got = drawn(name, bounces, "camera.frames=16", "gather.compensation=true")
@@ -131,6 +134,7 @@ def test_the_dark_side_stays_dark(name, bounces):
     assert abs(bias(got[dark], truth[dark])) <= 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounces", [1, None])
 def test_coated_surfaces_reflect_as_the_path_tracer_has_it(bounces):
     """Most of what a rough coat does not let through is lost: it reflects far less than Fresnel's factor alone."""

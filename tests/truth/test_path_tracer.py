@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.marks import slow_but
 from reference_file import scene_hash
 
 import wgpu_gi as gi
@@ -65,7 +66,7 @@ def test_references_are_of_these_scenes(name):
     assert meta_of(name)["scene_sha256"] == scene_hash(source, gi.load(source, environment=CASES[name][1]))
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", slow_but(("cornell_point", "courtyard_sky"), CASES))
 def test_all_bounces(name):
     truth = layers_of(name)
     _, _, spp, most_error = CASES[name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
+from helpers.marks import slow_but
 from helpers.references import SIZE, layers_of, scene_of
 from helpers.skies import gradient_sky
 
@@ -116,7 +117,9 @@ def truth_of(lamp):
     return drawn(sky_lit(lamp), gi="path")
 
 
-@pytest.mark.parametrize(("lamp", "most"), [(0.0, 0.06), (3.0, 0.065), (40.0, 0.14)])
+@pytest.mark.parametrize(
+    ("lamp", "most"), [(0.0, 0.06), (3.0, 0.065), pytest.param(40.0, 0.14, marks=pytest.mark.slow)]
+)
 def test_better_than_ambient_light_and_ambient_occlusion(lamp, most):
     """Under a sky, and under one with a weak and a strong lamp: a part of the error of ambient light, not occluded."""
     truth = full(truth_of(lamp))
@@ -202,7 +205,7 @@ def test_correct_as_samples_grow():
 
 
 @pytest.mark.parametrize("bounces", [1, None])
-@pytest.mark.parametrize("name", ["cornell_area", "cornell_point", "cornell_spot"])
+@pytest.mark.parametrize("name", slow_but(("cornell_point",), ["cornell_area", "cornell_point", "cornell_spot"]))
 def test_near_and_far_light_are_all_light(name, bounces):
     """Many-light with what is near by the picture instead: nothing counts twice, and nothing is lost."""
     truth = layers_of(name)

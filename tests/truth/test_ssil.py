@@ -41,6 +41,7 @@ def drawn(name, *texts, gi="ssil", frames=16, spp=64):
     return renderer.read_back("indirect")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_truth_itself(name):
     """Light of what is out of view is missing, and nothing else."""

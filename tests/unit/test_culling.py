@@ -84,6 +84,7 @@ def test_points_at_the_edges_of_a_view_far_from_the_origin(distance):
         assert visible(view, np.stack([points, points], 1))[0][seen].all()
 
 
+@pytest.mark.slow
 def test_every_triangle_in_view_is_drawn(dtypes):
     """Of placed instances, too: by the arithmetic of the vertex shader, one far from its mesh's origin among them."""
     scene = medley()
