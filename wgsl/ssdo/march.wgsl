@@ -195,7 +195,7 @@ fn march(m: Marcher, direction: vec3f, shift: f32) -> u32 {
     if (CAMERAS > 0u && asked_a != NO_HIT) {
         through = led_through(depth_4, m.a, along_a, asked_way_a, asked_a);
     }
-    if (asked != NO_HIT && through == NO_HIT) {
+    if ((CAMERAS > 0u || LAYERS > 1u) && asked != NO_HIT && through == NO_HIT) {
         through = led_through(depth_0, m.main, along, asked_way, asked);
     }
     if (through != NO_HIT) {
