@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # also where th
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.messages import compiler_message
-from wgpu_gi.gpu.wgsl import ShaderSource, load
+from wgpu_gi.gpu.wgsl.load import ShaderSource, load
 from wgpu_gi.resources import resource_dir
 
 CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")

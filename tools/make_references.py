@@ -30,12 +30,12 @@ from rich.progress import Progress
 from world_surfaces import Floats
 
 from wgpu_gi.__main__ import Parser, _size
-from wgpu_gi.atomic_file import check_writable
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene.camera_files import choose_camera
-from wgpu_gi.scene.environment_files import load_environment
-from wgpu_gi.scene.light_texts import parse_light
+from wgpu_gi.pictures.atomic_file import check_writable
+from wgpu_gi.scene.files.camera_files import choose_camera
+from wgpu_gi.scene.files.environment_files import load_environment
+from wgpu_gi.scene.files.light_texts import parse_light
 from wgpu_gi.scene.load import NO_CAMERA_NOTE, load
 from wgpu_gi.scene.scene import Scene
 

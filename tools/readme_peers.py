@@ -16,12 +16,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from wgpu_gi.frame import Settings
+from wgpu_gi.measure.truth import truth_by_path
+from wgpu_gi.options import Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.load import load
 from wgpu_gi.scene.scene import DirectionalLight, Scene
 from wgpu_gi.settings import QUALITIES, apply_quality
-from wgpu_gi.truth_cache import truth_by_path
 
 FILE = Path(__file__).parents[1] / "scenes" / "cornell" / "peers.png"
 SIZE = (640, 360)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from wgpu_gi.frame import Settings
-from wgpu_gi.metrics import bias, relmse
+from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.options import Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.load import load
 from wgpu_gi.scene.scene import Scene

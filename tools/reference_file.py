@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wgpu_gi.atomic_file import atomic_file
 from wgpu_gi.errors import GiError
-from wgpu_gi.metrics import noise_floor
+from wgpu_gi.measure.metrics import noise_floor
+from wgpu_gi.pictures.atomic_file import atomic_file
 from wgpu_gi.scene.scene import Scene
 
 Array = NDArray[np.float32]

@@ -13,10 +13,12 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .version import __version__
+
 if TYPE_CHECKING:
     from .camera import Camera
     from .errors import GiError
-    from .image import load_image, save_image
+    from .pictures.image import load_image, save_image
     from .renderer import Renderer, Settings, render
     from .scene.load import load
     from .scene.scene import (
@@ -33,7 +35,6 @@ if TYPE_CHECKING:
     )
     from .viewer.notebook import show
 
-__version__ = "0.1.0"
 
 __all__ = [
     "Camera",
@@ -61,8 +62,8 @@ __all__ = [
 _MODULE_OF_NAME = {
     "Camera": "camera",
     "GiError": "errors",
-    "load_image": "image",
-    "save_image": "image",
+    "load_image": "pictures.image",
+    "save_image": "pictures.image",
     "Renderer": "renderer",
     "Settings": "renderer",
     "render": "renderer",

@@ -8,9 +8,9 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from . import __version__
 from .errors import GiError
 from .settings import QUALITIES
+from .version import __version__
 
 RENDER_EXAMPLES = """\
 examples:
@@ -94,22 +94,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         arguments = build_parser().parse_args(argv)
         if arguments.command == "info":
-            from .cli_info import info
+            from .cli.info import info
 
             return info()
         if arguments.command == "compare":
-            from .cli_compare import compare
+            from .cli.compare import compare
 
             return compare(arguments)
         if arguments.command == "bench":
-            from .cli_bench import bench
+            from .cli.bench import bench
 
             return bench(arguments)
         if arguments.command == "view":
-            from .cli_view import view
+            from .cli.view import view
 
             return view(arguments)
-        from .cli_render import render
+        from .cli.render import render
 
         return render(arguments)
     except GiError as error:

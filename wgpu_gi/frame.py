@@ -2,237 +2,36 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
-from functools import cache
-
-from .errors import GiError
-from .gpu.device import Device
+from .buffers import Absent, Source, views_of
 from .gpu.graph import Graph
-from .gpu.handles import Buffer, Handle
-from .scene.sequences import GOLDEN, R2
-from .settings import setting
-from .techniques.compensation import declare_compensation
-from .techniques.composite import declare_display, declare_mean, declare_sum
-from .techniques.debug import (
+from .gpu.handles import Buffer
+from .options import POINTS, Settings, picture_count
+from .techniques.deferred.direct import declare_direct
+from .techniques.deferred.environment import Ambient, declare_environment
+from .techniques.deferred.shadow import ShadowDraws, declare_shadow_maps
+from .techniques.deferred.sky import declare_sky_occlusion
+from .techniques.many_light.compensation import declare_compensation
+from .techniques.many_light.filters import declare_denoise, declare_temporal
+from .techniques.many_light.gather import declare_gather
+from .techniques.many_light.ism import declare_ism
+from .techniques.many_light.near import declare_near, declare_near_shares
+from .techniques.many_light.points import declare_points
+from .techniques.many_light.rsm import declare_rsm
+from .techniques.many_light.views import (
     declare_ism_views,
     declare_list_view,
     declare_rejected_view,
     declare_rsm_views,
     declare_vpl_view,
 )
-from .techniques.denoise import DenoiseSettings, declare_denoise
-from .techniques.direct import DirectSettings, declare_direct
-from .techniques.environment import Ambient, EnvironmentSettings, declare_environment
-from .techniques.gather import GatherSettings, declare_gather
-from .techniques.gbuffer import Gbuffer, declare_gbuffer, declare_motion
-from .techniques.ism import IsmSettings, declare_ism
-from .techniques.near import declare_near, declare_near_shares
-from .techniques.points import declare_points
-from .techniques.reference import PathSettings, declare_primary, declare_reference, path_runs
-from .techniques.rsm import RsmSettings, declare_rsm
-from .techniques.scene_inputs import SceneInputs
-from .techniques.shadow import ShadowDraws, declare_shadow_maps
-from .techniques.shadow_views import ShadowSettings
-from .techniques.sky import declare_sky_occlusion
-from .techniques.ssdo import History, Occlusion, declare_bounce, declare_occlusion
-from .techniques.ssdo_sources import Sources, SsdoSettings, declare_sources
-from .techniques.ssil import MOST_BOUNCES, SsilSettings, declare_ssil, is_amortised
-from .techniques.temporal import TemporalSettings, declare_temporal
-from .techniques.voxels import VoxelSettings
-from .techniques.vpl import VplSettings, declare_vpls, declare_walk
-
-MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
-MAX_PIXELS = 2**25  # 96 bytes of running means and results each: 3 GiB
-PIXEL_BYTES = 16  # of the largest buffer per pixel, array<vec4f>
-
-
-@dataclass(frozen=True)
-class Technique:
-    """What a technique promises: `bounces` of indirect light at most (None: as many as are asked for).
-
-    If it draws random numbers, each frame of a still picture draws others, and their mean settles.
-    """
-
-    sentence: str
-    bounces: int | None
-    is_random: bool
-
-
-POINTS = 1 << 17  # on all surfaces, for many-light; chosen
-
-# Everything that takes any technique (the command line, benchmarks, tests of invariance) reads this list.
-TECHNIQUES = {
-    "path": Technique("progressive path tracer, the truth", None, True),
-    "none": Technique("direct light only, deferred", 0, False),
-    "many-light": Technique("virtual point lights with imperfect shadow maps", None, True),
-    "ssdo": Technique("directional occlusion and one bounce in screen space", 1, True),
-    "ssil": Technique("from what the picture shows, at several scales, with visibility by voxels", None, True),
-}
-
-# What can be read back and shown. All but the last two are there for every technique.
-BUFFERS = (
-    "radiance",
-    "direct",
-    "indirect",
-    "emission",
-    "albedo",
-    "normal",
-    "depth",
-    "position",
-    "instance",
-    "standard_error",  # of the path tracer
-    "motion",  # of all others
-)
-
-
-# What a technique works with, shown over the whole picture when asked for by name.
-VIEWS = {
-    "many-light": (
-        "rsm/position",
-        "rsm/normal",
-        "rsm/flux",
-        "vpl/flux",
-        "ism/atlas",
-        "ism/drawn",
-        "gather/lists",
-        "temporal/rejected",
-    )
-}
-# Why a run may have none of them, by the first part of their names.
-ABSENT = {
-    "rsm": "there is no reflective shadow map, because no point, spot or directional light is reflected",
-    "vpl": "there are no virtual point lights, because no light is reflected",
-    "ism": "there are no imperfect shadow maps; they need --set gather.visibility=ism and light that is reflected",
-    "gather": "there are no lists of lights; they need --set gather.culling=tiled or clustered and light to reflect",
-    "temporal": "no history is kept; it needs --set temporal.frames=2 or more and light that is reflected",
-}
-
-
-def views_of(gi: str) -> tuple[str, ...]:
-    """Return the names of the debug views of a technique."""
-    return VIEWS.get(gi, ())
-
-
-def buffers_of(gi: str) -> tuple[str, ...]:
-    """Return the names of what a technique can show."""
-    missing = "motion" if gi == "path" else "standard_error"
-    return tuple(name for name in BUFFERS if name != missing)
-
-
-@dataclass
-class CameraSettings:
-    """How pixels are sampled."""
-
-    jitter: bool = setting(True, "Average over the pixel's square (box filter) instead of sampling its centre.")
-    frames: int = setting(
-        24,
-        "Frames that a still picture averages; not of the path tracer, which averages samples.",
-        "frames",
-        range=(1, 65536),
-        presets={"low": 4, "high": 64},
-    )
-
-
-@dataclass
-class Settings:
-    """What to render and how well. Sections are reached as `section.name` by `--set`."""
-
-    gi: str = setting(
-        "path",
-        "Technique for light: path (path tracer), none (direct only), many-light, ssdo or ssil.",
-        choices=(*TECHNIQUES,),
-    )
-    bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
-    spp: int = setting(64, "Samples per pixel of the path tracer.", "samples", range=(1, 10_000_000))
-    seed: int = setting(0, "Seed of all random numbers.", range=(0, 2**32 - 1))
-    exposure: float = setting(0.0, "Brighten what is displayed by 2^exposure.", "EV", range=(-60, 60))
-    diffuse: bool = setting(False, "Treat every material as Lambert with its base colour.")
-    camera: CameraSettings = field(default_factory=CameraSettings)
-    path: PathSettings = field(default_factory=PathSettings)
-    direct: DirectSettings = field(default_factory=DirectSettings)
-    shadow: ShadowSettings = field(default_factory=ShadowSettings)
-    environment: EnvironmentSettings = field(default_factory=EnvironmentSettings)
-    rsm: RsmSettings = field(default_factory=RsmSettings)
-    vpl: VplSettings = field(default_factory=VplSettings)
-    ism: IsmSettings = field(default_factory=IsmSettings)
-    gather: GatherSettings = field(default_factory=GatherSettings)
-    temporal: TemporalSettings = field(default_factory=TemporalSettings)
-    denoise: DenoiseSettings = field(default_factory=DenoiseSettings)
-    ssdo: SsdoSettings = field(default_factory=SsdoSettings)
-    ssil: SsilSettings = field(default_factory=SsilSettings)
-    voxels: VoxelSettings = field(default_factory=VoxelSettings)
-
-
-@dataclass(frozen=True)
-class Source:
-    """Where a buffer lies: a handle with four values per pixel, and which of them; without a handle it is zero."""
-
-    handle: Handle | None
-    first: int = 0
-    count: int = 3
-
-
-class Absent(Source):
-    """A view that this run does not have: to ask for its handle raises GiError."""
-
-    def __init__(self, name: str) -> None:
-        object.__setattr__(self, "_name", name)
-
-    @property
-    def handle(self) -> Handle | None:
-        """Raise GiError that says why there is none."""
-        name: str = self._name  # type: ignore[attr-defined]
-        raise GiError(f"--show {name}: {ABSENT[name.partition('/')[0]]}")
-
-
-def picture_count(settings: Settings) -> int:
-    """Return how many frames make a still picture; of the path tracer, which averages samples itself, one."""
-    several = settings.camera.jitter or TECHNIQUES[settings.gi].is_random
-    return settings.camera.frames if several and settings.gi != "path" else 1
-
-
-def frames_ahead(settings: Settings) -> int:
-    """Return how many frames come before those that a still picture averages, for light to go round in."""
-    return MOST_BOUNCES if settings.gi == "ssil" and is_amortised(settings.ssil, settings.bounces) else 0
-
-
-def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
-    """Return where the rays of one of `frames` jittered frames go through their pixels.
-
-    A rank-1 lattice, so that every row and every column of the pixel's square has one point and their mean is exactly
-    its centre; the order jumps about the square.
-    """
-    index = (frame * _coprime(frames, R2[0]) + frames // 2) % frames
-    other = (index * _coprime(frames, GOLDEN)) % frames
-    return (index + 0.5) / frames, (other + 0.5) / frames
-
-
-@cache
-def _coprime(count: int, share: float) -> int:
-    """Return the number nearest to a share of `count` that has no common divisor with it."""
-    return min(range(1, count + 1), key=lambda k: (math.gcd(k, count) > 1, abs(k - share * count)))
-
-
-def check_size(width: int, height: int, device: Device | None = None) -> None:
-    """Raise GiError if a picture of this size cannot be rendered, at all or on a device."""
-    if width < 1 or height < 1:
-        raise GiError(f"size {width}x{height}: a picture has at least 1x1 pixels")
-    if width > MAX_SIDE or height > MAX_SIDE or width * height > MAX_PIXELS:
-        raise GiError(
-            f"size {width}x{height}: at most {MAX_SIDE} pixels a side and {MAX_PIXELS // 2**20} million in all;"
-            " make --size smaller"
-        )
-    if device is None:
-        return
-    needed, limit = width * height * PIXEL_BYTES, device.limits["max-storage-buffer-binding-size"]
-    if needed > limit:
-        scale = math.sqrt(limit / needed)
-        raise GiError(
-            f"size {width}x{height} needs buffers of {needed / 2**20:.0f} MiB, and {device.adapter_name} has at most"
-            f" {limit / 2**20:.0f} (max-storage-buffer-binding-size); make --size smaller,"
-            f" such as {max(int(width * scale), 1)}x{max(int(height * scale), 1)}"
-        )
+from .techniques.many_light.vpl import declare_vpls, declare_walk
+from .techniques.reference import declare_primary, declare_reference, path_runs
+from .techniques.shared.composite import declare_display, declare_mean, declare_sum
+from .techniques.shared.gbuffer import Gbuffer, declare_gbuffer, declare_motion
+from .techniques.shared.scene_inputs import SceneInputs
+from .techniques.ssdo.bounce import History, Occlusion, declare_bounce, declare_occlusion
+from .techniques.ssdo.sources import Sources, declare_sources
+from .techniques.ssil.ssil import declare_ssil
 
 
 def declare_frame(

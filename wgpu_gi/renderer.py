@@ -10,39 +10,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .buffers import BUFFERS, Source, buffers_of, views_of
 from .camera import Camera
 from .errors import GiError
-from .frame import (
-    BUFFERS,
-    TECHNIQUES,
-    CameraSettings,
-    Settings,
-    Source,
-    buffers_of,
-    check_size,
-    declare_frame,
-    frames_ahead,
-    picture_count,
-    pixel_offset,
-    views_of,
-)
+from .frame import declare_frame
 from .gpu.describe import Row, table
 from .gpu.device import open_device
 from .gpu.graph import Graph
 from .gpu.handles import Texture
-from .picture import Picture
-from .scene.camera_files import framing_camera
-from .scene.fingerprint import Fingerprint
+from .options import TECHNIQUES, CameraSettings, Settings, check_size, frames_ahead, picture_count, pixel_offset
+from .pictures.picture import Picture
+from .pictures.tables import Table
+from .scene.files.camera_files import framing_camera
 from .scene.scene import Scene
-from .scene.upload import SceneUpload
 from .settings import apply_quality, validate
-from .tables import Table
-from .techniques.composite import MEANS
-from .techniques.deferred_inputs import DeferredInputs
+from .techniques.deferred.inputs import DeferredInputs
+from .techniques.many_light.inputs import ManyLightInputs
 from .techniques.reference import path_runs
-from .techniques.scene_inputs import SceneInputs, ScreenInputs, share_scene, share_solids
-from .techniques.ssdo_sources import screen_views, view_name
-from .techniques.vpl_inputs import ManyLightInputs
+from .techniques.shared.composite import MEANS
+from .techniques.shared.scene_inputs import SceneInputs, ScreenInputs, share_scene, share_solids
+from .techniques.ssdo.sources import screen_views, view_name
+from .upload.fingerprint import Fingerprint
+from .upload.scene_upload import SceneUpload
 
 __all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "render"]
 

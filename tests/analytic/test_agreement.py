@@ -7,9 +7,9 @@ import pytest
 from helpers.pictures import shoot
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, grid, sphere
 from wgpu_gi.scene.scene import Environment, Image, Instance, Material, Scene, Texture
-from wgpu_gi.scene.shapes import box, grid, sphere
 
 
 def things():

@@ -11,17 +11,17 @@ from helpers.skies import gradient_sky, radiance, sphere_grid
 
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import quad, sphere
 from wgpu_gi.scene.scene import Environment, Instance, Material, Scene
-from wgpu_gi.scene.shapes import quad, sphere
-from wgpu_gi.scene.upload import SceneUpload
-from wgpu_gi.techniques.environment import EnvironmentSettings, declare_environment
-from wgpu_gi.techniques.scene_inputs import share_scene
+from wgpu_gi.techniques.deferred.environment import EnvironmentSettings, declare_environment
+from wgpu_gi.techniques.shared.scene_inputs import share_scene
+from wgpu_gi.upload.scene_upload import SceneUpload
 
 MIN_ALPHA = 0.001
 UP = np.array([0.0, 0.0, 1.0])
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
-SHADER = """#import "environment/ambient.wgsl"
+SHADER = """#import "deferred/environment/ambient.wgsl"
 @group(1) @binding(40) var<storage, read> rows: array<mat4x4f>;
 @group(1) @binding(41) var<storage, read_write> result: array<vec4f>;
 @compute @workgroup_size(64)

@@ -9,9 +9,9 @@ import pytest
 from helpers.pictures import shoot
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import Instance, PointLight, Scene
-from wgpu_gi.scene.shapes import box, quad
 
 BUFFERS = ("position", "depth", "normal")
 

@@ -11,12 +11,12 @@ from helpers.pictures import shoot
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Instance, Material, PointLight, Scene, SpotLight
-from wgpu_gi.scene.shapes import box, grid, quad, sphere
-from wgpu_gi.techniques.direct import DirectSettings
-from wgpu_gi.techniques.shadow_views import ShadowSettings
+from wgpu_gi.techniques.deferred.direct import DirectSettings
+from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
 
 ALBEDO = (700 / 1023) ** 2  # the G-buffer has it exactly
 EXACT = 1e-5  # relative: float32 rounding of a few operations

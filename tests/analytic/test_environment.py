@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from helpers.pictures import assert_mean, looking, shoot
 
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import Environment, Instance, Material, Scene
-from wgpu_gi.scene.shapes import box, quad
 
 AXES = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
 

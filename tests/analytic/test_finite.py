@@ -9,10 +9,11 @@ from helpers.medley import medley
 from helpers.techniques import ball_on_a_floor, make_settings, picture, thousand_lights
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.frame import TECHNIQUES
+from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.renderer import Renderer, Settings
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import (
     DirectionalLight,
     Environment,
@@ -25,9 +26,8 @@ from wgpu_gi.scene.scene import (
     SpotLight,
     Texture,
 )
-from wgpu_gi.scene.shapes import box, grid, quad, sphere
 from wgpu_gi.settings import QUALITIES, apply_quality, assign, describe
-from wgpu_gi.techniques.shadow_views import ShadowSettings
+from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
 
 pytestmark = pytest.mark.parametrize("technique", slow_but(("path", "none"), TECHNIQUES))
 

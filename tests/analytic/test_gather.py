@@ -8,13 +8,13 @@ from helpers.vpls import Gatherer, vpl_texels
 from mitsuba_scene import camera_rays, pixel_centres
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.gpu.wgsl import load
-from wgpu_gi.scene.builtin import closed_box, courtyard, matte, plane_point, sphere_light
+from wgpu_gi.gpu.wgsl.load import load
+from wgpu_gi.scene.built_in.scenes import closed_box, courtyard, matte, plane_point, sphere_light
+from wgpu_gi.scene.built_in.shapes import quad
 from wgpu_gi.scene.scene import Instance, Material, Scene
-from wgpu_gi.scene.shapes import quad
 
 SIZE = (70, 45)  # no multiple of any tile
-BOUND_SHARE = float(load("gather/gather.wgsl").constants["BOUND_SHARE"])  # of a VPL's area
+BOUND_SHARE = float(load("many_light/gather/gather.wgsl").constants["BOUND_SHARE"])  # of a VPL's area
 
 
 def corner(distance, half_width, height):

@@ -10,18 +10,18 @@ from helpers.surfaces import read_surfaces, world_normals
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.frame import picture_count, pixel_offset
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
+from wgpu_gi.options import picture_count, pixel_offset
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
-from wgpu_gi.scene import draws as draws_module
+from wgpu_gi.scene.built_in.shapes import grid, quad, sphere
 from wgpu_gi.scene.scene import Image, Instance, Material, Scene, Texture
-from wgpu_gi.scene.shapes import grid, quad, sphere
-from wgpu_gi.scene.upload import SceneUpload
-from wgpu_gi.techniques import culling
-from wgpu_gi.techniques.culling import visible
-from wgpu_gi.techniques.gbuffer import declare_gbuffer
-from wgpu_gi.techniques.scene_inputs import share_scene
+from wgpu_gi.techniques.shared import culling
+from wgpu_gi.techniques.shared.culling import visible
+from wgpu_gi.techniques.shared.gbuffer import declare_gbuffer
+from wgpu_gi.techniques.shared.scene_inputs import share_scene
+from wgpu_gi.upload import draws as draws_module
+from wgpu_gi.upload.scene_upload import SceneUpload
 
 SIZE = (160, 90)
 SHOW = ("emission", "albedo", "normal", "depth", "position")

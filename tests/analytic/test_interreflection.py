@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from helpers.pictures import assert_mean, shoot
 
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import matte, plates_form_factor
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import matte, plates_form_factor
+from wgpu_gi.scene.built_in.shapes import quad
 from wgpu_gi.scene.scene import Instance, Mesh, PointLight, SpotLight
-from wgpu_gi.scene.shapes import quad
 
 
 @pytest.mark.parametrize(("albedo", "spp"), [(0.2, 64), (0.5, 256), (0.8, 512)])

@@ -9,12 +9,12 @@ import pytest
 from helpers.pictures import moved, scaling, shoot, translation
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.metrics import relmse
+from wgpu_gi.measure.metrics import relmse
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import grid, quad, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
-from wgpu_gi.scene.shapes import grid, quad, sphere
 
 SIZE = (32, 18)
 

@@ -11,18 +11,18 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import quad
 from wgpu_gi.scene.scene import Instance, Scene
-from wgpu_gi.scene.shapes import quad
-from wgpu_gi.scene.upload import SceneUpload
-from wgpu_gi.techniques.ism import IsmSettings, declare_ism
-from wgpu_gi.techniques.points import Points
-from wgpu_gi.techniques.scene_inputs import share_scene
-from wgpu_gi.techniques.vpl import TABLE_WIDTH, Vpls
+from wgpu_gi.techniques.many_light.ism import IsmSettings, declare_ism
+from wgpu_gi.techniques.many_light.points import Points
+from wgpu_gi.techniques.many_light.vpl import TABLE_WIDTH, Vpls
+from wgpu_gi.techniques.shared.scene_inputs import share_scene
+from wgpu_gi.upload.scene_upload import SceneUpload
 
 SLOTS = 16
 SHADER = """
-#import "ism/lookup.wgsl"
+#import "many_light/ism/lookup.wgsl"
 @group(1) @binding(20) var<storage, read> receivers: array<vec4f>;
 @group(1) @binding(21) var<storage, read_write> seen: array<f32>;
 @compute @workgroup_size(64)
@@ -207,7 +207,7 @@ def test_directions_come_back_from_the_map(tmp_path):
     v[:, 2] = np.abs(v[:, 2])
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     back = "hemisphere_decode(hemisphere_encode(v(i)))"
-    got = Evaluator(tmp_path)("ism/map.wgsl", back, "vec3f", v=v)
+    got = Evaluator(tmp_path)("many_light/ism/map.wgsl", back, "vec3f", v=v)
     assert np.allclose(got, v, atol=1e-5)
 
 
@@ -221,7 +221,7 @@ def test_a_texel_holds_a_plane(tmp_path):
     texel = "plane_texel(hemisphere_decode(place(i)), plane(i))"
     at_corner = f"hemisphere_decode(place(i) + {off} * (2.0 / 64.0))"
     got = Evaluator(tmp_path)(
-        "ism/map.wgsl",
+        "many_light/ism/map.wgsl",
         f"vec2f(texel_code({texel}, {off}), distance_code(1.0 / pow(dot({at_corner}, plane(i)), 2.0)))",
         "vec2f",
         place=place,

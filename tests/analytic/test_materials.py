@@ -9,10 +9,10 @@ import pytest
 from helpers.gltf_brdf import gltf_brdf
 from helpers.pictures import assert_mean, looking, shoot
 
-from wgpu_gi.image import linear_from_srgb
-from wgpu_gi.scene.builtin import matte, plates, plates_form_factor
+from wgpu_gi.pictures.image import linear_from_srgb
+from wgpu_gi.scene.built_in.scenes import matte, plates, plates_form_factor
+from wgpu_gi.scene.built_in.shapes import grid, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Instance, Material, Mesh, Scene, Texture
-from wgpu_gi.scene.shapes import grid, sphere
 
 SUN = DirectionalLight((0.0, -1.0, 0.0), math.pi)  # E = pi, so a matte floor shows its albedo
 BUFFERS = ("radiance", "albedo", "normal", "depth", "emission", "direct", "indirect")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.pictures import shoot
 
-from wgpu_gi.scene import builtin
+from wgpu_gi.scene.built_in import scenes as builtin
 from wgpu_gi.scene.scene import DirectionalLight, PointLight, SpotLight
 
 EXACT = 1e-5  # relative: float32 rounding of a few operations

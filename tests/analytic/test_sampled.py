@@ -8,9 +8,9 @@ from helpers.vpls import Gatherer, vpl_texels
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
-from wgpu_gi.scene.builtin import corridor, courtyard, matte
+from wgpu_gi.scene.built_in.scenes import corridor, courtyard, matte
+from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, PointLight, Scene
-from wgpu_gi.scene.shapes import box, quad, sphere
 from wgpu_gi.settings import assign
 
 SIZE = (32, 18)

@@ -7,9 +7,9 @@ import pytest
 from helpers.pictures import shoot
 from helpers.skies import gradient_sky
 
-from wgpu_gi.metrics import bias, relmse
+from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
-from wgpu_gi.scene.builtin import courtyard
+from wgpu_gi.scene.built_in.scenes import courtyard
 from wgpu_gi.scene.scene import Environment
 
 SIZE = (96, 54)

@@ -13,9 +13,9 @@ import pytest
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import quad
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Scene
-from wgpu_gi.scene.shapes import quad
 from wgpu_gi.settings import assign
 
 HEIGHT = 3.0

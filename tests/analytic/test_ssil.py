@@ -10,9 +10,9 @@ from helpers.techniques import SCENES, make_settings
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import Renderer
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, grid, quad
 from wgpu_gi.scene.scene import DirectionalLight, Instance, PointLight, Scene
-from wgpu_gi.scene.shapes import box, grid, quad
 from wgpu_gi.settings import assign
 
 SIZE = (64, 36)

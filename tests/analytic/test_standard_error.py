@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from helpers.pictures import shoot
 
-from wgpu_gi.scene import builtin
+from wgpu_gi.scene.built_in import scenes as builtin
 
 
 def test_standard_error_is_honest():

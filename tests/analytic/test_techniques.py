@@ -33,13 +33,13 @@ from helpers.techniques import (
 )
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.frame import TECHNIQUES
+from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.renderer import Renderer
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, grid, mesh
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
-from wgpu_gi.scene.shapes import box, grid, mesh
-from wgpu_gi.techniques.shadow_views import ShadowSettings
+from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
 
 QUICK = ("path", "none")  # all that is not takes minutes together
 pytestmark = pytest.mark.parametrize("technique", slow_but(QUICK, TECHNIQUES))

@@ -7,12 +7,13 @@ import pytest
 import wgpu
 from helpers.vpls import Gatherer
 
-from wgpu_gi.scene.builtin import plane_point
-from wgpu_gi.techniques.clusters import Clusters
-from wgpu_gi.techniques.gather import Gathered
-from wgpu_gi.techniques.gbuffer import declare_gbuffer
-from wgpu_gi.techniques.scene_inputs import share_scene
-from wgpu_gi.techniques.temporal import TemporalSettings, declare_temporal
+from wgpu_gi.scene.built_in.scenes import plane_point
+from wgpu_gi.techniques.many_light.clusters import Clusters
+from wgpu_gi.techniques.many_light.filters import declare_temporal
+from wgpu_gi.techniques.many_light.gather import Gathered
+from wgpu_gi.techniques.shared.gbuffer import declare_gbuffer
+from wgpu_gi.techniques.shared.scene_inputs import share_scene
+from wgpu_gi.techniques.shared.temporal import TemporalSettings
 
 SIZE = (24, 16)
 

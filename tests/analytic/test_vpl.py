@@ -10,9 +10,9 @@ from helpers.skies import gradient_sky
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import Renderer, Settings
-from wgpu_gi.scene.builtin import cornell_point, matte
+from wgpu_gi.scene.built_in.scenes import cornell_point, matte
+from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
-from wgpu_gi.scene.shapes import box, quad
 
 
 def drawn(scene, bounces, **fields):

@@ -8,10 +8,10 @@ import os
 import pytest
 
 from wgpu_gi.__main__ import main
-from wgpu_gi.bench_report import load_json
-from wgpu_gi.cli_bench import BASELINES
-from wgpu_gi.frame import TECHNIQUES
-from wgpu_gi.image import load_image
+from wgpu_gi.cli.bench import BASELINES
+from wgpu_gi.measure.report import load_json
+from wgpu_gi.options import TECHNIQUES
+from wgpu_gi.pictures.image import load_image
 
 TINY = ["--size", "32x18", "--frames", "3", "--truth-spp", "16", "--gi", "none"]
 

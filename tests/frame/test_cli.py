@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from wgpu_gi.__main__ import main
-from wgpu_gi.frame import TECHNIQUES
-from wgpu_gi.image import load_image
+from wgpu_gi.options import TECHNIQUES
+from wgpu_gi.pictures.image import load_image
 
 TINY = ["--size", "32x18", "--spp", "2"]
 BUFFERS = ["radiance", "direct", "indirect", "emission", "albedo", "normal", "depth", "position", "instance"]

@@ -12,16 +12,17 @@ from helpers.memory import resident
 
 from wgpu_gi import renderer as renderer_module
 from wgpu_gi.__main__ import main
+from wgpu_gi.buffers import BUFFERS, buffers_of
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.frame import BUFFERS, TECHNIQUES, buffers_of, pixel_offset
-from wgpu_gi.image import load_image
+from wgpu_gi.options import TECHNIQUES, pixel_offset
+from wgpu_gi.pictures.image import load_image
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
-from wgpu_gi.scene import builtin
+from wgpu_gi.scene.built_in import scenes as builtin
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Material, PointLight, Texture
-from wgpu_gi.scene.upload import SceneUpload
-from wgpu_gi.techniques import direct as direct_module
-from wgpu_gi.techniques.deferred_inputs import DeferredInputs
+from wgpu_gi.techniques.deferred import direct as direct_module
+from wgpu_gi.techniques.deferred.inputs import DeferredInputs
+from wgpu_gi.upload.scene_upload import SceneUpload
 
 SIZE = (48, 27)
 RASTER = {"gbuffer/opaque", "gbuffer/masked", "shadow/opaque", "shadow/masked"}

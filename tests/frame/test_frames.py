@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wgpu_gi import cli_frames
 from wgpu_gi.__main__ import main
-from wgpu_gi.frame import TECHNIQUES
-from wgpu_gi.image import load_image
+from wgpu_gi.cli import frames as cli_frames
+from wgpu_gi.options import TECHNIQUES
+from wgpu_gi.pictures.image import load_image
 
 TINY = ["--size", "32x18", "--spp", "2", "--set", "camera.frames=2"]
 SMALL_LIGHTS = ["--set", "vpl.count=128", "--set", "vpl.paths=1024", "--set", "ism.resolution=32"]

@@ -9,11 +9,12 @@ from helpers.medley import at, medley
 from wgpu_gi import renderer as renderer_module
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.frame import MAX_PIXELS, MAX_SIDE, TECHNIQUES, CameraSettings, PathSettings, Settings
+from wgpu_gi.frame import PathSettings
+from wgpu_gi.options import MAX_PIXELS, MAX_SIDE, TECHNIQUES, CameraSettings, Settings
 from wgpu_gi.renderer import Renderer
-from wgpu_gi.scene import builtin
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.shapes import box, grid
 from wgpu_gi.scene.scene import DirectionalLight, Instance, Scene
-from wgpu_gi.scene.shapes import box, grid
 
 SIZE = (48, 27)
 SHOWN = ("radiance", "display")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.frame import TECHNIQUES
-from wgpu_gi.image import display_layer
+from wgpu_gi.options import TECHNIQUES
+from wgpu_gi.pictures.image import display_layer
 from wgpu_gi.renderer import render
-from wgpu_gi.scene.builtin import BUILTIN_SCENES
+from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES
 from wgpu_gi.scene.scene import Instance, Mesh, PointLight, Scene
 
 TRIANGLE = [[-0.4, -0.4, 0], [0.4, -0.4, 0], [0, 0.4, 0]]

@@ -9,12 +9,12 @@ import pytest
 from helpers.techniques import SCENES, make_settings, medley_under_a_sky
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.metrics import relmse
+from wgpu_gi.measure.metrics import relmse
 from wgpu_gi.renderer import Renderer
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, grid, quad
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Scene
-from wgpu_gi.scene.shapes import box, grid, quad
 from wgpu_gi.settings import assign
 
 SIZE = (48, 27)

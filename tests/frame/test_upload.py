@@ -8,9 +8,11 @@ from helpers.memory import resident
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.frame import CameraSettings, PathSettings, Settings
+from wgpu_gi.frame import PathSettings
 from wgpu_gi.gpu.device import open_device
+from wgpu_gi.options import CameraSettings, Settings
 from wgpu_gi.renderer import Renderer
+from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import (
     DirectionalLight,
     Environment,
@@ -22,8 +24,7 @@ from wgpu_gi.scene.scene import (
     Scene,
     Texture,
 )
-from wgpu_gi.scene.shapes import box, quad, sphere
-from wgpu_gi.scene.upload import SceneUpload
+from wgpu_gi.upload.scene_upload import SceneUpload
 
 SIZE = (32, 18)
 SHOW = ("radiance", "albedo", "normal", "depth", "position")

@@ -12,13 +12,13 @@ import pytest
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.camera import Camera
-from wgpu_gi.frame import TECHNIQUES, CameraSettings, Settings
-from wgpu_gi.gpu import wgsl
-from wgpu_gi.image import load_image
+from wgpu_gi.gpu.wgsl import load as wgsl
+from wgpu_gi.options import TECHNIQUES, CameraSettings, Settings
+from wgpu_gi.pictures.image import load_image
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.resources import resource_dir
-from wgpu_gi.scene.builtin import BUILTIN_SCENES
-from wgpu_gi.scene.light_texts import parse_light
+from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES
+from wgpu_gi.scene.files.light_texts import parse_light
 from wgpu_gi.settings import describe
 from wgpu_gi.viewer import navigation
 from wgpu_gi.viewer import session as session_module
@@ -300,7 +300,7 @@ def test_saved_shader_is_seen_and_a_broken_one_keeps_the_picture(tmp_path, monke
     session = make_session()
     settle(session)
     before = session.renderer.read_back(DISPLAY)
-    shader = folder / "composite/display.wgsl"
+    shader = folder / "shared/composite/display.wgsl"
     text = shader.read_text()
     shader.write_text(text.replace("srgb_from_linear(color), 1.0", "srgb_from_linear(color.bgr), 1.0"))
     monkeypatch.setattr(session_module, "LOOK_SECONDS", 0.0)
@@ -312,7 +312,7 @@ def test_saved_shader_is_seen_and_a_broken_one_keeps_the_picture(tmp_path, monke
     shader.write_text(text.replace("srgb_from_linear(color), 1.0", "srgb_from_linear(colour), 1.0"))
     assert session.watch_shaders()
     settle(session)
-    assert "composite/display.wgsl:" in session.error
+    assert "shared/composite/display.wgsl:" in session.error
     assert "colour" in session.error
     shader.write_text(text)
     assert session.watch_shaders()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Environment, Image, Instance, Material, Mesh, PointLight, Scene, Texture
-from wgpu_gi.scene.shapes import box, grid, quad, sphere
 
 UNIT_SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wgpu_gi.gpu.wgsl import load
-from wgpu_gi.scene.upload import STRUCTS
+from wgpu_gi.gpu.wgsl.load import load
+from wgpu_gi.upload.scene_upload import STRUCTS
 
 DTYPES = {name: load("scene/lights.wgsl").struct_dtype(struct) for name, struct in STRUCTS.items()}

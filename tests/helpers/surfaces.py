@@ -1,4 +1,4 @@
-"""Reads back a renderer's G-buffer: `wgsl/gbuffer/surface.wgsl` in numpy."""
+"""Reads back a renderer's G-buffer: `wgsl/shared/gbuffer/surface.wgsl` in numpy."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wgpu_gi.renderer import Renderer
-from wgpu_gi.scene.hierarchy import NONE
+from wgpu_gi.upload.hierarchy import NONE
 
 COATED, UNLIT = 0x40000000, 0x80000000
 

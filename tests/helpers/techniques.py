@@ -7,17 +7,17 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from wgpu_gi.techniques.ssil.ssil.ssil import SsilSettings
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
-from wgpu_gi.scene.builtin import BUILTIN_SCENES, matte
+from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES, matte
+from wgpu_gi.scene.built_in.shapes import grid, quad, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
-from wgpu_gi.scene.shapes import grid, quad, sphere
-from wgpu_gi.techniques.ism import IsmSettings
-from wgpu_gi.techniques.rsm import RsmSettings
-from wgpu_gi.techniques.shadow_views import ShadowSettings
-from wgpu_gi.techniques.ssil import SsilSettings
-from wgpu_gi.techniques.vpl import VplSettings
+from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
+from wgpu_gi.techniques.many_light.ism import IsmSettings
+from wgpu_gi.techniques.many_light.rsm import RsmSettings
+from wgpu_gi.techniques.many_light.vpl import VplSettings
 
 from .medley import medley
 from .pictures import moved, scaling

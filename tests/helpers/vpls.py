@@ -8,17 +8,17 @@ import wgpu
 from wgpu_gi.camera import Camera
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
-from wgpu_gi.gpu.wgsl import load
+from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.scene.scene import Scene
-from wgpu_gi.scene.upload import SceneUpload
-from wgpu_gi.techniques.compensation import declare_compensation
-from wgpu_gi.techniques.denoise import DenoiseSettings, declare_denoise
-from wgpu_gi.techniques.gather import GatherSettings, declare_gather
-from wgpu_gi.techniques.gbuffer import declare_gbuffer
-from wgpu_gi.techniques.scene_inputs import share_scene
-from wgpu_gi.techniques.vpl import Vpls
+from wgpu_gi.techniques.many_light.compensation import declare_compensation
+from wgpu_gi.techniques.many_light.filters import DenoiseSettings, declare_denoise
+from wgpu_gi.techniques.many_light.gather import GatherSettings, declare_gather
+from wgpu_gi.techniques.many_light.vpl import Vpls
+from wgpu_gi.techniques.shared.gbuffer import declare_gbuffer
+from wgpu_gi.techniques.shared.scene_inputs import share_scene
+from wgpu_gi.upload.scene_upload import SceneUpload
 
-WIDTH = int(load("vpl/table.wgsl").constants["VPL_TABLE_WIDTH"])
+WIDTH = int(load("many_light/vpl/table.wgsl").constants["VPL_TABLE_WIDTH"])
 
 
 def octahedral_code(normals: np.ndarray) -> np.ndarray:

@@ -10,10 +10,10 @@ import wgpu
 from wgpu_gi.camera import Camera
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
-from wgpu_gi.gpu.wgsl import load
+from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.scene.scene import Scene
-from wgpu_gi.scene.upload import SceneUpload
-from wgpu_gi.techniques.scene_inputs import share_scene
+from wgpu_gi.techniques.shared.scene_inputs import share_scene
+from wgpu_gi.upload.scene_upload import SceneUpload
 
 WIDTHS = {"f32": 1, "u32": 1, "vec2f": 2, "vec3f": 3, "vec4f": 4}
 

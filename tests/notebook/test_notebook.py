@@ -14,7 +14,7 @@ from nbclient import NotebookClient
 from PIL import Image
 
 import wgpu_gi as gi
-from wgpu_gi.frame import TECHNIQUES
+from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.settings import describe
 from wgpu_gi.viewer import notebook
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers.wgsl_harness import Evaluator
 
-from wgpu_gi.scene import builtin
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.shapes import box, sphere
 from wgpu_gi.scene.scene import Instance, Mesh, Scene
-from wgpu_gi.scene.shapes import box, sphere
 
 TRACE = """
 fn traced(i: u32) -> vec4f {

@@ -12,7 +12,7 @@ from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.formats import FORMATS
 from wgpu_gi.gpu.graph import Graph
-from wgpu_gi.gpu.wgsl import load
+from wgpu_gi.gpu.wgsl.load import load
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ import pytest
 from helpers.statistics import chi_square_z
 from helpers.wgsl_harness import Evaluator
 
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import quad, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
-from wgpu_gi.scene.shapes import quad, sphere
 
 LIGHTS = "scene/lights.wgsl"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.wgsl_harness import Evaluator
 
-from wgpu_gi.scene.mesh_data import octahedral_encode
+from wgpu_gi.upload.mesh_data import octahedral_encode
 
 MATH = "common/math.wgsl"
 

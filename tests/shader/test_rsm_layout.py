@@ -1,4 +1,4 @@
-"""rsm/layout.wgsl: the texels of a map in the order of a Hilbert curve."""
+"""many_light/rsm/layout.wgsl: the texels of a map in the order of a Hilbert curve."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.wgsl_harness import Evaluator
 
-LAYOUT = "rsm/layout.wgsl"
+LAYOUT = "many_light/rsm/layout.wgsl"
 
 
 @pytest.mark.parametrize("level", [0, 1, 2, 5])

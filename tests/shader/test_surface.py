@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers.wgsl_harness import Evaluator
 
+from wgpu_gi.scene.built_in.shapes import quad, sphere
 from wgpu_gi.scene.scene import Instance, Scene
-from wgpu_gi.scene.shapes import quad, sphere
 
 SURFACE = "scene/surface.wgsl"
 HIT = """

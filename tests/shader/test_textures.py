@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers.wgsl_harness import Evaluator
 
-from wgpu_gi.image import linear_from_srgb
+from wgpu_gi.pictures.image import linear_from_srgb
+from wgpu_gi.scene.built_in.shapes import grid
 from wgpu_gi.scene.scene import Image, Instance, Material, Scene, Texture
-from wgpu_gi.scene.shapes import grid
 
 MATERIALS = "scene/materials.wgsl"
 BASE_COLOR, METALLIC_ROUGHNESS = 0, 2  # slots: sRGB-coded and linear

@@ -10,7 +10,7 @@ import check_wgsl
 import pytest
 from check_wgsl import entry_shaders, find_chromium, naga_errors, tint_errors
 
-from wgpu_gi.gpu.wgsl import load
+from wgpu_gi.gpu.wgsl.load import load
 
 BAD_LIBRARY = "fn twice(x: f32) -> f32 {\n  return 2 * vec3f(x);\n}\n"
 BAD_SHADER = '#import "bad/library.wgsl"\n@compute @workgroup_size(8)\nfn main() { _ = twice(1.0); }\n'

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.references import SIZE, layers_of, scene_of
 
-from wgpu_gi.metrics import bias, relmse
+from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.settings import apply_quality
 

@@ -8,7 +8,7 @@ from helpers.marks import slow_but
 from helpers.references import SIZE, layers_of, scene_of
 from mitsuba_scene import camera_rays, pixel_centres
 
-from wgpu_gi.metrics import bias, relmse
+from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.scene.load import load
 from wgpu_gi.settings import assign

@@ -15,10 +15,10 @@ from mitsuba_scene import camera_rays, pixel_centres
 
 import wgpu_gi as gi
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import quad, sphere
 from wgpu_gi.scene.scene import Environment, Image, Instance, Material, Scene, SpotLight, Texture
-from wgpu_gi.scene.shapes import quad, sphere
 
 try:
     mitsuba = import_mitsuba()

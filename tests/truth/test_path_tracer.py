@@ -14,7 +14,7 @@ from helpers.marks import slow_but
 from reference_file import scene_hash
 
 import wgpu_gi as gi
-from wgpu_gi.metrics import bias, relmse
+from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.resources import resource_dir
 from wgpu_gi.scene.scene import Environment

@@ -10,12 +10,12 @@ from helpers.references import SIZE, layers_of, scene_of
 from helpers.skies import gradient_sky
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.metrics import bias, relmse
+from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import Renderer, Settings
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, grid, quad
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene
-from wgpu_gi.scene.shapes import box, grid, quad
 from wgpu_gi.settings import apply_quality, assign
 
 # The most bias and relMSE of direct light, of the bounce and of both: what was measured, and little more.

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from helpers.references import SIZE, layers_of, scene_of
 
-from wgpu_gi.metrics import bias, relmse
+from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.settings import assign
 

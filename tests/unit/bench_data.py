@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from wgpu_gi.bench_results import Case, Measurement, PathPoint, Reference, Report, SceneReport, Stats
-from wgpu_gi.metrics import Errors
+from wgpu_gi.measure.metrics import Errors
+from wgpu_gi.measure.results import Case, Measurement, PathPoint, Reference, Report, SceneReport, Stats
 
 MACHINE = {"adapter": "Fake 1", "driver": "2.3", "is_cpu": False, "cores": 4, "packages": {"numpy": "2"}}
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from wgpu_gi.scene.gltf import load_gltf
+from wgpu_gi.scene.gltf.load import load_gltf
 from wgpu_gi.scene.scene import Mesh
 
 COMPONENT_TYPES = {"int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126}

@@ -7,16 +7,16 @@ import pytest
 from helpers.medley import at
 from helpers.scene_dtypes import DTYPES
 
-from wgpu_gi.gpu.wgsl import load
-from wgpu_gi.scene.area_table import AreaTable
-from wgpu_gi.scene.emitters import KIND_SPOT, KIND_SUN, KIND_TRIANGLE
-from wgpu_gi.scene.hierarchy import NONE, Hierarchy
-from wgpu_gi.scene.rsm_layout import rsm_layout
+from wgpu_gi.gpu.wgsl.load import load
+from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import Instance
-from wgpu_gi.scene.shapes import box, quad
+from wgpu_gi.upload.area_table import AreaTable
+from wgpu_gi.upload.emitters import KIND_SPOT, KIND_SUN, KIND_TRIANGLE
+from wgpu_gi.upload.hierarchy import NONE, Hierarchy
+from wgpu_gi.upload.rsm_layout import rsm_layout
 
-AREA_INSTANCE = load("points/sample.wgsl").struct_dtype("AreaInstance")
-RSM_LIGHT = load("rsm/trace.wgsl").struct_dtype("RsmLight")
+AREA_INSTANCE = load("many_light/points/sample.wgsl").struct_dtype("AreaInstance")
+RSM_LIGHT = load("many_light/rsm/trace.wgsl").struct_dtype("RsmLight")
 LIGHT = load("scene/lights.wgsl").struct_dtype("Light")
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene import atlas as atlas_module
-from wgpu_gi.scene.atlas import MAX_LAYERS, MAX_PAGE, MIN_PAGE, mean_linear_color, pack_atlas
 from wgpu_gi.scene.scene import Image
+from wgpu_gi.upload import atlas as atlas_module
+from wgpu_gi.upload.atlas import MAX_LAYERS, MAX_PAGE, MIN_PAGE, mean_linear_color, pack_atlas
 
 
 def blank(width, height, name=""):

@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from wgpu_gi.atomic_file import atomic_file, check_writable
 from wgpu_gi.errors import GiError
+from wgpu_gi.pictures.atomic_file import atomic_file, check_writable
 
 
 def test_file_appears_at_the_end(tmp_path):

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import wgpu_gi as gi
-from wgpu_gi import bench
-from wgpu_gi.bench import Candidate, layer_errors, measure_case, measure_scene, orbit, stats, truth_bounces
-from wgpu_gi.bench_results import CASES, Stats
 from wgpu_gi.errors import GiError
-from wgpu_gi.frame import Settings
-from wgpu_gi.truth_cache import LAYERS, Truth
+from wgpu_gi.measure import bench
+from wgpu_gi.measure.bench import Candidate, layer_errors, measure_case, measure_scene, orbit, stats, truth_bounces
+from wgpu_gi.measure.results import CASES, Stats
+from wgpu_gi.measure.truth import LAYERS, Truth
+from wgpu_gi.options import Settings
 
 SIZE = (4, 2)
 FRAMES = 10

@@ -12,11 +12,11 @@ import pytest
 from rich.console import Console
 from unit.bench_data import MACHINE, measurement, report, scene_report
 
-from wgpu_gi import bench_plot
-from wgpu_gi.bench_plot import frontier, save_plot
-from wgpu_gi.bench_report import different_machine, load_json, ratio_table, ratios, save_json, tables
 from wgpu_gi.errors import GiError
-from wgpu_gi.image import load_image
+from wgpu_gi.measure import plot as bench_plot
+from wgpu_gi.measure.plot import frontier, save_plot
+from wgpu_gi.measure.report import different_machine, load_json, ratio_table, ratios, save_json, tables
+from wgpu_gi.pictures.image import load_image
 
 needs_matplotlib = pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="needs matplotlib")
 

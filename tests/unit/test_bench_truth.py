@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import wgpu_gi as gi
-from wgpu_gi import truth_cache
 from wgpu_gi.errors import GiError
-from wgpu_gi.image import save_image
-from wgpu_gi.truth_cache import LAYERS, truth_by_path, truth_from_file, truth_key
+from wgpu_gi.measure import truth as truth_cache
+from wgpu_gi.measure.truth import LAYERS, truth_by_path, truth_from_file, truth_key
+from wgpu_gi.pictures.image import save_image
 
 SIZE = (4, 3)
 OPTIONS = {"spp": 8, "bounces": None, "diffuse": False}

@@ -7,9 +7,9 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.resources import resource_dir
-from wgpu_gi.scene import builtin
-from wgpu_gi.scene.builtin import BUILTIN_SCENES, builtin_scene, plates_form_factor
-from wgpu_gi.scene.shapes import box, grid, quad, sphere
+from wgpu_gi.scene.built_in import scenes as builtin
+from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES, builtin_scene, plates_form_factor
+from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 
 
 def corners(mesh):
@@ -185,7 +185,7 @@ def rotated(triangles):
 
 @pytest.mark.parametrize("kind", ["area", "point", "spot"])
 def test_cornell_is_the_file_that_we_ship(kind):
-    from wgpu_gi.scene.gltf import load_gltf
+    from wgpu_gi.scene.gltf.load import load_gltf
 
     ours = builtin_scene("cornell" if kind == "area" else f"cornell-{kind}")
     file = load_gltf(resource_dir("scenes") / "cornell" / f"cornell_{kind}.glb")

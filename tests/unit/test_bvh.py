@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from wgpu_gi.scene.bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, MAX_DEPTH, build_bvh, build_forest, refit
+from wgpu_gi.upload.bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, MAX_DEPTH, build_bvh, build_forest, refit
 
 SIZES = [1, 2, 5, 33, 400]
 

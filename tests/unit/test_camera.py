@@ -8,9 +8,9 @@ import pytest
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene.camera_files import choose_camera, framing_camera, load_camera
+from wgpu_gi.scene.built_in.shapes import box
+from wgpu_gi.scene.files.camera_files import choose_camera, framing_camera, load_camera
 from wgpu_gi.scene.scene import Instance, Scene
-from wgpu_gi.scene.shapes import box
 
 
 def in_view(camera, point):

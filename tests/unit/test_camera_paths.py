@@ -10,9 +10,9 @@ import pytest
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene.camera_paths import load_camera_path, turntable
+from wgpu_gi.scene.built_in.shapes import box
+from wgpu_gi.scene.files.camera_paths import load_camera_path, turntable
 from wgpu_gi.scene.scene import Instance, Scene
-from wgpu_gi.scene.shapes import box
 
 KEY = {"frame": 0, "position": [0, 1, 5], "target": [0, 1, 0]}
 

@@ -11,10 +11,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wgpu_gi import cli_info, cli_render
 from wgpu_gi.__main__ import main
+from wgpu_gi.cli import common as cli_common
+from wgpu_gi.cli import info as cli_info
 from wgpu_gi.errors import GiError
-from wgpu_gi.image import load_image
+from wgpu_gi.pictures.image import load_image
 from wgpu_gi.scene.scene import DirectionalLight, Scene
 
 DEFAULTS = ("path", None, 64, 0, False)  # gi, bounces, spp, seed, diffuse
@@ -54,9 +55,9 @@ def fake_load(name, environment, lights):
 @pytest.fixture(autouse=True)
 def stand_ins(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli_render, "Renderer", FakeRenderer)
-    monkeypatch.setattr(cli_render, "load", fake_load)
-    monkeypatch.setattr(cli_render, "choose_camera", lambda scene, selector, folder: f"camera {selector}")
+    monkeypatch.setattr(cli_common, "Renderer", FakeRenderer)
+    monkeypatch.setattr(cli_common, "load", fake_load)
+    monkeypatch.setattr(cli_common, "choose_camera", lambda scene, selector, folder: f"camera {selector}")
     monkeypatch.setattr(FakeRenderer, "interrupt", None)
 
 
@@ -198,10 +199,10 @@ def test_help(arguments, capsys):
 
 
 def test_progress_bar_is_silent_off_a_terminal_and_counts_on_one(monkeypatch, capsys):
-    with cli_render.progress_bar() as report:
+    with cli_common.progress_bar() as report:
         assert report is None
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    with cli_render.progress_bar() as report:
+    with cli_common.progress_bar() as report:
         report(0.5)
         report(1.0)
     assert "rendering" in capsys.readouterr().err
@@ -209,7 +210,7 @@ def test_progress_bar_is_silent_off_a_terminal_and_counts_on_one(monkeypatch, ca
 
 def test_an_interrupt_that_got_lost_is_told_again(monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    with pytest.raises(KeyboardInterrupt), cli_render.progress_bar() as report:
+    with pytest.raises(KeyboardInterrupt), cli_common.progress_bar() as report:
         with suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         report(0.5)

@@ -16,10 +16,10 @@ import pytest
 from PIL import Image
 
 from wgpu_gi.__main__ import main
-from wgpu_gi.cli_compare import load_picture, split_layer
-from wgpu_gi.compare_page import DIVERGING, HEAT, colored, comparison_page, rounded_up
-from wgpu_gi.image import save_image
-from wgpu_gi.metrics import bias, display_scale, measure, noise_floor, percentile_error, relmse
+from wgpu_gi.cli.compare import load_picture, split_layer
+from wgpu_gi.measure.compare_page import DIVERGING, HEAT, colored, comparison_page, rounded_up
+from wgpu_gi.measure.metrics import bias, display_scale, measure, noise_floor, percentile_error, relmse
+from wgpu_gi.pictures.image import save_image
 
 HEIGHT, WIDTH = 9, 12
 RANDOM = np.random.default_rng(5)

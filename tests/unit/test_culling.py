@@ -9,11 +9,11 @@ import pytest
 from helpers.medley import at, medley
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.scene.draws import Clusters, Draws, build_draws
-from wgpu_gi.scene.hierarchy import NONE, Hierarchy
 from wgpu_gi.scene.scene import Instance
-from wgpu_gi.techniques import culling
-from wgpu_gi.techniques.culling import CameraDraws, ViewCulling, visible
+from wgpu_gi.techniques.shared import culling
+from wgpu_gi.techniques.shared.culling import CameraDraws, ViewCulling, visible
+from wgpu_gi.upload.draws import Clusters, Draws, build_draws
+from wgpu_gi.upload.hierarchy import NONE, Hierarchy
 
 VIEW = np.dtype([("clip_from_world", "<f4", (4, 4))])
 

@@ -8,27 +8,24 @@ import numpy as np
 import pytest
 from helpers.scene_dtypes import DTYPES
 
-from wgpu_gi.gpu.wgsl import load
-from wgpu_gi.image import linear_from_srgb
-from wgpu_gi.scene import direct_lights
-from wgpu_gi.scene.builtin import builtin_scene
-from wgpu_gi.scene.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN, build_direct_lights, lattice
-from wgpu_gi.scene.hierarchy import Hierarchy
-from wgpu_gi.scene.scene import (
-    DirectionalLight,
-    Image,
-    Instance,
-    Material,
-    Mesh,
-    PointLight,
-    Scene,
-    SpotLight,
-    Texture,
+from wgpu_gi.gpu.wgsl.load import load
+from wgpu_gi.pictures.image import linear_from_srgb
+from wgpu_gi.scene.built_in.scenes import builtin_scene
+from wgpu_gi.scene.built_in.shapes import box, quad, sphere
+from wgpu_gi.scene.scene import DirectionalLight, Image, Instance, Material, Mesh, PointLight, Scene, SpotLight, Texture
+from wgpu_gi.upload import direct_lights
+from wgpu_gi.upload.direct_lights import (
+    DIRECT_AREA,
+    DIRECT_POINT,
+    DIRECT_SPOT,
+    DIRECT_SUN,
+    build_direct_lights,
+    lattice,
 )
-from wgpu_gi.scene.shapes import box, quad, sphere
-from wgpu_gi.scene.texture_lookup import look_up
+from wgpu_gi.upload.hierarchy import Hierarchy
+from wgpu_gi.upload.texture_lookup import look_up
 
-VIEWS = load("shadow/views.wgsl")
+VIEWS = load("deferred/shadow/views.wgsl")
 DIRECT_LIGHT = VIEWS.struct_dtype("DirectLight")
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from helpers.medley import at
 
-from wgpu_gi.scene import draws as draws_module
-from wgpu_gi.scene.draws import MANY_INSTANCES, SMALL_GAP, build_draws, fill_gaps, join_runs, own_first_vertices
-from wgpu_gi.scene.hierarchy import NONE, Hierarchy
-from wgpu_gi.scene.mesh_data import MASKED
+from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
-from wgpu_gi.scene.shapes import box, grid, quad, sphere
+from wgpu_gi.upload import draws as draws_module
+from wgpu_gi.upload.draws import MANY_INSTANCES, SMALL_GAP, build_draws, fill_gaps, join_runs, own_first_vertices
+from wgpu_gi.upload.hierarchy import NONE, Hierarchy
+from wgpu_gi.upload.mesh_data import MASKED
 
 SLACK = 4e-6  # of the coordinates: how far rounding to float32 may take a triangle out of its box
 

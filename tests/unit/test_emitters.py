@@ -9,18 +9,7 @@ import pytest
 from helpers.scene_dtypes import DTYPES
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene.emitters import (
-    CDF_WIDTH,
-    KIND_ENVIRONMENT,
-    KIND_POINT,
-    KIND_SPOT,
-    KIND_SUN,
-    KIND_TRIANGLE,
-    LUMINANCE,
-    build_light_table,
-    environment_cdf,
-)
-from wgpu_gi.scene.hierarchy import Hierarchy
+from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import (
     DirectionalLight,
     Environment,
@@ -33,7 +22,18 @@ from wgpu_gi.scene.scene import (
     SpotLight,
     Texture,
 )
-from wgpu_gi.scene.shapes import box, grid, quad, sphere
+from wgpu_gi.upload.emitters import (
+    CDF_WIDTH,
+    KIND_ENVIRONMENT,
+    KIND_POINT,
+    KIND_SPOT,
+    KIND_SUN,
+    KIND_TRIANGLE,
+    LUMINANCE,
+    build_light_table,
+    environment_cdf,
+)
+from wgpu_gi.upload.hierarchy import Hierarchy
 
 
 def table_of(scene, hierarchy=None):

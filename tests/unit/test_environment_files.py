@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene.environment_files import load_environment, read_hdr
+from wgpu_gi.scene.files.environment_files import load_environment, read_hdr
 
 HEADER = b"#?RADIANCE\n# a comment\nFORMAT=32-bit_rle_rgbe\n"
 

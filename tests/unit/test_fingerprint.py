@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.scene.fingerprint import Fingerprint
+from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import (
     DirectionalLight,
     Environment,
@@ -23,7 +23,7 @@ from wgpu_gi.scene.scene import (
     SpotLight,
     Texture,
 )
-from wgpu_gi.scene.shapes import box, quad
+from wgpu_gi.upload.fingerprint import Fingerprint
 
 KINDS = (Scene, Instance, Mesh, Material, Texture, Image, PointLight, SpotLight, DirectionalLight, Environment)
 # The camera is no part of the picture's scene, and words are of no picture.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from unit.gltf_builder import TRIANGLE, GltfBuilder, corners, only_mesh, triangle_scene
 
-from wgpu_gi.scene.gltf import load_gltf
+from wgpu_gi.scene.gltf.load import load_gltf
 from wgpu_gi.scene.scene import DirectionalLight, PointLight, SpotLight
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)

@@ -14,7 +14,7 @@ import pytest
 from unit.gltf_builder import TRIANGLE, GltfBuilder, encode, glb_bytes, triangle_scene
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene.gltf import load_gltf
+from wgpu_gi.scene.gltf.load import load_gltf
 from wgpu_gi.scene.scene import Scene
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from unit.gltf_builder import encode, triangle_scene
 
-from wgpu_gi.scene.gltf import load_gltf
+from wgpu_gi.scene.gltf.load import load_gltf
 
 RED = np.full((2, 2, 4), (255, 0, 0, 255), np.uint8)
 

@@ -9,12 +9,12 @@ import pytest
 from helpers.medley import at
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene import hierarchy as hierarchy_module
-from wgpu_gi.scene.hierarchy import INSTANCE_FLAG, NONE, Hierarchy
-from wgpu_gi.scene.mesh_data import COLORED, HAS_TANGENTS, MASKED, SMOOTH, octahedral_encode, prepare_meshes
-from wgpu_gi.scene.node_grid import NodeGrid
+from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
-from wgpu_gi.scene.shapes import box, quad, sphere
+from wgpu_gi.upload import hierarchy as hierarchy_module
+from wgpu_gi.upload.hierarchy import INSTANCE_FLAG, NONE, Hierarchy
+from wgpu_gi.upload.mesh_data import COLORED, HAS_TANGENTS, MASKED, SMOOTH, octahedral_encode, prepare_meshes
+from wgpu_gi.upload.node_grid import NodeGrid
 
 LEAF = 1 << 31
 STACK_SIZE = 64  # of wgsl/scene/geometry.wgsl

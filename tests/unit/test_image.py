@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from wgpu_gi import image
 from wgpu_gi.errors import GiError
-from wgpu_gi.image import (
+from wgpu_gi.pictures import image
+from wgpu_gi.pictures.image import (
     check_output,
     display_layer,
     linear_from_srgb,
@@ -258,5 +258,6 @@ def test_layers_of_odd_shape_are_refused(tmp_path, shape):
 
 
 def test_import_is_cheap():
-    code = "import sys, wgpu_gi.image; print(*[m for m in ('PIL', 'OpenEXR', 'wgpu', 'trimesh') if m in sys.modules])"
+    heavy = "('PIL', 'OpenEXR', 'wgpu', 'trimesh')"
+    code = f"import sys, wgpu_gi.pictures.image; print(*[m for m in {heavy} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""

@@ -15,37 +15,30 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "wgpu_gi"
 
-# What a module may import of the package, by its place; the first pattern that fits counts. A name ending in "." is a
-# folder. Everything may import errors, resources and tables.
-EVERYWHERE = ("errors", "resources", "tables")
-RULES = [
-    (r"errors|resources|tables", ()),
-    (r"__init__", ("",)),
-    (r"__main__|cli_\w+", ("",)),
-    (r"settings|camera", ()),
-    (r"image|metrics", ("image", "atomic_file")),
-    (r"compare_page", ("image", "metrics")),
-    (r"atomic_file", ()),
-    (r"video", ("image", "atomic_file")),
-    (r"picture", ("image",)),
-    (r"viewer\.\w+", ("viewer.", "renderer", "frame", "scene.", "gpu.", "settings", "camera", "image", "metrics")),
-    (r"gpu\.\w+", ("gpu.",)),
-    (r"scene\.upload(_materials)?", ("scene.", "gpu.", "camera", "settings")),
-    (r"scene\.\w+", ("scene.", "camera", "settings", "image")),
-    (r"techniques\.\w+", ("techniques.", "gpu.", "scene.", "settings", "camera")),
-    (r"renderer|frame\w*", ("frame", "techniques.", "gpu.", "scene.", "settings", "camera", "image", "picture")),
-    (r"truth_cache", ("renderer", "frame", "scene.", "gpu.wgsl", "camera", "image", "atomic_file")),
-    (
-        r"bench",
-        (
-            *("bench_results", "truth_cache", "renderer", "frame", "techniques.", "scene.", "gpu."),
-            *("camera", "metrics", "__init__"),
-        ),
-    ),
-    (r"bench_\w+", ("bench_results", "metrics", "atomic_file")),
+# The units of the package, a module or a folder each, by layers: a unit may import itself and lower layers, never
+# another unit of its own layer.
+LAYERS = [
+    ("__init__", "__main__"),
+    ("cli",),
+    ("viewer",),
+    ("measure",),
+    ("renderer",),
+    ("frame",),
+    ("options", "buffers"),
+    ("techniques",),
+    ("upload",),
+    ("scene", "gpu"),
+    ("settings", "camera", "pictures"),
+    ("errors", "resources", "version"),
 ]
-NEVER_IMPORTED = re.compile(r"__main__|cli_\w+|viewer\.\w+")
-IMPORTS_ALL = re.compile(r"__init__|" + NEVER_IMPORTED.pattern)
+LEVEL = {unit: len(LAYERS) - number for number, units in enumerate(LAYERS) for unit in units}
+# Likewise within `techniques`: the systems stand beside one another, on the deferred base and what all share.
+TECHNIQUE_LAYERS = [("many_light", "ssil", "reference"), ("ssdo",), ("deferred",), ("shared",)]
+TECHNIQUE_LEVEL = {name: -number for number, names in enumerate(TECHNIQUE_LAYERS) for name in names}
+MIRRORED = ("deferred", "many_light", "ssdo", "ssil", "reference", "shared")
+LIBRARIES = ("common", "scene")
+# Direct light takes SSDO's search as contact shadow where a shadow map's bias lost it (Ritschel 2009, section 5).
+CONTACT_SHADOWS = ("deferred", "ssdo/contact")
 
 
 def modules() -> dict[str, Path]:
@@ -79,21 +72,61 @@ def imports_of(name: str, text: str, known: set[str]) -> set[str]:
 
 
 def allowed(name: str, target: str) -> bool:
-    prefixes = next(what for pattern, what in RULES if re.fullmatch(pattern, name))
-    if name in ("__init__", "__main__") or name.startswith("cli_"):
-        return True
-    return target in EVERYWHERE or any(target == p or (p.endswith(".") and target.startswith(p)) for p in prefixes)
+    """Return whether the module `name` may import `target`."""
+    unit, other = name.split(".")[0], target.split(".")[0]
+    if unit == other == "techniques" and "." in name and "." in target:
+        unit, other = (module.split(".")[1] for module in (name, target))
+        return unit == other or TECHNIQUE_LEVEL[unit] > TECHNIQUE_LEVEL[other]
+    return unit == other or LEVEL[unit] > LEVEL[other]
 
 
 def test_imports_go_one_way():
     known = set(modules())
     wrong = []
     for name, path in modules().items():
-        assert any(re.fullmatch(pattern, name) for pattern, _ in RULES), f"no import rule covers {name}; add one"
+        assert name.split(".")[0] in LEVEL, f"{name} is in no layer; add it to LAYERS"
         for target in imports_of(name, path.read_text(encoding="utf-8"), known):
-            if not allowed(name, target) or (NEVER_IMPORTED.fullmatch(target) and not IMPORTS_ALL.fullmatch(name)):
+            if not allowed(name, target):
                 wrong.append(f"{name} imports {target}")
     assert not wrong
+
+
+def test_modules_import_one_another_in_no_circle():
+    known = set(modules())
+    graph = {
+        name: {t for t in imports_of(name, path.read_text(encoding="utf-8"), known) if t != "__init__"} - {name}
+        for name, path in modules().items()
+    }
+    # Take away modules that import nothing that is left; what remains imports in circles.
+    while ready := {name for name, targets in graph.items() if not targets & graph.keys()}:
+        graph = {name: targets for name, targets in graph.items() if name not in ready}
+    assert not graph
+
+
+def test_shaders_mirror_the_techniques():
+    folders = {path.name for path in (ROOT / "wgsl").iterdir() if path.is_dir()}
+    assert folders == {*MIRRORED, *LIBRARIES, "viewer"}
+    # A folder within a technique's folder is a module of that technique.
+    for folder in MIRRORED:
+        for part in (path for path in (ROOT / "wgsl" / folder).iterdir() if path.is_dir()):
+            assert (PACKAGE / "techniques" / folder / f"{part.name}.py").exists(), f"wgsl/{folder}/{part.name}"
+    # A technique declares passes of its own shaders only, a shader imports only what its technique may.
+    for name, path in modules().items():
+        if name.startswith("techniques."):
+            for shader in re.findall(r'"([a-z_/]+)\.wgsl"', path.read_text(encoding="utf-8")):
+                assert allowed_shader(name.split(".")[1], shader), f"{name} uses {shader}.wgsl"
+    for path in sorted((ROOT / "wgsl").rglob("*.wgsl")):
+        place = path.relative_to(ROOT / "wgsl").parts[0]
+        for shader in re.findall(r'#import "([a-z_/]+)\.wgsl"', path.read_text(encoding="utf-8")):
+            assert allowed_shader(place, shader), f"{path} imports {shader}.wgsl"
+
+
+def allowed_shader(folder: str, shader: str) -> bool:
+    """Return whether a technique, or a shader in its folder, may use a shader."""
+    place = shader.split("/")[0]
+    if place in LIBRARIES or (folder, shader) == CONTACT_SHADOWS:
+        return True
+    return place == folder or TECHNIQUE_LEVEL.get(folder, -9) > TECHNIQUE_LEVEL[place]
 
 
 @pytest.mark.parametrize(
@@ -116,8 +149,15 @@ def test_import_finder(name, text, found):
 
 def test_forbidden_imports_would_be_seen():
     assert allowed("techniques.reference", "gpu.graph")
-    assert allowed("scene.upload", "gpu.graph")
-    for name, target in [("gpu.graph", "scene.scene"), ("scene.gltf", "gpu.graph"), ("techniques.rsm", "renderer")]:
+    assert allowed("upload.scene_upload", "gpu.graph")
+    assert allowed("techniques.ssdo.bounce", "techniques.deferred.shadow")
+    for name, target in [
+        ("gpu.graph", "scene.scene"),
+        ("scene.gltf.load", "gpu.graph"),
+        ("techniques.many_light.rsm", "renderer"),
+        ("techniques.ssil.ssil", "techniques.many_light.gather"),
+        ("techniques.shared.denoise", "techniques.deferred.sky"),
+    ]:
         assert not allowed(name, target)
 
 

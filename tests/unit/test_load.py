@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene.builtin import BUILTIN_SCENES
-from wgpu_gi.scene.light_texts import light_texts, parse_light, relight
+from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES
+from wgpu_gi.scene.files.light_texts import light_texts, parse_light, relight
 from wgpu_gi.scene.load import load
 from wgpu_gi.scene.scene import DirectionalLight, Environment, PointLight, Scene
 

@@ -12,9 +12,9 @@ from world_surfaces import sheets, surfaces
 import wgpu_gi as gi
 from wgpu_gi.errors import GiError
 from wgpu_gi.resources import resource_dir
-from wgpu_gi.scene.builtin import builtin_scene, matte
+from wgpu_gi.scene.built_in.scenes import builtin_scene, matte
+from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import Environment, Image, Instance, Material, Scene, SpotLight, Texture
-from wgpu_gi.scene.shapes import box, quad
 
 rng = np.random.default_rng(1)
 PICTURE = Texture(Image(np.full((2, 2, 4), 255, np.uint8)))

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.scene.mesh_files import load_mesh_file
-from wgpu_gi.scene.obj import read_mtl
-from wgpu_gi.scene.raw_mesh import srgb_to_linear
+from wgpu_gi.scene.files.mesh_files import load_mesh_file
+from wgpu_gi.scene.files.obj import read_mtl
+from wgpu_gi.scene.files.raw_mesh import srgb_to_linear
 
 SQUARE = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
 STL = """solid s

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.image import srgb_from_linear
-from wgpu_gi.metrics import (
+from wgpu_gi.measure.metrics import (
     REC709_LUMINANCE,
     Errors,
     bias,
@@ -19,6 +18,7 @@ from wgpu_gi.metrics import (
     relative_error,
     relmse,
 )
+from wgpu_gi.pictures.image import srgb_from_linear
 
 TRUTH = np.random.default_rng(1).random((8, 9, 3)) + 0.1
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.scene.built_in.shapes import box
 from wgpu_gi.scene.scene import Instance, Scene
-from wgpu_gi.scene.shapes import box
 from wgpu_gi.viewer import navigation
 
 PIVOT = np.array([1.0, 2.0, 3.0])

@@ -53,7 +53,7 @@ def test_wheel_holds_everything(built):
         names = set(wheel.namelist())
         metadata = wheel.read(next(n for n in names if n.endswith("METADATA"))).decode()
     assert names >= {f"wgpu_gi/{name}" for name in (*SHADERS, *SCENES, "__main__.py")}
-    assert {"wgpu_gi/py.typed", "wgpu_gi/compare_page.html"} <= set(DATA) <= names
+    assert {"wgpu_gi/py.typed", "wgpu_gi/measure/compare_page.html"} <= set(DATA) <= names
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert not [name for name in names if name.startswith(("tests/", "tools/", "wgsl/"))]
     required = re.findall(r"^Requires-Dist: ([\w-]+)(?!.*extra ==)", metadata, re.M)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.frame import Settings
+from wgpu_gi.options import Settings
 from wgpu_gi.settings import QUALITIES, apply_quality, assign, describe, format_rows, setting, validate
 
 

@@ -11,19 +11,15 @@ import pytest
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.gpu.wgsl import load
-from wgpu_gi.scene.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN
+from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.settings import validate
-from wgpu_gi.techniques.culling import frustum_planes, visible
-from wgpu_gi.techniques.shadow import ShadowDraws
-from wgpu_gi.techniques.shadow_atlas import LARGEST_ATLAS, SMALLEST
-from wgpu_gi.techniques.shadow_views import (
-    ShadowSettings,
-    build_shadow_views,
-    frames_from_normals,
-)
+from wgpu_gi.techniques.deferred.shadow import ShadowDraws
+from wgpu_gi.techniques.deferred.shadow_atlas import LARGEST_ATLAS, SMALLEST
+from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings, build_shadow_views, frames_from_normals
+from wgpu_gi.techniques.shared.culling import frustum_planes, visible
+from wgpu_gi.upload.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN
 
-DIRECT_LIGHT = load("shadow/views.wgsl").struct_dtype("DirectLight")
+DIRECT_LIGHT = load("deferred/shadow/views.wgsl").struct_dtype("DirectLight")
 VIEW = load("scene/lights.wgsl").struct_dtype("View")
 MARGIN = 1.5  # texels that a filter of 3 x 3 reaches beyond its middle
 BOX = np.array([[-10.0, -2.0, -6.0], [10.0, 2.0, 6.0]])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wgpu_gi.scene.builtin import matte
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Mesh
-from wgpu_gi.scene.shapes import box, grid, quad, sphere
-from wgpu_gi.scene.solids import is_closed, is_thick
+from wgpu_gi.upload.solids import is_closed, is_thick
 
 
 def without(mesh: Mesh, triangle: int) -> Mesh:

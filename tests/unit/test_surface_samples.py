@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wgpu_gi.scene.hierarchy import Hierarchy
+from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Instance, Mesh
-from wgpu_gi.scene.shapes import box, grid, quad, sphere
-from wgpu_gi.scene.surface_samples import sample_surfaces
+from wgpu_gi.upload.hierarchy import Hierarchy
+from wgpu_gi.upload.surface_samples import sample_surfaces
 
 
 def samples_of(dtypes, instances, **options):

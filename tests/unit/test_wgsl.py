@@ -9,8 +9,8 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.messages import compiler_message
-from wgpu_gi.gpu.tokens import evaluate, tokenize
-from wgpu_gi.gpu.wgsl import load
+from wgpu_gi.gpu.wgsl.load import load
+from wgpu_gi.gpu.wgsl.tokens import evaluate, tokenize
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ import pytest
 from PIL import Image
 
 from wgpu_gi.__main__ import main
-from wgpu_gi.frame import TECHNIQUES
+from wgpu_gi.options import TECHNIQUES
 
 pytestmark = [
     pytest.mark.window,

@@ -11,7 +11,7 @@ from ..errors import GiError
 from .checks import names_of
 from .handles import Buffer, Shared, Texture, View, as_view
 from .passes import Use
-from .wgsl_module import EntryPoint
+from .wgsl.module import EntryPoint
 
 
 def color_targets(

@@ -10,8 +10,8 @@ import wgpu
 from ..errors import GiError
 from .handles import VIEW_DIMENSIONS, Buffer, Sampler, Shared, Texture, View, as_view
 from .passes import Use
-from .wgsl import ShaderSource
-from .wgsl_module import Binding, EntryPoint, Type
+from .wgsl.load import ShaderSource
+from .wgsl.module import Binding, EntryPoint, Type
 
 KINDS = {
     "uniform": "a uniform buffer",

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from ..tables import Table
+from ..pictures.tables import Table
 from .passes import Pass
-
-if TYPE_CHECKING:
-    from .graph import Graph
+from .timing import Timing
 
 
 @dataclass(frozen=True)
@@ -27,20 +25,23 @@ class Row:
     bytes: int
 
 
-def plan(graph: Graph) -> list[Row]:
-    """Describe what each pass did in the last run of the graph, in the order of declaration."""
-    return [_row(graph, name, what) for name, what in graph.planned.items()]
+def plan(planned: Mapping[str, Pass | str], last_run: Mapping[str, str], timing: Timing) -> list[Row]:
+    """Describe what each declared pass did in the last run, in the order of declaration.
+
+    `planned` gives each pass, or the reason why it was not declared; `last_run` why each pass that ran did.
+    """
+    return [_row(name, what, last_run.get(name), timing) for name, what in planned.items()]
 
 
-def _row(graph: Graph, name: str, what: Pass | str) -> Row:
+def _row(name: str, what: Pass | str, reason: str | None, timing: Timing) -> Row:
     if isinstance(what, str):
         return Row(name, "culled", what, None, None, 0)
     if not what.active:
         return Row(name, "culled", what.culled_because or "the graph is not compiled", None, None, 0)
-    state, reason = "ran", graph.last_run.get(name)
+    state = "ran"
     if reason is None:
         state, reason = "kept", f"inputs unchanged: {', '.join(_inputs(what)) or 'it has none'}"
-    return Row(name, state, reason, graph.timing.median(name), graph.timing.p95(name), what.bytes)
+    return Row(name, state, reason, timing.median(name), timing.p95(name), what.bytes)
 
 
 def _inputs(p: Pass) -> list[str]:

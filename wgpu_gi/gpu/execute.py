@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import wgpu
 
 from ..errors import GiError
+from .bindings import MAX_GROUPS
+from .device import Device
 from .handles import Buffer, Resource, Shared, Texture
 from .messages import reason
 from .passes import Pass, RasterState, Use
-from .schedule import Stale, inputs, stale_passes
-from .values import MAX_GROUPS
+from .schedule import Stale, inputs
+from .timing import Timing
 from .watch import check_written
-
-if TYPE_CHECKING:
-    from .graph import Graph
 
 # A part of a split pass takes 0.1 to 0.3 s: short enough that no driver takes it for a hang (2 s and up) and that
 # Ctrl-C is prompt, long enough that submit and wait (0.1 ms) do not matter.
@@ -28,21 +27,24 @@ CHUNK_STEP = (0.25, 8.0)  # bounds on the change from part to part; the first ru
 _serials = itertools.count(1)
 
 
-def run(graph: Graph, force: bool, timings: bool, check: bool, on_chunk: Callable[[float], None] | None) -> bool:
-    """Run what is stale, in the order of declaration; return False if there was nothing to do."""
-    stale = stale_passes(graph.order, force)
-    graph.last_run = {p.name: why.reason for p, why in stale.items()}
-    if not stale:
-        return False
-    frame = _Frame(graph, timings, check, on_chunk)
-    if timings:
-        graph.timing.begin()
+def run(
+    device: Device,
+    order: list[Pass],
+    stale: Mapping[Pass, Stale],
+    timing: Timing | None,
+    check: bool,
+    on_chunk: Callable[[float], None] | None,
+) -> None:
+    """Run the stale passes of `order`; `timing` measures each of them."""
+    frame = _Frame(device, timing, check, on_chunk)
+    if timing is not None:
+        timing.begin()
     try:
         for resource in {r for p in stale for r in p.written if r.history}:
             resource.flip ^= 1
-        for p in graph.order:
+        for p in order:
             if p in stale:
-                _prepare(graph, p, stale[p])
+                _prepare(device, p, stale[p])
                 frame.run(p)
         frame.submit()
     except BaseException:
@@ -50,19 +52,19 @@ def run(graph: Graph, force: bool, timings: bool, check: bool, on_chunk: Callabl
         for p in stale:
             p.state.restart()
         raise
-    if timings:
-        graph.timing.end()
-    return True
+    if timing is not None:
+        timing.end()
 
 
 class _Frame:
     """One encoder, submitted once, unless a split pass, a measurement or a check comes between."""
 
-    def __init__(self, graph: Graph, timings: bool, check: bool, on_chunk: Callable[[float], None] | None) -> None:
-        self.graph = graph
-        self.device = graph.device
-        self.gpu = graph.device.gpu
-        self.timings = timings
+    def __init__(
+        self, device: Device, timing: Timing | None, check: bool, on_chunk: Callable[[float], None] | None
+    ) -> None:
+        self.device = device
+        self.gpu = device.gpu
+        self.timing = timing
         self.check = check
         self.on_chunk = on_chunk
         self.encoder: Any = None
@@ -70,7 +72,8 @@ class _Frame:
 
     def run(self, p: Pass) -> None:
         """Record a pass, or run it at once where it must be alone."""
-        by_wait = self.timings and not self.graph.timing.has_timestamps(p)
+        timing = self.timing
+        by_wait = timing is not None and not timing.has_timestamps(p)
         if by_wait or p.split:
             self.submit()
             self.device.wait()
@@ -78,7 +81,7 @@ class _Frame:
         if p.split:
             self.run_split(p)
         else:
-            stamps = self.graph.timing.writes(p) if self.timings and not by_wait else None
+            stamps = timing.writes(p) if timing is not None and not by_wait else None
             if p.raster is not None:
                 self.record_raster(p, p.raster, stamps)
             else:
@@ -86,8 +89,8 @@ class _Frame:
         if by_wait:
             self.submit()
             self.device.wait()
-        if self.timings and (by_wait or p.split):
-            self.graph.timing.add(p.name, (time.perf_counter() - started) * 1e3)
+        if timing is not None and (by_wait or p.split):
+            timing.add(p.name, (time.perf_counter() - started) * 1e3)
         if self.check:
             self.submit()
             check_written(self.gpu, p)
@@ -120,7 +123,7 @@ class _Frame:
             self.dispatches = self.begin().begin_compute_pass(label="compute", **more)
         compute = self.dispatches
         compute.set_pipeline(p.pipeline)
-        for index, group in enumerate(_bind_groups(self.graph, p)):
+        for index, group in enumerate(_bind_groups(self.device, p)):
             compute.set_bind_group(index, group)
         if p.indirect is not None:
             compute.dispatch_workgroups_indirect(p.indirect.object(), 0)
@@ -153,7 +156,7 @@ class _Frame:
             **({"timestamp_writes": stamps} if stamps else {}),
         )
         encoder.set_pipeline(p.pipeline)
-        for index, group in enumerate(_bind_groups(self.graph, p)):
+        for index, group in enumerate(_bind_groups(self.device, p)):
             encoder.set_bind_group(index, group)
         if raster.index is not None:
             encoder.set_index_buffer(raster.index.view.resource.object(raster.index.view.previous), "uint32")
@@ -172,7 +175,7 @@ class _Frame:
         first = 0
         while first < total:
             count = min(p.state.chunk, total - first, MAX_GROUPS)
-            _write_params(self.graph, p, first)
+            _write_params(self.device, p, first)
             started = time.perf_counter()
             self.record_compute(p, (count, y, z), None, clear=first == 0)
             self.submit()
@@ -192,7 +195,7 @@ def next_chunk(chunk: int, count: int, seconds: float) -> int:
     return chunk
 
 
-def _prepare(graph: Graph, p: Pass, why: Stale) -> None:
+def _prepare(device: Device, p: Pass, why: Stale) -> None:
     """Note the run and send the params."""
     state = p.state
     if why.kind != "repeated":
@@ -200,10 +203,10 @@ def _prepare(graph: Graph, p: Pass, why: Stale) -> None:
         state.serial = next(_serials)
     state.seen = inputs(p)
     state.runs += 1
-    _write_params(graph, p, 0)
+    _write_params(device, p, 0)
 
 
-def _write_params(graph: Graph, p: Pass, first_workgroup: int) -> None:
+def _write_params(device: Device, p: Pass, first_workgroup: int) -> None:
     if p.params is None:
         return
     state, data = p.state, p.params_bytes
@@ -216,13 +219,13 @@ def _write_params(graph: Graph, p: Pass, first_workgroup: int) -> None:
     if state.params_buffer is None:
         size = -(-len(data) // 16) * 16
         usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
-        state.params_buffer = graph.device.gpu.create_buffer(label=f"{p.name} params", size=size, usage=usage)
+        state.params_buffer = device.gpu.create_buffer(label=f"{p.name} params", size=size, usage=usage)
     if data != state.params_on_gpu:
-        graph.device.gpu.queue.write_buffer(state.params_buffer, 0, data)
+        device.gpu.queue.write_buffer(state.params_buffer, 0, data)
         state.params_on_gpu = data
 
 
-def _bind_groups(graph: Graph, p: Pass) -> tuple[Any, Any]:
+def _bind_groups(device: Device, p: Pass) -> tuple[Any, Any]:
     """Return the groups of shared uniforms and of the rest, made anew only for resources that are."""
     key = (*[r.generation for r in p.resources], *[r.flip for r in p.resources if r.history])
     found = p.state.bind_groups.get(key)
@@ -235,10 +238,10 @@ def _bind_groups(graph: Graph, p: Pass) -> tuple[Any, Any]:
     own += [{"binding": b.number, "resource": s.gpu} for b, s in p.samplers]
     if p.params_binding is not None:
         own.append({"binding": p.params_binding.number, "resource": _whole(p.state.params_buffer)})
-    layouts = graph.device.pipelines.layouts(p)
+    layouts = device.pipelines.layouts(p)
     try:
         groups = tuple(
-            graph.device.gpu.create_bind_group(label=p.name, layout=layout, entries=entries)
+            device.gpu.create_bind_group(label=p.name, layout=layout, entries=entries)
             for layout, entries in zip(layouts, (shared, own), strict=True)
         )
     except (wgpu.GPUError, RuntimeError) as error:

@@ -95,7 +95,11 @@ class Graph(PassDeclarations):
         """
         if self._declaring:
             raise GiError("the graph is declared but not compiled; call compile(outputs) before run")
-        return execute.run(self, force, timings, check, on_chunk)
+        stale = schedule.stale_passes(self.order, force)
+        self.last_run = {p.name: why.reason for p, why in stale.items()}
+        if stale:
+            execute.run(self.device, self.order, stale, self.timing if timings else None, check, on_chunk)
+        return bool(stale)
 
     @property
     def at_rest(self) -> bool:
@@ -123,7 +127,7 @@ class Graph(PassDeclarations):
 
     def plan(self) -> list[describe.Row]:
         """Return what each pass did in the last run, and why; `describe.table` prints it."""
-        return describe.plan(self)
+        return describe.plan(self.planned, self.last_run, self.timing)
 
     def release(self) -> None:
         """Destroy all that the graph allocated; shared resources stay. It can be declared anew."""

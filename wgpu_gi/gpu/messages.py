@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from .wgsl import ShaderSource
+from .wgsl.load import ShaderSource
 
 
 def compiler_message(error: Exception, source: ShaderSource) -> str:

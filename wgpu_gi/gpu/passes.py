@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from .handles import Buffer, Resource, Sampler, Slot, Uniform, View
-from .wgsl import ShaderSource
-from .wgsl_module import Binding, EntryPoint
+from .wgsl.load import ShaderSource
+from .wgsl.module import Binding, EntryPoint
 
 # Filled in by the executor where the params struct has them.
 SPECIAL_PARAMS = ("settle_index", "first_workgroup")

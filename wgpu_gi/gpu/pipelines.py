@@ -9,7 +9,7 @@ import wgpu
 from ..errors import GiError
 from .messages import compiler_message, reason
 from .passes import Pass, RasterState, Use
-from .wgsl_module import Binding
+from .wgsl.module import Binding
 
 STAGES = {
     "compute": wgpu.ShaderStage.COMPUTE,

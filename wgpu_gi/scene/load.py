@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import GiError
-from .builtin import BUILTIN_SCENES, builtin_scene
-from .camera_files import framing_camera
-from .files import read_file
-from .mesh_files import MESH_EXTENSIONS, load_mesh_file
+from .built_in.scenes import BUILTIN_SCENES, builtin_scene
+from .files.camera_files import framing_camera
+from .files.mesh_files import MESH_EXTENSIONS, load_mesh_file
+from .files.read import read_file
 from .scene import Environment, Light, Scene
 
 GLTF_EXTENSIONS = (".glb", ".gltf")
@@ -35,7 +35,7 @@ def load(source: str | Path, *, environment: Environment | None = None, lights: 
     if str(source) in BUILTIN_SCENES:
         scene = builtin_scene(str(source))
     elif extension in GLTF_EXTENSIONS:
-        from .gltf import load_gltf
+        from .gltf.load import load_gltf
 
         scene = load_gltf(path)
     elif extension in MESH_EXTENSIONS:

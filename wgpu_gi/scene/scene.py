@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
-from ..tables import html_table
+from ..pictures.tables import html_table
 
 Wrap = Literal["repeat", "clamp", "mirror"]
 

@@ -14,7 +14,7 @@ from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
 from ..gpu.passes import Pass
 from ..settings import setting
-from .scene_inputs import SceneInputs
+from .shared.scene_inputs import SceneInputs
 
 UNLIMITED = 0x7FFFFFFF
 FOUR_FLOATS = np.dtype((np.float32, 4))

@@ -10,7 +10,7 @@ import glfw
 import wgpu
 
 from ..errors import GiError
-from ..image import display_layer
+from ..pictures.image import display_layer
 from . import navigation
 from .comparison import Comparison
 from .hand import Hand

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import GiError
-from ..image import srgb_from_linear
-from ..metrics import Errors, measure
+from ..measure.metrics import Errors, measure
+from ..pictures.image import srgb_from_linear
 from ..renderer import Renderer
 from .session import DISPLAY, Interrupted, Session
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import ipywidgets as widgets
 
-from ..frame import TECHNIQUES
+from ..options import TECHNIQUES
 from ..settings import QUALITIES, Row, describe
 from .session import Session
 

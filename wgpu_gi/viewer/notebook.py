@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import GiError
-from ..frame import Settings
-from ..image import display_layer, png_bytes
+from ..options import Settings
+from ..pictures.image import display_layer, png_bytes
+from ..pictures.tables import html_table
 from ..renderer import Renderer
 from ..scene.load import load
 from ..scene.scene import Scene
 from ..settings import apply_quality, validate
-from ..tables import html_table
 from .hand import Hand
 from .session import DISPLAY, REST_SECONDS, Session
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from ..frame import TECHNIQUES, Settings
+from ..options import TECHNIQUES, Settings
 from ..settings import QUALITIES, Row, describe
 from .comparison import MODES, Comparison
 from .lights import LightPanel

@@ -9,7 +9,7 @@ import wgpu
 from numpy.typing import NDArray
 
 from ..gpu.device import Device
-from ..gpu.wgsl import load
+from ..gpu.wgsl.load import load
 
 SHADER = "viewer/screen.wgsl"
 LINE_PIXELS = 1.0  # half the width of the line between two pictures

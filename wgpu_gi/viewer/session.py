@@ -19,14 +19,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..buffers import buffers_of, views_of
 from ..camera import Camera
 from ..errors import GiError
-from ..frame import MAX_SIDE, Settings, buffers_of, picture_count, views_of
-from ..image import save_image
+from ..options import MAX_SIDE, Settings, picture_count
+from ..pictures.image import save_image
 from ..renderer import Renderer
 from ..resources import resource_dir
-from ..scene.camera_files import camera_fields
-from ..scene.light_texts import light_texts
+from ..scene.files.camera_files import camera_fields
+from ..scene.files.light_texts import light_texts
 from ..settings import apply_quality, assign, describe
 from .navigation import pivot_of
 from .pace import Pace, pixels_at

@@ -3,7 +3,7 @@
 // A light is drawn in proportion to its power, as `scene/emitters.py` tabulates it. A constant environment is not in
 // the list: rays that follow the BRDF find it at least as well.
 #import "scene/surface.wgsl"
-#import "environment/sample.wgsl"
+#import "scene/environment_sampling.wgsl"
 #import "common/random.wgsl"
 
 const KIND_POINT: u32 = 0u;

@@ -1,5 +1,5 @@
 // One invocation adds what the near field gives to the irradiance by VPLs, W/m2, which keeps its depth of
-// `denoise/plane.wgsl`.
+// `shared/denoise/plane.wgsl`.
 #import "scene/info.wgsl"
 
 @group(1) @binding(11) var<storage, read> gathered: array<vec4f>;

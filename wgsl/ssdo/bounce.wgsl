@@ -5,14 +5,14 @@
 // angle dw cuts out of the sender, A = dw d^2 / cos_s, where the paper has pi r_max^2 / N times a strength set by hand:
 // what leaves the environment's light out brings in just as much of the sender's, and near senders need no clamp. With
 // directions drawn by the cosine, cos_r dw is pi / N. Senders count by their front; coats let 1 - F through. In: hits,
-// what senders reflect, W/(m2 sr). Out: irradiance, W/m2, and the depth of `denoise/plane.wgsl`. Errs dark where
+// what senders reflect, W/(m2 sr). Out: irradiance, W/m2, and the depth of `shared/denoise/plane.wgsl`. Errs dark where
 // senders are in no picture.
-#import "gbuffer/load.wgsl"
-#import "gbuffer/tiles.wgsl"
+#import "shared/gbuffer/load.wgsl"
+#import "shared/gbuffer/tiles.wgsl"
 #import "ssdo/hit.wgsl"
 #import "ssdo/grid.wgsl"
 #import "ssdo/rest.wgsl"
-#import "gather/coat.wgsl"
+#import "common/coat.wgsl"
 
 override DIRECTIONS: u32 = 1u;
 override REFLECTED: bool = false;   // of the list: radiance
@@ -22,7 +22,7 @@ override SENDER_STRIDE: u32 = 2u;  // of the grid of sources other than the pict
 @group(1) @binding(11) var<storage, read> hits: array<vec2u>;  // a hit and the way there
 @group(1) @binding(12) var<storage, read> senders: array<vec4u>;  // of each source, as `senders.wgsl` leaves them
 @group(1) @binding(13) var<storage, read_write> irradiance: array<vec4f>;
-@group(1) @binding(14) var<storage, read> found: array<vec4f>;  // in w the depth of `denoise/plane.wgsl`
+@group(1) @binding(14) var<storage, read> found: array<vec4f>;  // in w the depth of `shared/denoise/plane.wgsl`
 
 // Returns where a hit's sender is: all pixels of the picture come first, then those of each other source's grid.
 fn sender_of(hit: u32) -> u32 {

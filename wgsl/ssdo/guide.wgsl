@@ -3,7 +3,7 @@
 //
 // In: depths and normals of the grid, G-buffer. Out: four weights of 8 bits for each pixel, 0 where there is nothing to
 // light; the list.
-#import "gbuffer/load.wgsl"
+#import "shared/gbuffer/load.wgsl"
 #import "ssdo/taps.wgsl"
 #import "ssdo/rest_group.wgsl"
 

@@ -7,16 +7,16 @@
 // direction of such a set, so a small sun casts a soft shadow. With BY_PICTURE every other direction is drawn by the
 // environment's picture (balance heuristic, Veach and Guibas 1995), L is unfiltered, and the blur divides both sums.
 // In: G-buffer, depths of all sources, the prefiltered environment. Out: V per channel, 1 in the mean where nothing
-// is hidden, and the depth of `denoise/plane.wgsl`, 0 where there is nothing to light; the surface that each
+// is hidden, and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; the surface that each
 // direction meets.
 // Errs bright where what hides the light is not in any picture, dark behind what is thinner than it seems.
 #import "scene/sequence.wgsl"
-#import "gbuffer/load.wgsl"
-#import "gbuffer/tiles.wgsl"
-#import "environment/ambient.wgsl"
-#import "environment/sample.wgsl"
+#import "shared/gbuffer/load.wgsl"
+#import "shared/gbuffer/tiles.wgsl"
+#import "deferred/environment/ambient.wgsl"
+#import "scene/environment_sampling.wgsl"
 #import "common/random.wgsl"
-#import "denoise/plane.wgsl"
+#import "shared/denoise/plane.wgsl"
 #import "ssdo/march.wgsl"
 #import "ssdo/grid.wgsl"
 #import "ssdo/rest.wgsl"

@@ -1,5 +1,5 @@
 // One invocation turns a pixel's irradiance into the radiance that its surface reflects: L = rho E / pi, W/(m2 sr).
-#import "gbuffer/load.wgsl"
+#import "shared/gbuffer/load.wgsl"
 
 @group(1) @binding(11) var<storage, read> irradiance: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> radiance: array<vec4f>;

@@ -4,9 +4,9 @@
 // Visibility V_i by filtered shadow maps, and V of the sky as `occlusion.wgsl` finds it for a coarser grid, blurred. In: G-buffer of the
 // source, lights. Out: (r, g, b) W/(m2 sr) and the normal; coats reflect to a camera that sees them, not to other
 // surfaces, and are left out.
-#import "gbuffer/load.wgsl"
-#import "direct/lighting.wgsl"
-#import "environment/ambient.wgsl"
+#import "shared/gbuffer/load.wgsl"
+#import "deferred/direct/lighting.wgsl"
+#import "deferred/environment/ambient.wgsl"
 #import "ssdo/grid.wgsl"
 #import "ssdo/taps.wgsl"
 

@@ -1,7 +1,7 @@
 // One invocation makes a sender of a pixel of the picture itself: what it reflects of light that was scattered once is
 // known already; with FURTHER, L = direct + rho E / pi, E of what was scattered more often. In: direct, W/(m2 sr),
 // irradiance W/m2. Out: L and the normal.
-#import "gbuffer/load.wgsl"
+#import "shared/gbuffer/load.wgsl"
 
 @group(1) @binding(11) var<storage, read> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> senders: array<vec4u>;

@@ -4,11 +4,11 @@
 // Of the four grid pixels around it those count, by their bilinear weights, that lie on the pixel's tangent plane and
 // face its way. Errs where none of the four shows the pixel's surface: it takes the nearest then.
 #import "scene/info.wgsl"
-#import "denoise/plane.wgsl"
+#import "shared/denoise/plane.wgsl"
 
 override COARSE: u32 = 2u;  // even
 
-@group(1) @binding(17) var<storage, read> coarse: array<vec4f>;   // in w the depth of `denoise/plane.wgsl`
+@group(1) @binding(17) var<storage, read> coarse: array<vec4f>;   // in w the depth of `shared/denoise/plane.wgsl`
 @group(1) @binding(18) var<storage, read> coarse_normals: array<u32>;
 
 // A neighbour counts nothing if it lies off the tangent plane by so many widths of a pixel, each. Chosen.

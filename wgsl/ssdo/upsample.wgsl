@@ -2,7 +2,7 @@
 //
 // In: light of the grid, weights, G-buffer. Out: the same light for each pixel, or with REFLECTED the radiance
 // rho E / pi, W/(m2 sr).
-#import "gbuffer/load.wgsl"
+#import "shared/gbuffer/load.wgsl"
 
 override REFLECTED: bool = false;
 

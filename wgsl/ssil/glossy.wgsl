@@ -8,8 +8,8 @@
 // G-buffer, surfels and light of the level. Out: radiance over coat_tint(), added to that of other levels. Errs noisy,
 // and dark where the mirrored direction leaves the picture.
 #import "scene/sequence.wgsl"
-#import "gbuffer/load.wgsl"
-#import "gather/coat.wgsl"
+#import "shared/gbuffer/load.wgsl"
+#import "common/coat.wgsl"
 #import "ssil/place.wgsl"
 #import "ssil/surfel.wgsl"
 #import "common/light_code.wgsl"

@@ -1,7 +1,7 @@
 // One invocation brings irradiance to a pixel of the picture, and with REFLECTED turns it into indirect = rho / pi E,
 // W/(m2 sr). In: G-buffer; surfels and irradiance of the level that the gathering starts at, irradiance of lone pixels.
-#import "gbuffer/load.wgsl"
-#import "gather/coat.wgsl"
+#import "shared/gbuffer/load.wgsl"
+#import "common/coat.wgsl"
 #import "ssil/upsample.wgsl"
 
 override SQUARE: u32 = 2u;

@@ -1,5 +1,5 @@
 // A pixel of the picture as a surfel of the finest level.
-#import "gbuffer/load.wgsl"
+#import "shared/gbuffer/load.wgsl"
 #import "ssil/surfel.wgsl"
 
 // Surfaces count as turned by at most this cosine away from the camera: their pixels' areas would grow without bound.

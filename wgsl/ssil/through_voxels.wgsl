@@ -1,6 +1,6 @@
 // Visibility between two places by voxels.
 #import "ssil/place.wgsl"
-#import "voxels/march.wgsl"
+#import "ssil/voxels/march.wgsl"
 
 var<private> lifted_start: vec3f;
 

@@ -1,0 +1,39 @@
+"""`wgpu-gi view`: from arguments to a scene in a window."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+
+from ..errors import GiError
+from ..options import check_size
+from .common import list_names, renderer_from, settings_from
+
+FOR_VIEWING = ("path.samples_per_run=1",)  # something to see soon
+
+
+def view(arguments: Namespace) -> int:
+    """Carry out `wgpu-gi view`; return the exit code. Raises GiError for all that the user can put right."""
+    if list_names(arguments):
+        return 0
+    arguments.set = [*FOR_VIEWING, *arguments.set]
+    settings = settings_from(arguments)
+    check_size(*arguments.size)
+    try:
+        from ..viewer import app, window
+        from ..viewer.session import Session
+    except ImportError as error:
+        raise GiError(f"the viewer needs the extra ({error.name} is missing): pip install 'wgpu_gi[viewer]'") from None
+    window.start()
+    print(f"loading {arguments.scene} ...", file=sys.stderr, flush=True)
+    renderer = renderer_from(arguments, settings)
+    source = [arguments.scene]
+    for name in ("env", "adapter"):
+        if getattr(arguments, name) is not None:
+            source += [f"--{name}", getattr(arguments, name)]
+    for light in arguments.light:
+        source += ["--light", light]
+    for change in arguments.relight:
+        source += ["--relight", change]
+    app.view(Session(renderer, arguments.quality, source), f"{arguments.scene} - wgpu_gi")
+    return 0

@@ -1,0 +1,151 @@
+"""Loads WGSL: `#import` pastes files, a line map leads back, and declarations are reflected by name.
+
+`#import "common/brdf.wgsl"` on a line of its own pastes that file there, once, depth first; paths are relative to the
+shader root. There are no templates and no conditionals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import GiError
+from ...resources import resource_dir
+from .layout import Layout, layout_of
+from .module import Binding, EntryPoint, Module, Type
+from .reflect import parse
+from .tokens import ParseError
+
+
+@dataclass(eq=False)
+class ShaderSource:
+    """A shader with all that it imports, and what it declares. Equal sources are the same object."""
+
+    path: str
+    text: str
+    lines: list[tuple[str, int]]  # of each line of `text`: file and line there
+    module: Module
+    _layouts: dict[Type, Layout] = field(default_factory=dict)
+
+    @property
+    def bindings(self) -> dict[str, Binding]:
+        """The resource variables by name."""
+        return self.module.bindings
+
+    @property
+    def entry_points(self) -> dict[str, EntryPoint]:
+        """The shader stages by name."""
+        return self.module.entry_points
+
+    @property
+    def overrides(self) -> dict[str, int | float | bool | None]:
+        """The pipeline constants with their defaults; None: it has none, or one that is computed."""
+        return self.module.overrides
+
+    @property
+    def constants(self) -> dict[str, int | float]:
+        """The module-scope constants whose value is made of literals and constants."""
+        return self.module.constants
+
+    def where(self, line: int) -> str:
+        """Return "file:line" of a line (from 1) of `text`."""
+        file, number = self.lines[min(max(line, 1), len(self.lines)) - 1]
+        return f"{file}:{number}"
+
+    def struct_dtype(self, name: str) -> np.dtype:
+        """Return the numpy dtype of the struct `name`, padding included.
+
+        A runtime-sized array at its end is left out. Matrices are arrays of columns. Raises GiError if there is none.
+        """
+        if name not in self.module.structs:
+            known = ", ".join(self.module.structs) or "none"
+            raise GiError(f"{self.path} declares no struct {name!r}; there is {known}")
+        return self.layout(Type(name)).dtype
+
+    def layout(self, kind: Type) -> Layout:
+        """Return the memory layout of a type of this shader. Raises GiError if it has none."""
+        if kind not in self._layouts:
+            try:
+                self._layouts[kind] = layout_of(kind, self.module.structs)
+            except GiError as error:
+                raise GiError(f"{self.path}: {error}") from error
+        return self._layouts[kind]
+
+
+_cache: dict[tuple[str, Path | None], tuple[ShaderSource, dict[Path, int]]] = {}
+
+
+def load(path: str, root: Path | str | None = None) -> ShaderSource:
+    """Return the shader `path` of the package's `wgsl` folder; files under `root`, if given, come first.
+
+    Cached until a file of it changes. Raises GiError with file and line for a missing import, an import cycle, or a
+    declaration that cannot be read.
+    """
+    root = Path(root) if root is not None else None
+    cached = _cache.get((path, root))
+    if cached is not None and all(_mtime(file) == at for file, at in cached[1].items()):
+        return cached[0]
+    files: dict[Path, int] = {}
+    pasted: list[tuple[str, str, int]] = []
+    _paste(path, root, [], files, pasted, "")
+    text = "\n".join(line for line, _, _ in pasted) + "\n"
+    lines = [(file, number) for _, file, number in pasted]
+    if cached is not None and cached[0].text == text:
+        source = cached[0]
+    else:
+        source = ShaderSource(path, text, lines, Module())
+        try:
+            source.module = parse(text)
+        except ParseError as error:
+            raise GiError(f"{source.where(error.line)}: {error}") from error
+    _cache[path, root] = (source, files)
+    return source
+
+
+def _paste(
+    path: str,
+    root: Path | None,
+    parents: list[str],
+    files: dict[Path, int],
+    pasted: list[tuple[str, str, int]],
+    where: str,
+) -> None:
+    """Append the lines of `path` as (text, file, line), its imports in the place of their lines."""
+    if path in parents:
+        raise GiError(f"{where}: import cycle {' -> '.join([*parents[parents.index(path) :], path])}")
+    file = _find(path, root, where)
+    if file in files:
+        return
+    files[file] = _mtime(file)
+    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+        words = line.split()
+        if not words or words[0] != "#import":
+            pasted.append((line, path, number))
+            continue
+        quoted = line.split('"')
+        if len(quoted) != 3 or not quoted[1]:
+            raise GiError(f'{path}:{number}: write #import "folder/file.wgsl"')
+        _paste(quoted[1], root, [*parents, path], files, pasted, f"{path}:{number}")
+
+
+def _find(path: str, root: Path | None, where: str) -> Path:
+    roots = [root] if root is not None else []
+    try:
+        roots.append(resource_dir("wgsl"))
+    except FileNotFoundError as error:
+        if root is None:
+            raise GiError(str(error)) from error
+    for folder in roots:
+        if (folder / path).is_file():
+            return folder / path
+    searched = " or ".join(str(folder) for folder in roots)
+    raise GiError(f"{where + ': ' if where else ''}there is no shader {path!r} in {searched}")
+
+
+def _mtime(file: Path) -> int:
+    try:
+        return file.stat().st_mtime_ns
+    except OSError:
+        return -1

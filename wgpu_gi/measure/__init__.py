@@ -1,0 +1,1 @@
+"""Error and time: metrics, truth, the benchmark, its reports and plots."""

@@ -1,0 +1,249 @@
+"""Measures techniques: their error against the truth, and the time and memory of their frames. Prints nothing."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import metadata
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..errors import GiError
+from ..gpu.device import open_device
+from ..options import TECHNIQUES, CameraSettings, Settings, picture_count
+from ..renderer import Renderer
+from ..scene.scene import Scene
+from ..techniques.reference import PathSettings
+from ..version import __version__
+from .metrics import Errors, measure
+from .results import CASES, Case, Measurement, PathPoint, Reference, Stats, title_of
+from .truth import LAYERS, Progress, Truth
+
+PACKAGES = ("wgpu", "numpy")
+WARM_UP_FRAMES = 3  # of each case; chosen: the first compiles shaders, the second meets what the first left behind
+# The camera goes round on a circle that is small against the scene, so that it stays on its side of the walls.
+ORBIT_RADIUS = 1 / 400  # of the diagonal of the scene's box; chosen
+ORBIT_FRAMES = 16  # to go round once; chosen
+# The path tracer's samples are doubled until a picture takes this many times as long as the slowest technique, and at
+# least this long. Chosen: so the curve passes all techniques in time, and the quick ones in error, too.
+PATH_TIMES_SLOWEST = 8.0
+PATH_SECONDS = 2.0
+PATH_LEAST_POINTS = 3
+MOST_PER_RUN = 64  # samples per pixel that the path tracer takes in one run at most
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A technique with all its settings, as it is to be measured."""
+
+    gi: str
+    quality: str
+    settings: Settings
+    variant: str = ""  # what sets it apart from others of the same quality
+
+
+def machine(adapter: str | None = None) -> dict[str, Any]:
+    """Describe what the times depend on: adapter, driver, operating system, cores, versions."""
+    device = open_device(adapter, large_buffers=True)
+    # Of a machine that is shared, what this process may use.
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return {
+        "adapter": device.adapter_name,
+        "backend": device.backend,
+        "driver": device.driver,
+        "is_cpu": device.is_cpu,
+        "os": platform.platform(),
+        "cores": cores,
+        "python": platform.python_version(),
+        "packages": {"wgpu_gi": __version__} | {name: metadata.version(name) for name in PACKAGES},
+    }
+
+
+def measure_scene(
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    candidates: Sequence[Candidate],
+    truth_of: Callable[[int | None], Truth],
+    *,
+    frames: int,
+    path_seconds: float = PATH_SECONDS,
+    adapter: str | None = None,
+    progress: Progress | None = None,
+) -> tuple[list[Measurement], list[Reference]]:
+    """Measure each candidate over `frames` frames in each case, then the path tracer at equal times.
+
+    `truth_of` returns the truth of so many indirect bounces (None: all); it is asked once for each number. `progress`
+    is called with what is being done and the fraction of it. Raises GiError for a picture that cannot be measured.
+    """
+    report = progress or (lambda what, fraction: None)
+    truths: dict[int | None, Truth] = {}
+    measurements = []
+    for candidate in candidates:
+        bounces = truth_bounces(candidate.settings)
+        if bounces not in truths:
+            truths[bounces] = truth_of(bounces)
+        renderer = Renderer(scene, size=size, camera=camera, settings=candidate.settings, adapter=adapter)
+        try:
+            measurements.append(_measure_technique(renderer, candidate, truths[bounces], bounces, frames, report))
+        finally:
+            renderer.release()
+    slowest = max(m.cases["all"].gpu_ms.median for m in measurements)
+    budget = max(path_seconds * 1e3, PATH_TIMES_SLOWEST * slowest)
+    like = candidates[0].settings
+    references = []
+    for bounces, truth in truths.items():
+        renderer = Renderer(scene, size=size, camera=camera, adapter=adapter)
+        try:
+            curve = path_curve(renderer, replace(like, bounces=bounces), truth, budget, report)
+        finally:
+            renderer.release()
+        own = layer_errors(truth.layers, truth)
+        noise = {layer: None if errors is None else errors.floor for layer, errors in own.items()}
+        references.append(Reference(bounces, truth.source, noise, curve))
+    return measurements, references
+
+
+def truth_bounces(settings: Settings) -> int | None:
+    """Return the indirect bounces of the truth for a technique: as set, else as it promises, None for all of them.
+
+    A technique without indirect light is held against all of it: that is what it leaves out.
+    """
+    return settings.bounces if settings.bounces is not None else TECHNIQUES[settings.gi].bounces or None
+
+
+def _measure_technique(
+    renderer: Renderer, candidate: Candidate, truth: Truth, bounces: int | None, frames: int, report: Progress
+) -> Measurement:
+    name = title_of(candidate.gi, candidate.quality, candidate.variant)
+
+    def picture(frames: int) -> dict[str, Errors | None]:
+        camera = replace(candidate.settings.camera, frames=frames)
+        renderer.settings = replace(candidate.settings, camera=camera)
+        renderer.run(partial(report, f"{name}: picture"), show=tuple(LAYERS.values()))
+        try:
+            return layer_errors({layer: renderer.read_back(buffer) for layer, buffer in LAYERS.items()}, truth)
+        except GiError as error:
+            raise GiError(f"{name}: {error}") from None
+
+    errors = picture(1)
+    settled_frames = picture_count(candidate.settings)
+    settled = picture(settled_frames) if settled_frames > 1 else errors
+    cases = {
+        case: measure_case(renderer, case, frames, partial(report, f"{name}: {what}")) for case, what in CASES.items()
+    }
+    allocated = sum(int(resource.bytes) for resource in renderer.graph.resources.values() if resource.gpu)
+    return Measurement(
+        candidate.gi,
+        candidate.quality,
+        bounces,
+        errors,
+        settled,
+        settled_frames,
+        cases,
+        allocated,
+        candidate.variant,
+    )
+
+
+def layer_errors(pictures: dict[str, NDArray[np.float32]], truth: Truth) -> dict[str, Errors | None]:
+    """Return the errors of each layer over the pixels that see a surface; None where the truth is black or unknown."""
+    errors: dict[str, Errors | None] = dict.fromkeys(LAYERS)
+    for layer, t in truth.layers.items():
+        if truth.surface.any() and t[truth.surface].mean() > 0:
+            errors[layer] = measure(pictures[layer], t, truth.noise.get(layer), truth.surface)
+    return errors
+
+
+def measure_case(renderer: Renderer, case: str, frames: int, report: Callable[[float], None]) -> Case:
+    """Time frames of one of `CASES` after a warm-up.
+
+    Where all is moving, the camera moves and every pass is forced. Passes are measured in every second frame, since
+    that may slow a frame down; the others give the wall time, so that whatever else the machine does hits both alike.
+    """
+    at_rest = renderer.camera
+    radius = ORBIT_RADIUS * float(np.linalg.norm(np.ptp(renderer.scene.bounds(), axis=0))) or ORBIT_RADIUS
+    timing, device = renderer.graph.timing, renderer.graph.device
+    wall, passes, passes_run = [], [], 0
+    renderer.run(show=("radiance",))
+    for number, (frame, timed) in enumerate(product(range(-WARM_UP_FRAMES, frames), (False, True))):
+        if case != "still":
+            renderer.camera = orbit(at_rest, radius, number / ORBIT_FRAMES)
+        timing.clear()
+        started = time.perf_counter()
+        renderer.step(show=("radiance",), force=case == "all", timings=timed)
+        device.wait()
+        elapsed = (time.perf_counter() - started) * 1e3
+        if frame >= 0 and timed:
+            passes.append({name: sum(samples) for name, samples in timing.samples.items()})
+            passes_run = max(passes_run, len(renderer.graph.last_run))
+        elif frame >= 0:
+            wall.append(elapsed)
+        report((number + 1) / (2 * (WARM_UP_FRAMES + frames)))
+    renderer.camera = at_rest
+    measured = {p.name: [frame[p.name] for frame in passes if p.name in frame] for p in renderer.graph.order}
+    by_pass = {name: stats(samples) for name, samples in measured.items() if samples}
+    return Case(passes_run, stats(wall), stats([sum(frame.values()) for frame in passes]), by_pass)
+
+
+def stats(samples: Sequence[float]) -> Stats:
+    """Return the statistics of at least one sample."""
+    return Stats(float(np.median(samples)), float(np.percentile(samples, 95)))
+
+
+def orbit(camera: Camera, radius: float, turns: float) -> Camera:
+    """Return the camera moved to a place on a circle about its own, across its view; `radius` in metres."""
+    world_from_view = camera.world_from_view.copy()
+    angle = 2 * np.pi * turns
+    world_from_view[:3, 3] += camera.world_from_view[:3, :2] @ (radius * np.array([np.cos(angle), np.sin(angle)]))
+    return replace(camera, world_from_view=world_from_view)
+
+
+def path_curve(
+    renderer: Renderer, settings: Settings, truth: Truth, budget_ms: float, report: Progress
+) -> list[PathPoint]:
+    """Render with 1, 2, 4 ... samples per pixel until a picture takes `budget_ms` or is as good as the truth.
+
+    `settings` give bounces, seed, diffuse and path.visible_only.
+    """
+    points: list[PathPoint] = []
+    timing, device = renderer.graph.timing, renderer.graph.device
+    renderer.settings = _path_settings(settings, 1)
+    renderer.run(show=tuple(LAYERS.values()), timings=True)  # warm-up: compiles
+    while True:
+        spp = 2 ** len(points)
+        # With a seed of its own, or it would go on with the samples of the picture before.
+        renderer.settings = replace(_path_settings(settings, spp), seed=settings.seed ^ spp)
+        timing.clear()
+        started = time.perf_counter()
+        renderer.run(partial(report, f"path tracer, {spp} spp"), show=tuple(LAYERS.values()), timings=True)
+        device.wait()
+        wall = (time.perf_counter() - started) * 1e3
+        gpu = sum(sum(samples) for samples in timing.samples.values())
+        errors = layer_errors({layer: renderer.read_back(buffer) for layer, buffer in LAYERS.items()}, truth)
+        points.append(PathPoint(spp, gpu, wall, errors))
+        full = errors["full"]
+        finished = full is None or full.relmse < (full.floor or 0.0)
+        if len(points) >= PATH_LEAST_POINTS and (gpu >= budget_ms or finished):
+            return points
+
+
+def _path_settings(settings: Settings, spp: int) -> Settings:
+    """Return settings of the path tracer that take as few runs as they can."""
+    return Settings(
+        gi="path",
+        bounces=settings.bounces,
+        spp=spp,
+        seed=settings.seed,
+        diffuse=settings.diffuse,
+        camera=CameraSettings(jitter=False),
+        path=PathSettings(samples_per_run=min(spp, MOST_PER_RUN), visible_only=settings.path.visible_only),
+    )

@@ -1,0 +1,1 @@
+"""Pictures and tables as values and as files; nothing here needs a GPU."""

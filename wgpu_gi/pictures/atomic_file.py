@@ -1,0 +1,56 @@
+"""Files that appear complete or not at all, whatever interrupts their writing."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ..errors import GiError
+
+
+@contextmanager
+def atomic_file(path: str | Path) -> Iterator[Path]:
+    """Yield a name to write to; the file there becomes `path` at the end, unless anything was raised.
+
+    Raises GiError in one sentence for what the file system refuses.
+    """
+    final = Path(os.path.realpath(path))
+    temporary = _temporary_name(final)
+    try:
+        with _errors_for(path):
+            yield temporary
+            os.replace(temporary, final)
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def check_writable(path: str | Path) -> None:
+    """Raise GiError now if `path` could not be written later: its folder or the rights to it."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise GiError(f"{path}: there is no folder {path.parent}; make it first")
+    with _errors_for(path):
+        if path.is_dir():
+            raise GiError(f"{path} is a folder; give a file name")
+        # Only trying tells: names may be too long, file systems full or read-only.
+        temporary = _temporary_name(Path(os.path.realpath(path)))
+        temporary.touch(exist_ok=False)
+        temporary.unlink()
+
+
+def _temporary_name(final: Path) -> Path:
+    """Return a short, unused name beside the final file: a rename must not cross file systems."""
+    return final.with_name(f".wgpu_gi-{os.getpid()}-{secrets.token_hex(4)}.tmp")
+
+
+@contextmanager
+def _errors_for(path: str | Path) -> Iterator[None]:
+    """Turn a refusal of the file system into one sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise GiError(f"{path}: cannot be written ({error.strerror or error})") from None

@@ -1,0 +1,151 @@
+"""Cameras that are not in the scene: from a small JSON file, or placed so that they frame the scene."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...camera import Camera
+from ...errors import GiError
+from ..scene import Scene
+from .read import read_file
+
+CAMERA_FIELDS = ("position", "target", "up", "yfov_deg", "orthographic_height")
+
+# From where objects show three faces: a little right of the front (+Z in glTF) and above.
+FRAMING_DIRECTION = (0.55, 0.4, 0.75)
+FRAMING_YFOV_DEG = 45.0
+FRAMING_MARGIN = 1.05
+
+
+def load_camera(path: str | Path) -> Camera:
+    """Load a camera from JSON such as {"position": [0, 1, 5], "target": [0, 1, 0], "yfov_deg": 50}.
+
+    `position` and `target` are world points in metres; `up` ([0, 1, 0]) and `yfov_deg` (60, full vertical angle) may
+    be left out, and `orthographic_height` (metres) makes the projection parallel. The name is that of the file. Raises
+    GiError naming the first field that is missing or wrong.
+    """
+    path = Path(path)
+    try:
+        text = read_file(path, "camera file").decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise GiError(f"camera file {path} is not JSON: {error}") from None
+    return _parse_camera(text, f"camera file {path}", path.stem)
+
+
+def _parse_camera(text: str, where: str, name: str) -> Camera:
+    try:
+        fields = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise GiError(f"{where} is not JSON: {error}") from None
+    return camera_from(fields, where, name)
+
+
+def camera_fields(camera: Camera, distance: float) -> dict[str, Any]:
+    """Return the fields of a camera file for a camera that looks at a point `distance` metres before it."""
+    axes = camera.world_from_view[:3, :3]
+    fields = {
+        "position": camera.position.tolist(),
+        "target": (camera.position - axes[:, 2] * distance).tolist(),
+        "up": axes[:, 1].tolist(),
+        "yfov_deg": math.degrees(camera.yfov),
+    }
+    if camera.orthographic_height is not None:
+        fields["orthographic_height"] = camera.orthographic_height
+    return fields
+
+
+def camera_from(fields: Any, where: str, name: str = "") -> Camera:
+    """Return the camera that the fields of a camera file describe; `where` names the place in messages."""
+    if not isinstance(fields, dict):
+        raise GiError(f'{where} must hold an object such as {{"position": [0, 1, 5], "target": [0, 1, 0]}}')
+    unknown = sorted(set(fields) - set(CAMERA_FIELDS))
+    if unknown:
+        raise GiError(f"{where}: unknown field {unknown[0]!r}; known are {', '.join(CAMERA_FIELDS)}")
+    for field in ("position", "target"):
+        if field not in fields:
+            raise GiError(f"{where}: the field {field!r} is missing")
+    yfov_deg = fields.get("yfov_deg", 60.0)
+    if not _is_number(yfov_deg) or not 0 < yfov_deg < 180:
+        raise GiError(f"{where}: 'yfov_deg' must be a number between 0 and 180, not {yfov_deg!r}")
+    up = _vector(where, fields, "up") if "up" in fields else [0.0, 1.0, 0.0]
+    if not any(up):
+        raise GiError(f"{where}: 'up' must have a direction, not [0, 0, 0]")
+    height = fields.get("orthographic_height")
+    if height is not None and not (_is_number(height) and height > 0):
+        raise GiError(f"{where}: 'orthographic_height' must be a number of metres above 0, not {height!r}")
+    position, target = _vector(where, fields, "position"), _vector(where, fields, "target")
+    try:
+        camera = Camera.look_at(position, target, up, float(yfov_deg), name)
+    except GiError as error:
+        raise GiError(f"{where}: {error}") from None
+    camera.orthographic_height = None if height is None else float(height)
+    return camera
+
+
+def _is_number(value: Any) -> bool:
+    try:
+        return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # an integer beyond the largest double
+        return False
+
+
+def _vector(where: str, fields: dict[str, Any], name: str) -> list[float]:
+    """Return three finite numbers, or say which field lacks them."""
+    value = fields[name]
+    if not isinstance(value, list) or len(value) != 3 or not all(_is_number(v) for v in value):
+        raise GiError(f"{where}: {name!r} must be three finite numbers, not {json.dumps(value)[:60]}")
+    return [float(v) for v in value]
+
+
+def framing_camera(scene: Scene) -> Camera:
+    """Return a camera outside the scene that sees all of it, from the front right and a little above.
+
+    Every corner of the bounding box lies inside a square picture, so wider ones have room at the sides. An empty
+    scene or one without extent is looked at from a distance of its own order (at least 1 m for a point).
+    """
+    low, high = scene.bounds()
+    centre, half = (low + high) / 2, (high - low) / 2
+    back = np.array(FRAMING_DIRECTION) / np.linalg.norm(FRAMING_DIRECTION)
+    axes = Camera.look_at(back, (0.0, 0.0, 0.0)).world_from_view[:3, :3]
+    corners = np.array([[(i >> a & 1) * 2 - 1 for a in range(3)] for i in range(8)]) * half @ axes
+    # A corner at (x, y, z) from the centre is inside if |x| and |y| are below tan(yfov/2) times its distance d - z.
+    slope = math.tan(math.radians(FRAMING_YFOV_DEG) / 2)
+    distance = float((corners[:, 2] + np.abs(corners[:, :2]).max(1) / slope).max()) * FRAMING_MARGIN
+    if distance == 0.0:
+        distance = 1.0
+    return Camera.look_at(centre + back * distance, centre, yfov_deg=FRAMING_YFOV_DEG, name="framing")
+
+
+def choose_camera(scene: Scene, selector: str | int | None = None, folder: Path | None = None) -> Camera:
+    """Return the camera that `selector` names: a name or index in the scene, or a .json file; None: the first.
+
+    Names win over indices. A relative file is looked for in the working folder, then in `folder` (the scene's). What
+    such a file holds is taken, too. A scene without cameras has a framing one. Raises GiError listing the cameras if
+    there is none such.
+    """
+    cameras = scene.cameras or [framing_camera(scene)]
+    if selector is None:
+        return cameras[0]
+    by_name = {camera.name: camera for camera in reversed(cameras) if camera.name}
+    if selector in by_name:
+        return by_name[str(selector)]
+    if str(selector).lstrip().startswith("{"):
+        return _parse_camera(str(selector), "the camera", "")
+    if str(selector).lower().endswith(".json"):
+        path = Path(str(selector))
+        beside = folder / path if folder else path
+        return load_camera(path if os.path.exists(path) or not os.path.exists(beside) else beside)
+    try:
+        index = int(selector)
+    except ValueError:
+        index = -1
+    if 0 <= index < len(cameras):
+        return cameras[index]
+    known = ", ".join(f"{i} {camera.name!r}" for i, camera in enumerate(cameras[:20]))
+    raise GiError(f"there is no camera {selector!r}; this scene has {known}; or name a .json file")

@@ -1,0 +1,97 @@
+"""Cameras that move from frame to frame: once round the scene, or along the keys of a JSON file."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...camera import Camera
+from ...errors import GiError
+from ..scene import Scene
+from .camera_files import camera_from
+from .read import read_file
+
+CameraAt = Callable[[int], Camera]  # the camera of a frame
+
+
+def turntable(camera: Camera, scene: Scene, frames: range) -> CameraAt:
+    """Return a camera that goes once round the middle of the scene's bounding box, counter-clockwise from above.
+
+    The first of `frames` is `camera` itself; one after the last would be, too, so that the frames repeat seamlessly.
+    """
+    low, high = scene.bounds()
+    centre = (low + high) / 2
+    length = max(frames.stop - frames.start, 1)
+
+    def at(frame: int) -> Camera:
+        angle = 2 * math.pi * (frame - frames.start) / length
+        turn = np.eye(4)
+        turn[0, 0] = turn[2, 2] = math.cos(angle)
+        turn[0, 2], turn[2, 0] = math.sin(angle), -math.sin(angle)
+        turn[:3, 3] = centre - turn[:3, :3] @ centre
+        return replace(camera, world_from_view=turn @ camera.world_from_view)
+
+    return at
+
+
+def load_camera_path(path: str | Path) -> CameraAt:
+    """Load a camera that moves smoothly through keys, from JSON such as [{"frame": 0, "position": ..., "target": ...}].
+
+    A key has the fields of a camera file and its `frame`; frames ascend. Between keys position, target, up and angle
+    follow cubics that pass each key with the slope of the parabola through it and its neighbours; before the first key
+    and after the last one the camera stands still. Raises GiError naming the key that is wrong.
+    """
+    path = Path(path)
+    try:
+        keys = json.loads(read_file(path, "camera path").decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise GiError(f"camera path {path} is not JSON: {error}") from None
+    if not isinstance(keys, list) or not keys:
+        raise GiError(f'camera path {path} must hold a list of keys: {{"frame": 0, "position": ..., "target": ...}}')
+    read = [_key(f"camera path {path}, key {i}", key) for i, key in enumerate(keys)]
+    frames, values = [frame for frame, _ in read], np.array([value for _, value in read])
+    for before, after in pairwise(frames):
+        if after <= before:
+            raise GiError(f"camera path {path}: frame {after} comes after frame {before}; sort the keys by frame")
+
+    def at(frame: int) -> Camera:
+        value = _through(frames, values, frame)
+        try:
+            return Camera.look_at(value[:3], value[3:6], value[6:9], float(value[9]), path.stem)  # type: ignore[arg-type]
+        except GiError as error:
+            raise GiError(f"camera path {path}, frame {frame}: {error}") from None
+
+    return at
+
+
+def _key(where: str, key: Any) -> tuple[int, list[float]]:
+    """Return the frame of a key, and its position, target, up and angle in a row."""
+    if not isinstance(key, dict) or type(key.get("frame")) is not int:
+        raise GiError(f"{where}: the field 'frame' must be a whole number")
+    fields = {name: value for name, value in key.items() if name != "frame"}
+    camera_from(fields, where)  # refuses what no camera can have
+    up, angle = fields.get("up", [0.0, 1.0, 0.0]), fields.get("yfov_deg", 60.0)
+    return key["frame"], [*map(float, (*fields["position"], *fields["target"], *up)), float(angle)]
+
+
+def _through(frames: Sequence[int], values: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
+    """Return the value at `frame` of the cubics through `values` at `frames`."""
+    if frame <= frames[0]:
+        return values[0]
+    if frame >= frames[-1]:
+        return values[-1]
+    slopes = np.gradient(values, frames, axis=0) if len(frames) > 1 else np.zeros_like(values)
+    i = int(np.searchsorted(frames, frame, side="right")) - 1
+    length = frames[i + 1] - frames[i]
+    t = (frame - frames[i]) / length
+    start = (1 + 2 * t) * (1 - t) ** 2 * values[i] + t * (1 - t) ** 2 * length * slopes[i]
+    end = t**2 * (3 - 2 * t) * values[i + 1] - t**2 * (1 - t) * length * slopes[i + 1]
+    return start + end

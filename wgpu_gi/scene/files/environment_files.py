@@ -1,0 +1,244 @@
+"""Environments: a constant radiance, or an equirectangular Radiance .hdr/.pic or OpenEXR picture.
+
+The .hdr reader is our own (numpy only), after Ward, "The RADIANCE Picture File Format": flat, old and new run lengths.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import GiError
+from ..scene import Environment
+from .read import read_file
+
+ENVIRONMENT_EXTENSIONS = (".hdr", ".pic", ".exr")
+
+# 16384 x 8192 is the largest map sold; its floats are 1.5 GiB. What announces more is damaged or hostile.
+LARGEST_SIDE = 16384
+MOST_PIXELS = 16384 * 8192
+
+MAX_TEXTURE = 8192  # WebGPU's default limit for a side
+
+# The disc of the sun has about 1.6e9 cd/m2; above, a value is an error that would drown the picture.
+LARGEST_RADIANCE = 1e10
+
+
+def load_environment(text: str | Path, notes: list[str] | None = None) -> Environment:
+    """Return the environment that `text` names: "R,G,B" (constant radiance, W/(m2 sr)) or a .hdr, .pic or .exr file.
+
+    Pictures are equirectangular with -Z at the left edge, +X at a quarter and +Y on top; rows and columns are kept as
+    stored. Negative, NaN and infinite pixels become 0, absurd ones 1e10, and `notes` receives a sentence saying so.
+    Raises GiError for negative or non-finite colours and for missing, foreign, damaged or oversized files.
+    """
+    extension = Path(text).suffix.lower()
+    if extension not in ENVIRONMENT_EXTENSIONS:
+        return Environment(color=_constant_color(str(text)), name="constant")
+    path = Path(text)
+    image = _read_exr(path) if extension == ".exr" else read_hdr(read_file(path, "environment map"), str(path))
+    return Environment(image=_reduced(_sanitised(image, path, notes), path, notes), name=path.stem)
+
+
+def _constant_color(text: str) -> tuple[float, float, float]:
+    words = text.split(",")
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = []
+    if len(values) not in (1, 3):
+        formats = " ".join(ENVIRONMENT_EXTENSIONS)
+        raise GiError(f"environment {text!r} is neither a file ({formats}) nor a radiance R,G,B such as 0.5,0.7,1")
+    if not all(math.isfinite(value) and value >= 0 for value in values):
+        raise GiError(f"environment {text!r}: radiance must be finite and not negative")
+    red, green, blue = values if len(values) == 3 else values * 3
+    return red, green, blue
+
+
+def _sanitised(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> NDArray[np.float32]:
+    """Replace what is no radiance by black, and limit what no sky has."""
+    with np.errstate(invalid="ignore"):
+        bad = ~(np.isfinite(image) & (image >= 0))
+        absurd = image > LARGEST_RADIANCE
+    if bad.any() or (absurd & ~bad).any():
+        image = np.where(bad, np.float32(0), np.minimum(image, np.float32(LARGEST_RADIANCE)))
+        if notes is not None:
+            notes.append(
+                f"environment {path}: {np.count_nonzero(bad)} negative, NaN or infinite values were set to 0, "
+                f"{np.count_nonzero(absurd & ~bad)} limited to {LARGEST_RADIANCE:g}"
+            )
+    return np.ascontiguousarray(image, np.float32)
+
+
+def _reduced(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> NDArray[np.float32]:
+    """Average blocks of a map that is too large for a texture; radiance keeps its mean."""
+    height, width, _ = image.shape
+    step = -(-max(height, width) // MAX_TEXTURE)
+    if step == 1:
+        return image
+    rows, columns = height // step, width // step
+    if notes is not None:
+        notes.append(f"environment {path}: {width}x{height} pixels were averaged to {columns}x{rows}")
+    blocks = image[: rows * step, : columns * step].reshape(rows, step, columns, step, 3)
+    return np.ascontiguousarray(blocks.mean((1, 3), dtype=np.float32))
+
+
+def _check_size(width: int, height: int, source: str) -> None:
+    """Refuse, before anything is allocated, sizes that no map has."""
+    if width < 1 or height < 1:
+        raise GiError(f"environment map {source} has no pixels ({width}x{height})")
+    if max(width, height) > LARGEST_SIDE or width * height > MOST_PIXELS:
+        raise GiError(f"environment map {source} is {width}x{height}; use at most {LARGEST_SIDE}x{LARGEST_SIDE // 2}")
+
+
+def read_hdr(data: bytes, source: str) -> NDArray[np.float32]:
+    """Decode a Radiance RGBE picture to (height, width, 3) float32 linear radiance; `source` names it in messages.
+
+    EXPOSURE lines are divided out, as the format asks. Raises GiError for XYZE data, for other orientations than
+    `-Y height +X width`, and for truncated or damaged data.
+    """
+    header, separator, body = data.partition(b"\n\n")
+    if not header.startswith(b"#?") or not separator:
+        raise GiError(f"{source} is not a Radiance picture: its header (#?RADIANCE) is missing")
+    if b"32-bit_rle_xyze" in header:
+        raise GiError(f"{source} holds CIE XYZ colours; convert it to RGBE (ra_xyze -r)")
+    resolution, _, body = body.partition(b"\n")
+    match = re.fullmatch(rb"([+-][XY]) +(\d{1,9}) +([+-][XY]) +(\d{1,9})\s*", resolution)
+    if match is None:
+        raise GiError(f"{source}: the line with the picture's size is missing or damaged")
+    if (match[1], match[3]) != (b"-Y", b"+X"):
+        raise GiError(f"{source} is stored {match[1].decode()} {match[3].decode()}; only -Y +X (row 0 on top) is read")
+    height, width = int(match[2]), int(match[4])
+    _check_size(width, height, source)
+    # Even the best run length needs 8 bytes a row: more rows than that cannot be there.
+    if len(body) < 8 * height and len(body) < 4 * width * height:
+        raise GiError(f"{source} is truncated: {len(body)} bytes cannot hold {width}x{height} pixels")
+    try:
+        rgbe = _decode_rows(body, width, height)
+    except IndexError:
+        raise GiError(f"{source} is truncated or damaged: its run lengths do not fit {width}x{height} pixels") from None
+    # Mantissas are 8-bit fractions, the exponent is biased by 128; exponent 0 means black. No half step is added, so
+    # that round values stay exact and pictures agree with other renderers (writers truncate: up to 0.8 % dark).
+    exponent = rgbe[..., 3:].astype(np.int32)
+    scale = np.where(exponent > 0, np.ldexp(np.float32(1), exponent - 136), np.float32(0)).astype(np.float32)
+    return rgbe[..., :3].astype(np.float32) * (scale / np.float32(_exposure(header, source)))
+
+
+def _exposure(header: bytes, source: str) -> float:
+    """Return the product of all EXPOSURE lines: what the stored pixels were multiplied by."""
+    try:
+        exposure = math.prod(float(line[9:]) for line in header.splitlines() if line.startswith(b"EXPOSURE="))
+    except ValueError:
+        exposure = 0.0
+    if not (math.isfinite(exposure) and exposure > 0):
+        raise GiError(f"{source}: EXPOSURE must be a positive number")
+    return exposure
+
+
+def _decode_rows(body: bytes, width: int, height: int) -> NDArray[np.uint8]:
+    """Undo the run lengths; each row says by its first bytes whether it is of the new kind. IndexError if it ends."""
+    rgbe = np.empty((height, width, 4), np.uint8)
+    new_mark = bytes([2, 2, width >> 8, width & 255])
+    at = 0
+    for row in rgbe:
+        if 8 <= width < 32768 and body[at : at + 4] == new_mark:
+            at = _decode_new_row(body, at + 4, row)
+        else:
+            at = _decode_old_row(body, at, row)
+    return rgbe
+
+
+def _decode_new_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
+    """Fill a row stored as four planes of runs (count > 128: repeat a byte; else copy) and return where it ends."""
+    for channel in range(4):
+        plane = bytearray()
+        while len(plane) < len(row):
+            count = body[at]
+            if count > 128:
+                plane += body[at + 1 : at + 2] * (count - 128)
+                at += 2
+            else:
+                plane += body[at + 1 : at + 1 + count]
+                at += 1 + count
+        if len(plane) > len(row):
+            raise IndexError
+        row[:, channel] = plane
+    return at
+
+
+def _decode_old_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
+    """Fill a row of plain pixels, where a pixel (1, 1, 1, n) repeats the one before, and return where it ends."""
+    plain = np.frombuffer(body[at : at + row.size], np.uint8)
+    if len(plain) == row.size and not (plain.reshape(row.shape)[:, :3] == 1).all(1).any():
+        row[:] = plain.reshape(row.shape)
+        return at + row.size
+    pixels = bytearray()
+    shift = 0
+    while len(pixels) < row.size:
+        pixel = body[at : at + 4]
+        if len(pixel) < 4:
+            raise IndexError
+        if pixel[:3] != b"\1\1\1":
+            pixels += pixel
+            shift = 0
+        else:
+            # Counts of consecutive repeats are digits to the base 256, the lowest first.
+            repeats = pixel[3] << shift
+            if not pixels or 4 * repeats > row.size - len(pixels):
+                raise IndexError
+            pixels += pixels[-4:] * repeats
+            shift = min(shift + 8, 32)
+        at += 4
+    row[:] = np.frombuffer(pixels, np.uint8).reshape(row.shape)
+    return at
+
+
+def _read_exr(path: Path) -> NDArray[np.float32]:
+    """Read the channels R, G, B (or Y for all three) of the first part of an OpenEXR file."""
+    import OpenEXR
+
+    if read_file(path, "environment map")[:4] != b"\x76\x2f\x31\x01":
+        raise GiError(f"{path} is not an OpenEXR file: its first bytes are wrong")
+    try:
+        with _silent_c_library():
+            low, high = OpenEXR.File(str(path), header_only=True).header()["dataWindow"]
+            width, height = (int(b) - int(a) + 1 for a, b in zip(low, high, strict=True))
+            _check_size(width, height, str(path))
+            if not OpenEXR.InputFile(str(path)).isComplete():
+                raise GiError(f"environment map {path} is truncated; download or export it again")
+            channels: dict[str, Any] = OpenEXR.File(str(path), separate_channels=True).channels()
+    except GiError:
+        raise
+    except Exception as error:  # the library raises RuntimeError, ValueError and others
+        raise GiError(f"environment map {path} is truncated or damaged ({error})") from None
+    names = ("R", "G", "B") if {"R", "G", "B"} <= set(channels) else ("Y", "Y", "Y")
+    planes = [channels[name].pixels for name in names if name in channels]
+    if len(planes) < 3 or any(plane is None or plane.shape != (height, width) for plane in planes):
+        raise GiError(f"{path} has no full-size channels R, G, B or Y, but {', '.join(sorted(channels)) or 'none'}")
+    return np.stack(planes, axis=-1).astype(np.float32)
+
+
+@contextmanager
+def _silent_c_library() -> Iterator[None]:
+    """Send what the OpenEXR library prints (file descriptors 1 and 2) nowhere; its errors arrive as exceptions."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    saved = [(fd, os.dup(fd)) for fd in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for fd, _ in saved:
+            os.dup2(nowhere, fd)
+        yield
+    finally:
+        for fd, copy in saved:
+            os.dup2(copy, fd)
+            os.close(copy)
+        os.close(nowhere)

@@ -1,0 +1,177 @@
+"""Mesh files without lights or cameras, OBJ, PLY, STL and OFF, to a Scene.
+
+PLY and STL go through trimesh's parsers (imported when needed; the import takes up to a second). Only their raw arrays
+are used: trimesh's own mesh class merges vertices and invents normals. Why OBJ does not: see `obj.py`.
+
+Conventions: units are metres and Y is up, as the numbers stand. 8-bit vertex and face colours of PLY are sRGB, float
+ones linear. Normals are smooth only where the file has vertex normals (OBJ, PLY), flat otherwise. A surface without
+material is matte light grey. For materials and textures of OBJ see `obj.read_mtl`.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import GiError
+from ..scene import Scene
+from .obj import read_obj
+from .raw_mesh import RawMesh, fans, scene_from_raw, srgb_to_linear
+from .read import read_file
+
+MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off")
+
+
+def load_mesh_file(path: str | Path) -> Scene:
+    """Load an OBJ, PLY, STL or OFF file as a scene of one mesh, without lights and cameras.
+
+    Positions are stored relative to the box centre, which is the instance's translation (float64). What was left out
+    (degenerate triangles, missing textures, transparency) is said in `Scene.notes`. Raises GiError for a missing,
+    empty, damaged or foreign file, for indices out of range, NaN or infinite vertices, and for a file without faces.
+    """
+    path = Path(path)
+    extension = path.suffix.lower()
+    if extension not in MESH_EXTENSIONS:
+        raise GiError(f"{path}: {extension or 'no extension'} is not a mesh format; use {' '.join(MESH_EXTENSIONS)}")
+    notes: list[str] = []
+    raw = _READERS[extension](path, notes)
+    return scene_from_raw(raw, path.stem, str(path), notes)
+
+
+def _read_ply(path: Path, notes: list[str]) -> RawMesh:
+    from trimesh.exchange.ply import load_ply
+
+    data = read_file(path, "PLY file")
+    with _silence():
+        try:
+            # Without fix_texture, which would renumber vertices but not their normals and colours.
+            return _raw_mesh(load_ply(BytesIO(data), fix_texture=False, skip_materials=True))
+        except Exception as error:  # trimesh raises whatever numpy does on such bytes
+            reason = "damaged, truncated or another format"
+            if "unexpected length" in str(error):
+                reason = "truncated, or binary with polygons of different sizes: export it as triangles"
+            raise GiError(f"{path} is not a readable PLY file: {reason}") from None
+
+
+def _read_stl(path: Path, notes: list[str]) -> RawMesh:
+    from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
+
+    data = read_file(path, "STL file")
+    # A binary file may begin with "solid", too; only its length tells.
+    announced = 84 + 50 * int.from_bytes(data[80:84], "little")
+    text = data.decode("utf-8-sig", errors="replace").lower() if announced != len(data) else ""
+    if not text.lstrip().startswith("solid"):
+        if announced > len(data):
+            raise GiError(f"{path} is truncated or no STL file: it announces {announced} bytes and has {len(data)}")
+        load, data = load_stl_binary, data[:announced]
+    elif "endsolid" not in text:
+        raise GiError(f"{path} is truncated: there is no 'endsolid'")
+    else:
+        load, data = load_stl_ascii, text.encode()
+    with _silence():
+        try:
+            arrays = load(BytesIO(data))
+            parts = list(arrays["geometry"].values()) if "geometry" in arrays else [arrays]
+            meshes = [_raw_mesh(part) for part in parts]
+        except Exception:  # as above
+            raise GiError(f"{path} is not a readable STL file: damaged or another format") from None
+    if len(meshes) > 1:
+        notes.append(f"{path}: its {len(meshes)} solids were joined into one mesh")
+    return _join(meshes)
+
+
+def _read_off(path: Path, notes: list[str]) -> RawMesh:
+    """Read text OFF on our own, for trimesh fails on polygons of five corners; colours and normals are skipped."""
+    text = read_file(path, "OFF file").decode("utf-8-sig", errors="replace")
+    lines = [words for line in text.splitlines() if (words := line.split("#")[0].split())]
+    if not lines or not lines[0][0].upper().endswith("OFF"):
+        raise GiError(f"{path} is not an OFF file: it does not begin with the word OFF")
+    # The counts may stand beside the word or below it.
+    lines = [lines[0][1:], *lines[1:]] if len(lines[0]) > 1 else lines[1:]
+    try:
+        vertex_count, face_count = int(lines[0][0]), int(lines[0][1])
+        vertex_lines = lines[1 : 1 + vertex_count]
+        face_lines = lines[1 + vertex_count : 1 + vertex_count + face_count]
+        if vertex_count < 0 or face_count < 0 or len(vertex_lines) + len(face_lines) < vertex_count + face_count:
+            raise GiError(f"{path} is truncated: {vertex_count} vertices and {face_count} faces are announced")
+        positions = np.array([words[:3] for words in vertex_lines], np.float64).reshape(-1, 3)
+        counts = np.array([int(words[0]) for words in face_lines], np.int64)
+        corners = [words[1 : 1 + count] for words, count in zip(face_lines, counts, strict=True)]
+        ids = np.array([int(word) for words in corners for word in words], np.int64)
+        triangles, _ = fans(ids, np.array([len(words) for words in corners], np.int64))
+    except (ValueError, IndexError, OverflowError):
+        raise GiError(f"{path} is not a readable OFF file: it is damaged") from None
+    return RawMesh(positions, triangles)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep trimesh's log lines and numpy's warnings from the user; text that stops being numbers becomes an error."""
+    logger = logging.getLogger("trimesh")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.filterwarnings("error", message="string or file could not be read")
+            warnings.filterwarnings("error", message="invalid value encountered in cast")
+            yield
+    finally:
+        logger.disabled = before
+
+
+def _raw_mesh(arrays: dict[str, Any]) -> RawMesh:
+    """Turn trimesh's arrays into triangles; face colours give each triangle corners of its own."""
+    positions = np.asarray(arrays.get("vertices", ()), np.float64).reshape(-1, 3)
+    faces = np.asarray(arrays.get("faces", ()))
+    corners = faces.shape[1] if faces.ndim == 2 else 3
+    fan = [faces.reshape(-1, corners)[:, [0, k, k + 1]] for k in range(1, corners - 1)]
+    triangles = np.concatenate(fan).astype(np.int64)
+    colors, face_colors = _linear_colors(arrays.get("vertex_colors")), _linear_colors(arrays.get("face_colors"))
+    normals = arrays.get("vertex_normals")
+    if colors is None and face_colors is not None:
+        normals = None if normals is None else normals[triangles].reshape(-1, 3)
+        positions = positions[triangles].reshape(-1, 3)
+        colors = np.repeat(np.tile(face_colors, (len(fan), 1)), 3, axis=0)
+        triangles = np.arange(len(positions)).reshape(-1, 3)
+    return RawMesh(positions, triangles, normals=normals, colors=colors)
+
+
+def _linear_colors(colors: NDArray | None) -> NDArray[np.float64] | None:
+    """Return RGBA in linear light: integers are sRGB of their full range, floats are linear already."""
+    if colors is None or len(colors) == 0:
+        return None
+    if colors.dtype.kind in "ui":
+        unit = colors / float(np.iinfo(colors.dtype).max)
+        rgb, alpha = srgb_to_linear(unit[:, :3]), unit[:, 3:]
+    else:
+        rgb, alpha = colors[:, :3].astype(np.float64), colors[:, 3:]
+    return np.concatenate([rgb, alpha, np.ones((len(rgb), 1))], axis=1)[:, :4]
+
+
+def _join(meshes: list[RawMesh]) -> RawMesh:
+    """Concatenate meshes without attributes, as the solids of an STL file are; a single mesh stays as it is."""
+    if len(meshes) == 1:
+        return meshes[0]
+    counts = [0, *(len(mesh.positions) for mesh in meshes)]
+    starts = np.cumsum(counts)
+    return RawMesh(
+        np.concatenate([np.zeros((0, 3)), *(mesh.positions for mesh in meshes)]),
+        np.concatenate([np.zeros((0, 3), np.int64), *(m.triangles + s for m, s in zip(meshes, starts, strict=False))]),
+    )
+
+
+_READERS: dict[str, Callable[[Path, list[str]], RawMesh]] = {
+    ".obj": read_obj,
+    ".ply": _read_ply,
+    ".stl": _read_stl,
+    ".off": _read_off,
+}

@@ -1,0 +1,271 @@
+"""Wavefront OBJ with its MTL materials, read on our own.
+
+trimesh counts negative indices from the end of the file instead of from the face's own line (the common Cornell box
+files come out folded together), reads one material library only, rounds `Kd` to 8 bits, keeps `Ke` as text and loses
+missing textures silently.
+"""
+
+from __future__ import annotations
+
+import warnings
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import GiError
+from ..scene import Image, Material, Texture
+from .raw_mesh import RawMesh, clay, default_material, fans, srgb_to_linear
+from .read import path_inside, read_file
+
+# An 8192 x 8192 picture, the largest texture that WebGPU promises; decoded it takes 256 MiB.
+MOST_TEXTURE_PIXELS = 8192 * 8192
+
+# How many values the texture options of MTL take at most (`-s 2 2 2 wood.png`).
+TEXTURE_OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
+
+
+def read_obj(path: Path, notes: list[str]) -> RawMesh:
+    """Read polygons (as fans), normals, texture coordinates, vertex colours and materials of an OBJ file.
+
+    Vertices are one per distinct `v/vt/vn`. Vertex colours (`v x y z r g b`) are sRGB, as Blender and MeshLab write
+    them. Smoothing groups, lines, points, curves and surfaces are skipped. Raises GiError for malformed numbers
+    and indices out of range.
+    """
+    text = read_file(path, "OBJ file").decode("utf-8-sig", errors="replace").replace("\\\r\n", " ").replace("\\\n", " ")
+    rows: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
+    corners: list[str] = []
+    corner_counts: list[int] = []
+    used: dict[str, int] = {}
+    material_of_face: list[int] = []
+    libraries: list[str] = []
+    material = -1
+    for line in text.splitlines():
+        words = line.split(None, 1)
+        if len(words) < 2:
+            continue
+        key, rest = words
+        if key in rows:
+            rows[key].append(rest)
+        elif key == "f":
+            refs = rest.split("#")[0].split()
+            if "-" in rest:
+                refs = [_absolute(ref, rows) for ref in refs]
+            corners += refs
+            corner_counts.append(len(refs))
+            material_of_face.append(material)
+        elif key == "usemtl":
+            material = used.setdefault(rest.strip(), len(used))
+        elif key == "mtllib":
+            libraries.append(rest.strip())
+    index, ids = _unique_corners(path, corners, {key: len(lines) for key, lines in rows.items()})
+    triangles, face = fans(ids, np.array(corner_counts, np.int64))
+    materials = _materials(path, libraries, list(used), notes)
+    positions, colors = _positions(path, rows["v"])
+    if -1 in material_of_face:
+        materials.append(default_material(colors))
+    return RawMesh(
+        positions=positions[index[:, 0]],
+        triangles=triangles,
+        materials=materials,
+        # -1, "no material yet", counts from the end: the default just appended.
+        material_of_triangle=(np.array(material_of_face, np.int64)[face] % max(len(materials), 1)).astype(np.uint32),
+        normals=_attribute(path, rows["vn"], index[:, 2], 3, "vn"),
+        texcoords=_flip_v(_attribute(path, rows["vt"], index[:, 1], 2, "vt")),
+        colors=None if colors is None else colors[index[:, 0]],
+    )
+
+
+def _absolute(ref: str, rows: dict[str, list[str]]) -> str:
+    """Turn the negative indices of one corner into positive ones; they count back from the newest row."""
+    parts = ref.split("/")
+    for k, (part, lines) in enumerate(zip(parts, rows.values(), strict=False)):
+        if part.startswith("-") and part[1:].isdigit():
+            parts[k] = str(len(lines) + 1 - int(part[1:]))
+    return "/".join(parts)
+
+
+def _unique_corners(path: Path, corners: list[str], counts: dict[str, int]) -> tuple[NDArray, NDArray]:
+    """Return the distinct corners as 0-based indices (n, 3) of v, vt, vn (-1: none), and each corner's row there."""
+    row_of = {corner: row for row, corner in enumerate(dict.fromkeys(corners))}
+    ids = np.fromiter(map(row_of.__getitem__, corners), np.int64, len(corners))
+    try:
+        parts = [(corner + "/0/0").replace("//", "/0/").split("/", 3)[:3] for corner in row_of]
+        index = np.array(parts, np.int64).reshape(-1, 3) - 1
+    except (ValueError, OverflowError):
+        raise GiError(f"{path}: a face has an index that is not a whole number; the file is damaged") from None
+    for k, (key, count) in enumerate(counts.items()):
+        wrong = (index[:, k] < (0 if key == "v" else -1)) | (index[:, k] >= count)
+        if wrong.any():
+            corner = list(row_of)[int(np.argmax(wrong))]
+            raise GiError(f"{path}: face corner {corner!r} is out of range; the file has {count} {key!r} rows")
+    return index, ids
+
+
+def _numbers(path: Path, lines: list[str], start: int, stop: int, key: str) -> NDArray[np.float64]:
+    """Parse columns [start, stop) of all rows; short or malformed rows raise GiError."""
+    try:
+        values = np.array([line.split(None, stop)[start:stop] for line in lines], np.float64)
+        return values.reshape(len(lines), stop - start)
+    except ValueError:
+        message = f"{path}: a {key!r} row does not hold the numbers it should; the file is damaged"
+        raise GiError(message) from None
+
+
+def _positions(path: Path, lines: list[str]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Return positions (n, 3) and, if every row has them, linear RGBA colours (n, 4)."""
+    positions = _numbers(path, lines, 0, 3, "v")
+    if not lines or any(len(line.split()) < 6 for line in lines):
+        return positions, None
+    colors = np.ones((len(lines), 4))
+    colors[:, :3] = srgb_to_linear(_numbers(path, lines, 3, 6, "v"))
+    return positions, colors
+
+
+def _attribute(path: Path, lines: list[str], index: NDArray, width: int, key: str) -> NDArray[np.float64] | None:
+    """Return one row per vertex, zeros where `index` is -1; None if no vertex has any."""
+    if not (index >= 0).any():
+        return None
+    rows = np.concatenate([_numbers(path, lines, 0, width, key), np.zeros((1, width))])
+    return rows[index]
+
+
+def _flip_v(texcoords: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    """Turn v upwards (OBJ) into v downwards (glTF and ours)."""
+    return None if texcoords is None else texcoords * (1.0, -1.0) + (0.0, 1.0)
+
+
+def _materials(path: Path, libraries: list[str], names: list[str], notes: list[str]) -> list[Material]:
+    """Return a material for each name in use; what is missing becomes grey and a note."""
+    known: dict[str, Material] = {}
+    unread = 0
+    for library in libraries:
+        file = path_inside(path.parent, library)
+        if file is None:
+            notes.append(f"material library {library!r} lies outside the scene's folder; its materials are shown grey")
+            unread += 1
+            continue
+        try:
+            text = read_file(file, "material library").decode("utf-8-sig", errors="replace")
+        except GiError as error:
+            notes.append(f"{error}; its materials are shown grey")
+            unread += 1
+            continue
+        known |= read_mtl(text, path.parent, notes)
+    missing = [name for name in names if name not in known]
+    if missing and not unread:
+        notes.append(f"{path}: no material library defines {', '.join(map(repr, missing[:5]))}; shown grey")
+    return [known.get(name) or clay() for name in names]
+
+
+def read_mtl(text: str, folder: Path, notes: list[str]) -> dict[str, Material]:
+    """Read the materials of an MTL text; textures are looked up below `folder`.
+
+    `Kd` is linear reflectance, as in the published Cornell boxes, and `Ke` radiance in W/(m2 sr); `map_Kd` and
+    `map_Ke` are sRGB and multiply them (an all-zero or missing factor counts as one, as exporters write it).
+    `d`, `Tr` and `map_d` are noted and ignored; all else (specular, bump, illumination model) is not read.
+    """
+    blocks: dict[str, dict[str, str]] = {}
+    block: dict[str, str] = {}
+    for line in text.replace("\\\n", " ").splitlines():
+        key, _, rest = line.strip().replace("\t", " ").partition(" ")
+        if key.lower() == "newmtl":
+            block = blocks.setdefault(rest.strip(), {})
+        elif key:
+            block[key.lower()] = rest.strip()
+    images: dict[str, Texture | None] = {}
+    return {name: _material(name, block, folder, images, notes) for name, block in blocks.items()}
+
+
+def _material(
+    name: str, block: dict[str, str], folder: Path, images: dict[str, Texture | None], notes: list[str]
+) -> Material:
+    """Build one material from the key-value rows of its MTL block; `images` caches textures by name."""
+    material = clay()
+    material.name = name
+    diffuse = _color(name, "Kd", block, notes)
+    material.base_color_texture = _texture(block.get("map_kd"), folder, images, notes)
+    if diffuse is not None:
+        if max(diffuse) > 1:
+            notes.append(f"material {name!r}: Kd is above 1, which no surface reflects; limited to 1")
+        material.base_color = (*(min(c, 1.0) for c in diffuse), 1.0)  # type: ignore[assignment]
+    if material.base_color_texture and (diffuse is None or max(diffuse) == 0):
+        material.base_color = (1.0, 1.0, 1.0, 1.0)
+    emission = _color(name, "Ke", block, notes)
+    material.emission = emission or (0.0, 0.0, 0.0)
+    material.emission_texture = _texture(block.get("map_ke"), folder, images, notes)
+    if material.emission_texture and max(material.emission) == 0:
+        material.emission = (1.0, 1.0, 1.0)
+    opaque = min(_values(block, "d"), default=1.0 - max(_values(block, "tr"), default=0.0)) >= 1.0
+    if "map_d" in block or not opaque:
+        notes.append(f"material {name!r}: transparency is ignored; it is shown opaque")
+    return material
+
+
+def _values(block: dict[str, str], key: str) -> list[float]:
+    """Return the numbers of an MTL row; empty if there is no such row or it holds something else."""
+    try:
+        return [float(word) for word in block.get(key, "").split("#")[0].split()]
+    except ValueError:
+        return []
+
+
+def _color(name: str, key: str, block: dict[str, str], notes: list[str]) -> tuple[float, float, float] | None:
+    """Return an MTL colour (one value means grey), or None if it is absent or, with a note, unusable."""
+    if key.lower() not in block:
+        return None
+    values = _values(block, key.lower())
+    values = values * 3 if len(values) == 1 else values
+    if len(values) != 3 or not all(0.0 <= value < 1e30 for value in values):
+        notes.append(f"material {name!r}: {key} {block[key.lower()]!r} is not a colour and was ignored")
+        return None
+    return values[0], values[1], values[2]
+
+
+def _texture(row: str | None, folder: Path, cache: dict[str, Texture | None], notes: list[str]) -> Texture | None:
+    """Return the texture that a `map_` row names, or None with a note why it cannot be shown."""
+    if not row:
+        return None
+    words = row.split()
+    while words and words[0].startswith("-"):
+        option = words.pop(0)
+        limit = TEXTURE_OPTIONS.get(option, 1)
+        while limit and len(words) > 1 and (option not in TEXTURE_OPTIONS or _is_number(words[0])):
+            words.pop(0)
+            limit -= 1
+    name = " ".join(words)
+    if name not in cache:
+        cache[name] = _load_texture(name, folder, notes)
+    return cache[name]
+
+
+def _is_number(word: str) -> bool:
+    return word.lstrip("+-").replace(".", "", 1).isdigit()
+
+
+def _load_texture(name: str, folder: Path, notes: list[str]) -> Texture | None:
+    from PIL import Image as Picture
+
+    file = path_inside(folder, name)
+    if file is None:
+        notes.append(f"texture {name!r} lies outside the scene's folder; the plain colour is used")
+        return None
+    try:
+        data = read_file(file, "texture")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of Pillow: a large picture is no reason to talk
+            with Picture.open(BytesIO(data)) as picture:
+                if picture.width * picture.height > MOST_TEXTURE_PIXELS:
+                    raise GiError(f"texture {file} is {picture.width}x{picture.height} pixels, too large")
+                # Pillow clips 16-bit grey at 255 instead of scaling it.
+                sixteen_bit = picture.mode.startswith("I")
+                eight_bit = Picture.fromarray((np.asarray(picture) >> 8).astype(np.uint8)) if sixteen_bit else picture
+                pixels = np.asarray(eight_bit.convert("RGBA"))
+    except GiError as error:
+        notes.append(f"{error}; the plain colour is used")
+        return None
+    except Exception:  # Pillow's decoders raise whatever their format's parser does
+        notes.append(f"texture {file} is no picture that can be read; the plain colour is used")
+        return None
+    return Texture(Image(pixels, name))

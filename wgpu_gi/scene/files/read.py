@@ -1,0 +1,37 @@
+"""Reading files that may be missing, foreign or hostile, with one clear sentence when they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...errors import GiError
+
+
+def read_file(path: Path, kind: str) -> bytes:
+    """Return all bytes of a regular, non-empty file; `kind` names it in messages ("mesh file", "camera file").
+
+    Raises GiError if it is missing, a folder, a device, unreadable or empty.
+    """
+    try:
+        if path.is_dir():
+            raise GiError(f"{path} is a folder, not a {kind}; name the file in it")
+        if not path.exists():
+            raise GiError(f"{kind} {path} does not exist; check the path")
+        if not path.is_file():
+            raise GiError(f"{path} is not an ordinary file, so it cannot be a {kind}")
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
+        raise GiError(f"{kind} {str(path)!r} cannot be read: {error}") from None
+    if not data:
+        raise GiError(f"{kind} {path} is empty; export or download it again")
+    return data
+
+
+def path_inside(folder: Path, name: str) -> Path | None:
+    """Return the file `name`, as written in a scene file, below `folder`; None if it leads out of the folder."""
+    try:
+        root = folder.resolve()
+        path = (root / name.strip().replace("\\", "/")).resolve()
+    except (OSError, ValueError, RuntimeError):  # NUL characters, link loops
+        return None
+    return path if path.is_relative_to(root) else None

@@ -1,0 +1,92 @@
+"""Compressed glTF geometry, Draco and meshopt, through their optional decoders (extra `gltf`)."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .json_object import JsonObject
+
+# What the meshopt vertex codec can reach at most: one control byte stands for 4 byte channels of 256 vertices.
+# Anything denser is an announced size without data behind it.
+_MESHOPT_MAX_RATIO = 1024
+
+
+@dataclass
+class DracoMesh:
+    """A decoded Draco stream: triangles (m, 3) uint32 and vertex arrays (n, k) by the attribute names of glTF."""
+
+    triangles: NDArray[np.uint32]
+    attributes: dict[str, NDArray[Any]]
+
+
+def has_draco() -> bool:
+    """Say whether the Draco decoder is installed."""
+    return importlib.util.find_spec("DracoPy") is not None
+
+
+def has_meshopt() -> bool:
+    """Say whether the meshopt decoder is installed."""
+    return importlib.util.find_spec("meshoptimizer") is not None
+
+
+def decode_draco(extension: JsonObject, data: memoryview) -> DracoMesh:
+    """Return the mesh in `data`; `extension` maps attribute names to the ids of the stream."""
+    decoder = _import("DracoPy", "Draco", extension)
+    try:
+        mesh = decoder.decode(bytes(data))
+        found = {int(a["unique_id"]): np.asarray(a["data"]) for a in mesh.attributes}
+        triangles = np.asarray(mesh.faces, np.uint32).reshape(-1, 3)
+    except Exception as error:  # a native decoder's own exceptions; whatever it is, the data is bad
+        raise extension.error(f"its Draco data cannot be decoded ({error}); the file is damaged") from error
+    names = extension.child("attributes")
+    attributes = {}
+    for name in names.raw:
+        unique_id = names.integer(name)
+        if unique_id not in found:
+            raise names.error(f"{name[:40]!r} is not in the Draco data; the file is damaged")
+        attributes[name] = found[unique_id].reshape(len(found[unique_id]), -1)
+    return DracoMesh(triangles, attributes)
+
+
+def decode_meshopt(extension: JsonObject, data: memoryview) -> tuple[memoryview, int]:
+    """Return the bytes that EXT_meshopt_compression decodes to, and their stride."""
+    decoder = _import("meshoptimizer", "meshopt", extension)
+    stride, count = extension.integer("byteStride", low=1, high=256), extension.integer("count")
+    mode = extension.choice("mode", {name: name for name in ("ATTRIBUTES", "TRIANGLES", "INDICES")})
+    names = {"NONE": "", "OCTAHEDRAL": "oct", "QUATERNION": "quat", "EXPONENTIAL": "exp"}
+    filter_name = extension.choice("filter", names, "NONE")
+    if (mode == "ATTRIBUTES" and stride % 4) or (mode != "ATTRIBUTES" and stride not in (2, 4)):
+        raise extension.error(f"byteStride {stride} does not suit mode {mode}; the file is damaged")
+    if (filter_name == "oct" and stride not in (4, 8)) or (filter_name == "quat" and stride != 8):
+        raise extension.error(f"byteStride {stride} does not suit its filter; the file is damaged")
+    if mode == "TRIANGLES" and count % 3:
+        raise extension.error(f"count {count} is not a multiple of three; the file is damaged")
+    if count * stride > len(data) * _MESHOPT_MAX_RATIO:
+        raise extension.error(f"announces {count * stride} bytes from {len(data)}; the file is damaged")
+    try:
+        if mode == "ATTRIBUTES":
+            # A void dtype keeps the decoder from guessing what the bytes are.
+            decoded = decoder.decode_vertex_buffer(count, stride, bytes(data), np.dtype((np.void, stride)))
+            if filter_name:
+                decoded = getattr(decoder, f"decode_filter_{filter_name}")(decoded, count, stride)
+        else:
+            decode = decoder.decode_index_buffer if mode == "TRIANGLES" else decoder.decode_index_sequence
+            decoded = decode(count, stride, bytes(data))
+    except Exception as error:  # a native decoder's own exceptions; whatever it is, the data is bad
+        raise extension.error(f"its meshopt data cannot be decoded ({error}); the file is damaged") from error
+    return memoryview(decoded.tobytes())[: count * stride], stride
+
+
+def _import(module: str, what: str, extension: JsonObject) -> ModuleType:
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise extension.error(
+            f"its geometry is {what}-compressed and the decoder is not installed; run: pip install wgpu_gi[gltf]"
+        ) from error

@@ -1,0 +1,141 @@
+"""Materials, textures and samplers of a glTF file: core metallic-roughness and the extensions that we read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+from ..scene import Material, Texture, Wrap
+from .accessors import Accessors
+from .document import Document
+from .images import Images
+from .json_object import JsonObject
+
+_WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_MAG_FILTERS: dict[int, Literal["linear", "nearest"]] = {9728: "nearest", 9729: "linear"}
+_ALPHA_MODES = {name: name for name in ("OPAQUE", "MASK", "BLEND")}
+_TEXCOORDS: dict[int, Literal[0, 1]] = {0: 0, 1: 1}
+
+# Emission and light intensities: products of two such numbers still fit into a 32-bit float.
+MAX_POWER = 1e18
+
+
+class Materials:
+    """The materials of a document by index; each is read once and shared by the meshes that name it."""
+
+    def __init__(self, document: Document, accessors: Accessors) -> None:
+        self._document = document
+        self._descriptions = document.array("materials")
+        self._textures = document.array("textures")
+        self._images = Images(document, accessors)
+        self._materials: dict[int | None, Material] = {}
+
+    def __len__(self) -> int:
+        return len(self._descriptions)
+
+    def load(self, indices: Iterable[int | None]) -> None:
+        """Read the materials `indices`, with their images; None is glTF's default material."""
+        wanted = [(index, self._descriptions[index]) for index in sorted({i for i in indices if i is not None})]
+        sources = [self._image_of(info) for _, material in wanted for info in _texture_infos(material).values()]
+        self._images.load(source for source in sources if source is not None)
+        # The default material of the specification (3.9.7) is white, rough metal.
+        self._materials[None] = Material(metallic=1.0)
+        for index, description in wanted:
+            self._materials[index] = self._read(description)
+        blended = [d.text("name") or f"materials[{i}]" for i, d in wanted if d.raw.get("alphaMode") == "BLEND"]
+        if blended:
+            self._document.note(
+                f"Alpha blending is treated as a mask at 0.5 in {some(blended)}: what is more than half transparent is "
+                "cut away, the rest is solid."
+            )
+
+    def get(self, index: int | None) -> Material:
+        """Return material `index`, which `load` was asked for."""
+        return self._materials[index]
+
+    def _read(self, source: JsonObject) -> Material:
+        pbr = source.child("pbrMetallicRoughness")
+        strength = source.extension("KHR_materials_emissive_strength") or JsonObject({}, source.where)
+        gain = strength.number("emissiveStrength", 1.0, low=0.0, high=MAX_POWER)
+        red, green, blue = source.vector("emissiveFactor", (0.0, 0.0, 0.0), low=0.0, high=MAX_POWER)
+        alpha_mode = source.choice("alphaMode", _ALPHA_MODES, "OPAQUE")
+        infos = _texture_infos(source)
+        textures = {slot: self._texture(info) for slot, info in infos.items()}
+        base = self._fractions(pbr, "baseColorFactor", pbr.vector("baseColorFactor", (1.0, 1.0, 1.0, 1.0), low=0.0))
+        return Material(
+            name=source.text("name"),
+            base_color=(base[0], base[1], base[2], base[3]),
+            metallic=self._fractions(pbr, "metallicFactor", [pbr.number("metallicFactor", 1.0, low=0.0)])[0],
+            roughness=self._fractions(pbr, "roughnessFactor", [pbr.number("roughnessFactor", 1.0, low=0.0)])[0],
+            emission=(red * gain, green * gain, blue * gain),
+            alpha_mode="opaque" if alpha_mode == "OPAQUE" else "mask",
+            alpha_cutoff=source.number("alphaCutoff", 0.5, low=0.0) if alpha_mode == "MASK" else 0.5,
+            double_sided=source.flag("doubleSided"),
+            unlit=source.extension("KHR_materials_unlit") is not None,
+            normal_scale=infos["normalTexture"].number("scale", 1.0) if "normalTexture" in infos else 1.0,
+            base_color_texture=textures.get("baseColorTexture"),
+            metallic_roughness_texture=textures.get("metallicRoughnessTexture"),
+            normal_texture=textures.get("normalTexture"),
+            occlusion_texture=textures.get("occlusionTexture"),
+            emission_texture=textures.get("emissiveTexture"),
+        )
+
+    def _fractions(self, pbr: JsonObject, key: str, values: Sequence[float]) -> list[float]:
+        """Return `values` cut off at 1, above which a surface would reflect more light than it receives."""
+        if max(values) > 1.0:
+            self._document.note(f"{pbr.where}: {key} is above 1 and was set to 1.")
+        return [min(value, 1.0) for value in values]
+
+    def _texture(self, info: JsonObject) -> Texture | None:
+        """Return the texture that a textureInfo describes; None, with a note, if it cannot be shown."""
+        source = self._image_of(info)
+        image = None if source is None else self._images.get(source)
+        transform = info.extension("KHR_texture_transform") or JsonObject({}, info.where)
+        texcoord = transform.integer("texCoord", info.integer("texCoord", 0))
+        if image is not None and texcoord not in _TEXCOORDS:
+            self._document.note(f"{info.where} is left out: it uses texture coordinate set {texcoord}, 0 and 1 exist.")
+            return None
+        if image is None:
+            return None
+        offset = transform.vector("offset", (0.0, 0.0))
+        scale = transform.vector("scale", (1.0, 1.0))
+        sampler = self._sampler(self._textures[info.index("index", len(self._textures), "textures")])
+        return Texture(
+            image=image,
+            wrap_u=sampler.choice("wrapS", _WRAPS, 10497),
+            wrap_v=sampler.choice("wrapT", _WRAPS, 10497),
+            filter=sampler.choice("magFilter", _MAG_FILTERS, 9729),
+            texcoord=_TEXCOORDS[texcoord],
+            offset=(offset[0], offset[1]),
+            scale=(scale[0], scale[1]),
+            rotation=transform.number("rotation", 0.0),
+        )
+
+    def _sampler(self, texture: JsonObject) -> JsonObject:
+        samplers = self._document.array("samplers")
+        if "sampler" not in texture:
+            return JsonObject({}, texture.where)
+        return samplers[texture.index("sampler", len(samplers), "samplers")]
+
+    def _image_of(self, info: JsonObject) -> int | None:
+        """Return the index of the image behind a textureInfo; None, with a note, if no readable one is named."""
+        texture = self._textures[info.index("index", len(self._textures), "textures")]
+        for owner in (texture.extension("EXT_texture_webp"), texture):
+            if owner is not None and "source" in owner:
+                return owner.index("source", len(self._images), "images")
+        self._document.note(f"{texture.where} is left out: it has no PNG, JPEG or WebP image.")
+        return None
+
+
+def _texture_infos(material: JsonObject) -> dict[str, JsonObject]:
+    """Return the textureInfo objects of a material by their key."""
+    pbr = material.child("pbrMetallicRoughness")
+    keys = {"baseColorTexture": pbr, "metallicRoughnessTexture": pbr}
+    keys |= dict.fromkeys(("normalTexture", "occlusionTexture", "emissiveTexture"), material)
+    return {key: owner.child(key) for key, owner in keys.items() if key in owner}
+
+
+def some(names: Sequence[str]) -> str:
+    """Return the first few names, quoted, and how many more there are."""
+    shown = ", ".join(repr(name[:60]) for name in names[:4])
+    return shown if len(names) <= 4 else f"{shown} and {len(names) - 4} more"

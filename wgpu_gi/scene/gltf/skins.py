@@ -1,0 +1,73 @@
+"""Skinned meshes of a glTF file in their rest pose: joint matrices of the unanimated nodes, applied to the vertices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .accessors import Accessors
+from .document import Document
+from .geometry import unit_rows
+from .json_object import JsonObject
+
+
+def joint_matrices(
+    document: Document, accessors: Accessors, skin: int, world_of_node: list[NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the matrices (k, 4, 4) that take bound vertices to a frame at the first joint, and that frame (4, 4).
+
+    The frame keeps posed vertices small numbers, wherever in the world they are.
+    """
+    description = document.array("skins")[skin]
+    joints = description.indices("joints", len(world_of_node), "nodes")
+    if not joints:
+        raise description.error("it has no joints; the file is damaged")
+    frame = np.eye(4)
+    frame[:3, 3] = world_of_node[joints[0]][:3, 3]
+    posed = np.stack([world_of_node[joint] for joint in joints])
+    posed[:, :3, 3] -= frame[:3, 3]
+    if "inverseBindMatrices" in description:
+        values = accessors.read(description.index("inverseBindMatrices", len(accessors), "accessors"))
+        if values.shape[1] != 16 or len(values) < len(joints):
+            raise description.error(f"inverseBindMatrices must hold {len(joints)} MAT4; the file is damaged")
+        if not np.isfinite(values).all():
+            raise description.error("inverseBindMatrices must be finite; the file is damaged")
+        posed = posed @ values[: len(joints)].astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+    return posed, frame
+
+
+def apply_skin(
+    vertices: dict[str, NDArray[np.float32]],
+    joints: NDArray[np.float64],
+    primitive: JsonObject,
+    read: Callable[[str], NDArray[Any] | None],
+) -> None:
+    """Pose positions, normals and tangents of `vertices` in place; `read` gives the primitive's other attributes.
+
+    Directions go through the linear part of the blended matrix (glTF 2.0, 3.7.3.3), and are made unit length again.
+    """
+    positions = vertices["POSITION"]
+    matrices = np.zeros((len(positions), 3, 4))
+    total = np.zeros(len(positions))
+    number = 0
+    while (bound := read(f"JOINTS_{number}")) is not None and (weights := read(f"WEIGHTS_{number}")) is not None:
+        if bound.dtype.kind != "u" or not bound.shape == weights.shape == (len(positions), 4):
+            raise primitive.error(f"JOINTS_{number} and WEIGHTS_{number} do not suit its positions")
+        if int(bound.max()) >= len(joints):
+            raise primitive.error(f"JOINTS_{number} names joint {bound.max()}, its skin has {len(joints)}")
+        for column in range(4):
+            matrices += weights[:, column, None, None] * joints[bound[:, column], :3]
+            total += weights[:, column]
+        number += 1
+    if number == 0:
+        raise primitive.error("its mesh has a skin, but it has no JOINTS_0 and WEIGHTS_0; the file is damaged")
+    matrices /= np.where(total > 0.0, total, 1.0)[:, None, None]
+    posed = np.einsum("nij,nj->ni", matrices[:, :, :3], positions) + matrices[:, :, 3]
+    vertices["POSITION"] = posed.astype(np.float32)
+    for name in ("NORMAL", "TANGENT"):
+        if name in vertices:
+            turned = np.einsum("nij,nj->ni", matrices[:, :, :3], vertices[name][:, :3])
+            vertices[name] = np.column_stack([unit_rows(turned), vertices[name][:, 3:]])

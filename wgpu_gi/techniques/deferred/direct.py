@@ -1,0 +1,151 @@
+"""Direct light: every light through its shadow map, the environment unoccluded, and exact visibility where a shadow's
+edge crosses a pixel.
+
+Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows". Departure: rays go only where the
+filter finds texels that see the light beside texels that do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer, Texture
+from ...gpu.wgsl.load import load
+from ...settings import setting
+from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.scene_inputs import DirectInputs, SceneInputs
+from .environment import Ambient
+
+TILE = int(load("deferred/direct/tile.wgsl").constants["TILE"])
+WRITTEN_OUT = 3  # lights that are not looped over
+EDGE_LIGHTS = int(load("deferred/direct/edges.wgsl").constants["EDGE_LIGHTS"])
+TILED_FROM = 8  # spots and lights with a range: with fewer, lists of lights cost more than they save; chosen
+
+
+@dataclass
+class DirectSettings:
+    """How light that is scattered once is found."""
+
+    samples: int = setting(
+        16, "Sample lights over all emitters together.", "lights", range=(1, 4096), presets={"low": 8, "high": 64}
+    )
+    edges: bool = setting(True, "Find visibility by rays where shadow maps are undecided, instead of filtering.")
+    tiles: bool = setting(True, "Leave out lights that cannot reach a tile of 16x16 pixels, where there are many.")
+    contacts: int = setting(
+        0,
+        "Points between a surface and where a shadow map's bias ends, looked for in the picture; without direct.edges.",
+        "points",
+        range=(0, 64),
+    )
+    range: bool = setting(False, "Let lights end at the range that the file gives; physically they do not.")
+
+
+def declare_direct(
+    graph: Graph,
+    settings: DirectSettings,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    atlas: Texture | None,
+    ambient: Ambient,
+    sky: Buffer | None = None,
+    layers: Sequence[Gbuffer] = (),
+) -> Buffer:
+    """Declare the light scattered once towards the eye: (r, g, b, 1) per pixel, W/(m2 sr).
+
+    `sky` is the share of the environment that each pixel's surface sees, (r, g, b, -); without it, that is all.
+    `layers`, at most four, are those of depth peeling, of which `gbuffer` is the first.
+    """
+    assert scene.direct is not None
+    width, height = graph.size
+    direct = graph.buffer("direct/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    traced = settings.edges and atlas is not None
+    edges = graph.buffer("direct/edges", dtype=np.uint32, count=width * height if traced else 1)
+    edge_groups = graph.buffer("direct/edge_groups", dtype=np.uint32, count=4)
+    tiles = _declare_tiles(graph, settings, scene.direct, gbuffer)
+    inputs = {
+        "surfaces": gbuffer.surfaces,
+        "distance": gbuffer.distance,
+        "light_table": scene.direct.lights,
+        "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
+        "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
+        "gather_sampler": graph.sampler("nearest"),
+        "sky": sky or graph.neutral("buffer"),
+        **ambient.reads,
+    }
+    shader = "deferred/direct/light.wgsl"
+    few = scene.direct.count if scene.direct.count <= WRITTEN_OUT else 0
+    occluded = {"SKY": sky is not None}
+    shown = layers or (gbuffer,)
+    contacts = {"CONTACTS": settings.contacts > 0, "CONTACT_POINTS": settings.contacts, "LAYERS": len(shown)}
+    variant = {"TILED": tiles is not None, "EDGES": traced, "FEW": few, **occluded, **contacts}
+    graph.compute(
+        "direct/light",
+        shader,
+        indirect=gbuffer.tile_groups,
+        reads={
+            **inputs,
+            **gbuffer.tiles,
+            "tile_lights": tiles or graph.neutral("buffer"),
+            **{f"depth_{k}": graph.neutral("texture_depth_2d") for k in range(4)},
+            **{f"depth_{k}": layer.depth for k, layer in enumerate(shown)},
+        },
+        writes={"direct": direct, "edges": edges, "edge_groups": edge_groups},
+        constants={**scene.constants(shader), **ambient.constants(shader), **variant},
+        uniforms={"view_0": "view"},
+        clear=[direct, edge_groups],
+    )
+    if traced:
+        inputs_of_edges = {**inputs, "visibility": gbuffer.visibility, "edges": edges}
+        constants = {**ambient.constants("deferred/direct/edges.wgsl"), **occluded}
+        _declare_edges(graph, scene, constants, inputs_of_edges, edge_groups, direct)
+    else:
+        graph.skip("direct/edges", "no light casts shadows" if atlas is None else "direct.edges is off")
+    return direct
+
+
+def _declare_tiles(graph: Graph, settings: DirectSettings, lights: DirectInputs, gbuffer: Gbuffer) -> Buffer | None:
+    """Declare the lights that reach each tile, a bit for each; return None where that would cost more than it saves."""
+    if not settings.tiles or lights.bounded < TILED_FROM:
+        reason = f"fewer than {TILED_FROM} lights end somewhere" if settings.tiles else "direct.tiles is off"
+        graph.skip("direct/tiles", reason)
+        return None
+    width, height = graph.size
+    columns, rows = -(-width // TILE), -(-height // TILE)
+    words = -(-lights.count // 32)
+    tiles = graph.buffer("direct/tiles", dtype=np.uint32, count=columns * rows * words)
+    graph.compute(
+        "direct/tiles",
+        "deferred/direct/tiles.wgsl",
+        over=(width, height),
+        reads={"light_table": lights.lights, "distance": gbuffer.distance},
+        writes={"tile_lights": tiles},
+    )
+    return tiles
+
+
+def _declare_edges(
+    graph: Graph,
+    scene: SceneInputs,
+    ambient: dict[str, bool],
+    inputs: dict[str, Any],
+    edge_groups: Buffer,
+    direct: Buffer,
+) -> None:
+    """Declare the passes that light listed pixels again, each by EDGE_LIGHTS more of the lights."""
+    assert scene.direct is not None
+    shader = "deferred/direct/edges.wgsl"
+    for first in range(0, scene.direct.count, EDGE_LIGHTS):
+        graph.compute(
+            f"direct/edges_{first}" if first else "direct/edges",
+            shader,
+            indirect=edge_groups,
+            reads={**scene.surfaces, **inputs, "edge_groups": edge_groups},
+            writes={"direct": direct},
+            params={"first": first},
+            constants={**scene.constants(shader), **ambient},
+        )

@@ -1,0 +1,65 @@
+"""Shares one square depth texture between all shadow maps: how large each may be, and where it lies.
+
+Sides are powers of two, so that maps placed along a Z-order curve, the largest first, fill the square without gaps or
+overlaps (Morton 1966); a map of half height is half of such a square.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import GiError
+
+SMALLEST = 16  # texels on a side; of a map of half height, half of that
+LARGEST_ATLAS = 8192  # default limit of WebGPU for a texture's side
+
+
+def fit_sides(
+    sides: NDArray[np.int64], weights: NDArray[np.float64], shares: NDArray[np.float64], atlas: int
+) -> NDArray[np.int64]:
+    """Return the sides of the lights' maps, (n,), halved until all of them fit into `atlas` x `atlas` texels.
+
+    A light's maps take `weights` times its side squared. The one with the most texels for its share of the importance
+    goes first. None gets smaller than SMALLEST: where that is too much, the atlas has to grow. Raises GiError where it
+    cannot.
+    """
+    least = float(weights.sum()) * SMALLEST**2
+    if least > LARGEST_ATLAS**2:
+        raise GiError(
+            f"the shadow maps of {len(sides)} lights do not fit into {LARGEST_ATLAS} x {LARGEST_ATLAS} texels;"
+            " use fewer lights or samples of emitters"
+        )
+    excess = float((weights * sides**2.0).sum()) - max(float(atlas) ** 2, least)
+    if excess <= 0:
+        return sides
+    # All halvings that are possible, and what each of them frees.
+    possible = np.log2(sides / SMALLEST).round().astype(np.int64)
+    light = np.repeat(np.arange(len(sides)), possible)
+    step = np.arange(len(light)) - np.repeat(np.cumsum(possible) - possible, possible)
+    texels = weights[light] * (sides[light] / 2.0**step) ** 2
+    order = np.argsort(-texels / shares[light], kind="stable")
+    freed = np.cumsum(0.75 * texels[order])
+    taken = order[: int(np.searchsorted(freed, excess)) + 1]
+    return sides >> np.bincount(light[taken], minlength=len(sides))
+
+
+def place(widths: NDArray[np.int64], heights: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    """Return the corners (n, 2) of maps, and the side of the square that they need.
+
+    Widths are powers of two, heights as large or half as large.
+    """
+    area = widths * heights
+    order = np.argsort(-area, kind="stable")
+    end = np.cumsum(area[order])
+    # Every area is a multiple of the next, so that each map begins at a multiple of its own.
+    code = np.empty_like(area)
+    code[order] = end - area[order]
+    corners = np.zeros((len(area), 2), np.int64)
+    for bit in range(LARGEST_ATLAS.bit_length()):
+        corners[:, 0] |= (code >> (2 * bit) & 1) << bit
+        corners[:, 1] |= (code >> (2 * bit + 1) & 1) << bit
+    side = SMALLEST
+    while len(area) and side**2 < end[-1]:
+        side *= 2
+    return corners, side

@@ -1,0 +1,269 @@
+"""The shadow maps of all lights: which views each light needs, their matrices, and their places in one atlas.
+
+A point light sees by the six faces of a cube, a sample of an emitter by the half cube over its surface (Cohen and
+Greenberg 1985, "The Hemi-Cube"), a spot by one view or, if it is wide, by a half cube, too; for suns see `shadow_sun`.
+Departures: depth is reversed and infinite, and every view is widened by a margin, so that filters stay inside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...gpu.wgsl.load import load
+from ...settings import setting
+from ...upload.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN
+from ...upload.emitters import LUMINANCE
+from .shadow_atlas import SMALLEST, fit_sides, place
+from .shadow_sun import SunMap, fit_scene, fit_view, sun_axes, sun_matrix
+
+MARGIN = 2  # texels around what a perspective view must show, for the filter
+HALF_CUBE, CUBE = 5, 6  # views
+# Near planes over the scene's radius. Nothing nearer casts shadows, and of reversed float depth a near one costs no
+# precision. A sample of an emitter must not see its own surface, so it needs more than positions are rounded by: with
+# 1e-6 the Cornell lamp shades itself, with 1e-5 it does not.
+NEAR = 1e-9
+NEAR_EMITTER = 1e-5
+WIDEST_COSINE = 0.5  # of a spot with a single view: half of it is at most 60 degrees; chosen
+DIMMEST_SIDE = 1 / 8  # of the side that the most important light of its kind gets; chosen
+PROBES = 64  # surface points at which lights are compared; chosen
+ROUNDING = 1e-6  # of cosines in float32
+
+# Forward and up of a cube's faces, in the order of deferred/shadow/views.wgsl: world, then light frame.
+WORLD_FACES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
+WORLD_UPS = np.array([(0, 1, 0), (0, 1, 0), (0, 0, 1), (0, 0, 1), (0, 1, 0), (0, 1, 0)], float)
+OWN_FACES = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, -1)], float)
+OWN_UPS = np.array([(0, 1, 0), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 1, 0)], float)
+
+
+@dataclass
+class ShadowSettings:
+    """How fine shadow maps are; sides are rounded down to powers of two."""
+
+    atlas: int = setting(
+        4096,
+        "Side of the texture that all shadow maps share, at most.",
+        "texels",
+        range=(256, 8192),
+        presets={"low": 2048, "high": 8192},
+    )
+    sun: int = setting(
+        2048, "Side of each map of a sun.", "texels", range=(16, 8192), presets={"low": 1024, "high": 4096}
+    )
+    spot: int = setting(
+        512, "Side of the map of a spot.", "texels", range=(16, 8192), presets={"low": 256, "high": 2048}
+    )
+    point: int = setting(
+        256,
+        "Side of each of the six maps of a point light.",
+        "texels",
+        range=(16, 4096),
+        presets={"low": 128, "high": 1024},
+    )
+    area: int = setting(
+        128,
+        "Side of the front map of each sample of an emitter.",
+        "texels",
+        range=(16, 4096),
+        presets={"low": 64, "high": 256},
+    )
+    cascades: int | None = setting(
+        None, "Maps of a sun, from near the camera to the whole scene; none: as the view needs.", range=(1, 4)
+    )
+
+
+@dataclass
+class _Sun:
+    """A sun's axes, as `sun_axes` has them, and its maps, the finest first."""
+
+    axes: NDArray[np.float64]
+    maps: list[SunMap]
+
+    def fill(self, records: NDArray[np.void], centre: NDArray[np.float64], radius: float) -> None:
+        """Write the matrices of records that have their sizes; `centre` and `radius` are of the scene."""
+        # The depths of all of it: what stands between the sun and what is seen casts shadows, too.
+        along, reach = float(self.axes[2] @ centre), 1.001 * radius
+        for record, sun_map in zip(records, self.maps, strict=True):
+            matrix, texel = sun_matrix(self.axes, sun_map, int(record["size"][0]), along - reach, along + reach)
+            record["clip_from_world"], record["texel"] = matrix.T, texel
+            record["right"], record["up"], record["forward"] = self.axes
+            record["depth_scale"], record["depth_offset"] = -1 / (2 * reach), matrix[2, 3]
+            # The matrix is of rows that begin at the centre of what it shows.
+            record["centre"] = record["corner"] + record["size"] * (1 + matrix[:2, 3] * (1, -1)) / 2
+
+
+@dataclass
+class ShadowViews:
+    """Records of ShadowView; the lights with their views; the side of the atlas, texels."""
+
+    records: NDArray[np.void]
+    lights: NDArray[np.void]
+    atlas_size: int
+
+    def table(self) -> NDArray[np.uint32]:
+        """Return lights and views as `wgsl/deferred/shadow/table.wgsl` reads them: texels (n, 4)."""
+        header = np.array([len(self.lights), 0, 0, 0], np.uint32).tobytes()
+        assert self.records.dtype.fields is not None
+        first = self.records.dtype.fields["right"][1]
+        views = self.records.view(np.uint8).reshape(len(self.records), self.records.dtype.itemsize)[:, first:]
+        data = header + self.lights.tobytes() + views.tobytes()
+        return np.frombuffer(data, np.uint32).reshape(-1, 4)
+
+
+def build_shadow_views(
+    lights: NDArray[np.void],
+    settings: ShadowSettings,
+    *,
+    centre: NDArray[np.float64],
+    radius: float,
+    view: NDArray[np.void],
+    surface_samples: NDArray[np.float64],
+    box: NDArray[np.float64] | None = None,
+) -> ShadowViews:
+    """Lay out the shadow maps of `lights` (DirectLight records).
+
+    `centre` and `radius` are of a sphere around the scene, `box` (2, 3) its bounds if known, `surface_samples` (n, 3)
+    points on it; all relative to the scene's origin. `view` is the camera's View uniform: only a sun's cascades follow
+    it. Raises GiError for more lights than any atlas can hold.
+    """
+    if radius <= 0:
+        radius, box = 1.0, None
+    centre = np.asarray(centre, np.float64)
+    samples = np.asarray(surface_samples, np.float64).reshape(-1, 3)
+    suns = {}
+    for k in np.flatnonzero(lights["kind"] == DIRECT_SUN).tolist():
+        axes = sun_axes(lights["direction"][k].astype(np.float64), box)
+        whole = SunMap(axes[:2] @ centre, np.full(2, radius)) if box is None else fit_scene(axes, box)
+        suns[k] = _Sun(axes, fit_view(axes, whole, _power_of_two(settings.sun), view, samples, settings.cascades))
+    counts = _view_counts(lights, suns)
+    first = np.cumsum(counts) - counts
+    light = np.repeat(np.arange(len(lights)), counts)
+    face = np.arange(len(light)) - first[light]
+    # Beside the front of a half cube are halves of faces.
+    flat = (counts[light] == HALF_CUBE) & (face > 0)
+    for k, sun in suns.items():
+        flat[first[k] + counts[k] - 1] = sun.maps[-1].flat
+
+    importance = _importance(lights, samples if len(samples) else centre[None], radius)
+    sides = _wanted_sides(lights["kind"], counts, importance, settings)
+    # As light sources are drawn: half of the atlas goes by importance, half equally.
+    share = 0.5 * importance / importance.sum() + 0.5 / len(lights) if len(lights) else importance
+    weights = np.bincount(light, np.where(flat, 0.5, 1.0), len(lights)).astype(np.float64)
+    side = fit_sides(sides, weights, share, _power_of_two(settings.atlas))[light]
+    size = np.stack([side, np.where(flat, side // 2, side)], 1)
+    corners, atlas_size = place(*size.T)
+
+    records = np.zeros(len(light), load("deferred/shadow/views.wgsl").struct_dtype("ShadowView"))
+    records["corner"], records["size"] = corners, size
+    for k, sun in suns.items():
+        sun.fill(records[first[k] : first[k] + counts[k]], centre, radius)
+    cubes = np.flatnonzero(lights["kind"][light] != DIRECT_SUN)
+    near = np.where(lights["kind"][light[cubes]] == DIRECT_AREA, NEAR_EMITTER, NEAR) * radius
+    records[cubes] = _perspective(records[cubes], lights[light[cubes]], face[cubes], near)
+    lights = lights.copy()
+    lights["first_view"], lights["view_count"] = first, counts
+    return ShadowViews(records, lights, atlas_size)
+
+
+def frames_from_normals(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the frames (n, 3, 3) of unit normals, axes in rows: `frame_from_normal` of wgsl/common/math.wgsl."""
+    x, y, z = normals.T
+    s = np.where(z >= 0, 1.0, -1.0)
+    a = -1 / (s + z)
+    b = x * y * a
+    tangent = np.stack([1 + s * x * x * a, s * b, -s * x], 1)
+    return np.stack([tangent, np.stack([b, s + y * y * a, -y], 1), normals], 1)
+
+
+def _power_of_two(side: int) -> int:
+    return 1 << (int(side).bit_length() - 1)
+
+
+def _outer_cosine(lights: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return the cosine of spots' half angle, 0 for other lights."""
+    scale = np.where(lights["cone_scale"] > 0, lights["cone_scale"], 1.0).astype(np.float64)
+    return np.clip(-lights["cone_offset"] / scale, -1, 1)
+
+
+def _view_counts(lights: NDArray[np.void], suns: dict[int, _Sun]) -> NDArray[np.int64]:
+    kind, cosine = lights["kind"], _outer_cosine(lights)
+    spot = np.select([cosine > WIDEST_COSINE - ROUNDING, cosine > -ROUNDING], [1, HALF_CUBE], CUBE)
+    area = np.where(lights["both_sides"] > 0, CUBE, HALF_CUBE)
+    counts = np.select([kind == DIRECT_SPOT, kind == DIRECT_AREA], [spot, area], CUBE)
+    for k, sun in suns.items():
+        counts[k] = len(sun.maps)
+    return counts
+
+
+def _importance(lights: NDArray[np.void], probes: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """Return the mean irradiance that lights bring to points (n, 3) of the scene if nothing stands between, W/m2."""
+    probes = probes[:: -(-len(probes) // PROBES)]
+    offset = probes - lights["position"][:, None].astype(np.float64)
+    # The light of a lamp that touches a probe has a bound.
+    squared = np.maximum((offset**2).sum(2), (0.01 * radius) ** 2)
+    cosine = np.einsum("lpc,lc->lp", offset, lights["direction"].astype(np.float64)) / np.sqrt(squared)
+    cone = np.clip(cosine * lights["cone_scale"][:, None] + lights["cone_offset"][:, None], 0, 1) ** 2
+    disc = np.where(lights["both_sides"][:, None] > 0, np.abs(cosine), np.maximum(cosine, 0)) * lights["area"][:, None]
+    kind = lights["kind"][:, None]
+    intensity = np.select([kind == DIRECT_SPOT, kind == DIRECT_AREA], [cone, disc], 1.0)
+    in_range = squared * lights["inverse_range"][:, None].astype(np.float64) ** 2 < 1
+    arriving = np.where(kind == DIRECT_SUN, 1.0, intensity * in_range / squared).mean(1)
+    irradiance = arriving * (lights["color"] @ LUMINANCE)
+    return np.maximum(irradiance, 1e-9 * irradiance.max(initial=0.0) + 1e-300)
+
+
+def _wanted_sides(
+    kind: NDArray[np.uint32], counts: NDArray[np.int64], importance: NDArray[np.float64], settings: ShadowSettings
+) -> NDArray[np.int64]:
+    """Return the sides of each light's maps: full for the most important one of its kind, texels by importance."""
+    full = np.zeros(len(kind), np.int64)
+    relative = np.ones(len(kind))
+    for which, side in (
+        (DIRECT_SUN, settings.sun),
+        (DIRECT_SPOT, settings.spot),
+        (DIRECT_POINT, settings.point),
+        (DIRECT_AREA, settings.area),
+    ):
+        mine = kind == which
+        full[mine] = _power_of_two(side)
+        relative[mine] = importance[mine] / importance[mine].max(initial=0.0)
+    # The half cube of a wide spot takes about as many texels as a single view.
+    full[(kind == DIRECT_SPOT) & (counts > 1)] //= 2
+    scale = 2.0 ** np.round(np.log2(np.maximum(relative**0.5, DIMMEST_SIDE)))
+    return np.maximum(full * scale, SMALLEST).astype(np.int64)
+
+
+def _perspective(
+    records: NDArray[np.void], lights: NDArray[np.void], face: NDArray[np.int64], near: NDArray[np.float64]
+) -> NDArray[np.void]:
+    """Return `records`, which have their place and size, filled: of `lights`, one face of each."""
+    size = records["size"].astype(np.float64)
+    of_world = (lights["kind"] == DIRECT_POINT)[:, None]
+    frames = frames_from_normals(lights["direction"].astype(np.float64))
+    forward = np.where(of_world, WORLD_FACES[face], np.einsum("nk,nkc->nc", OWN_FACES[face], frames))
+    up = np.where(of_world, WORLD_UPS[face], np.einsum("nk,nkc->nc", OWN_UPS[face], frames))
+    right = np.cross(forward, up)
+
+    # What must be seen at 1 m, to either side: of a narrow spot its cone, else a face, whole or its upper half.
+    cosine = np.maximum(_outer_cosine(lights) - ROUNDING, WIDEST_COSINE - 2 * ROUNDING)
+    single = (lights["kind"] == DIRECT_SPOT) & (_outer_cosine(lights) > WIDEST_COSINE - ROUNDING)
+    reach = np.where(single, np.sqrt(1 - cosine**2) / cosine, 1.0)
+    flat = size[:, 1] < size[:, 0]
+    texel = reach / (size[:, 1] / np.where(flat, 1, 2) - np.where(flat, 2 * MARGIN, MARGIN))
+    half = texel[:, None] * size / 2
+    middle = np.where(flat, half[:, 1] - MARGIN * texel, 0.0)
+
+    rows = np.zeros((len(lights), 4, 4))
+    rows[:, 0, :3] = right / half[:, :1]
+    rows[:, 1, :3] = (up - middle[:, None] * forward) / half[:, 1:]
+    rows[:, 3, :3] = forward
+    rows[:, :, 3] = -np.einsum("nrc,nc->nr", rows[..., :3], lights["position"].astype(np.float64))
+    rows[:, 2, 3] = near
+    filled = records.copy()
+    filled["clip_from_world"], filled["texel"], filled["depth_scale"] = rows.transpose(0, 2, 1), texel, near
+    filled["right"], filled["up"], filled["forward"] = right, up, forward
+    filled["centre"] = records["corner"] + size / 2
+    filled["centre"][:, 1] += middle / texel
+    return filled

@@ -1,0 +1,57 @@
+"""How much of the environment's light each pixel's surface sees, by a few rays each and a blur.
+
+Interleaved as the gathering of virtual point lights is (Segovia et al. 2006), so that the same blur serves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer
+from ..shared.denoise import declare_blur
+from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.scene_inputs import SceneInputs
+from .environment import EnvironmentSettings
+
+INTERLEAVE = 4  # side of the squares of pixels that share directions; chosen
+
+
+def declare_sky_occlusion(
+    graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, gbuffer: Gbuffer, seed: int, frames: int
+) -> Buffer | None:
+    """Declare the share of the environment that arrives, (r, g, b, -) per pixel; None where nothing occludes it."""
+    if not (settings.ambient and settings.rays and scene.features["HAS_ENVIRONMENT"]):
+        absent = not scene.features["HAS_ENVIRONMENT"]
+        graph.skip("sky/occlusion", "there is no environment" if absent else "environment.rays is 0 or ambient off")
+        return None
+    width, height = graph.size
+    pictured = scene.features["HAS_PICTURED_ENVIRONMENT"]
+    arriving = graph.buffer("sky/arriving", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    sent = graph.buffer(
+        "sky/sent", dtype=FOUR_FLOATS, count=width * height if pictured else 1, width=width, nonnegative=True
+    )
+    normals = graph.buffer("sky/normals", dtype=np.uint32, count=width * height, width=width)
+    shader = "deferred/sky/occlusion.wgsl"
+    graph.compute(
+        "sky/occlusion",
+        shader,
+        indirect=gbuffer.tile_groups,
+        reads={
+            **scene.surfaces,
+            **gbuffer.tiles,
+            **scene.lights,
+            "visibility": gbuffer.visibility,
+            "surfaces": gbuffer.surfaces,
+            "distance": gbuffer.distance,
+        },
+        writes={"arriving": arriving, "normals": normals, "sent": sent},
+        params={"seed": seed},
+        constants={**scene.constants(shader), "RAYS": settings.rays, "INTERLEAVE": INTERLEAVE},
+        clear=[arriving, sent],
+    )
+    # What arrives of a constant environment is the share itself.
+    whole = sent if pictured else None
+    return declare_blur(
+        graph, "sky", gbuffer, arriving, normals, INTERLEAVE, frames=frames, shares=not pictured, glossy=whole
+    )

@@ -1,0 +1,1 @@
+"""Many-light: virtual point lights gathered with rays or imperfect shadow maps (Linke 2016)."""

@@ -1,0 +1,66 @@
+"""Reflective shadow maps: what point, spot and sun lights see, and how much of their light it reflects.
+
+Dachsbacher and Stamminger 2005, "Reflective Shadow Maps". Departure: texels are traced, not rasterised, see
+`wgsl/many_light/rsm/trace.wgsl`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer, Handle
+from ...settings import setting
+from ..shared.scene_inputs import SceneInputs
+
+CANDIDATE = np.dtype((np.uint32, 4))  # two of them
+
+
+@dataclass
+class RsmSettings:
+    """Reflective shadow maps."""
+
+    texels: int = setting(
+        16384,
+        "Texels of all reflective shadow maps together; each light has a power of two of them a side.",
+        "texels",
+        range=(64, 1 << 18),
+        presets={"low": 4096, "high": 65536},
+    )
+    jitter: bool = setting(True, "See through a random point of each texel, another one in each frame of a picture.")
+
+
+@dataclass
+class Rsm:
+    """Candidates for virtual point lights as `wgsl/many_light/vpl/vpl.wgsl` packs them; `count` of them."""
+
+    buffer: Buffer
+    count: int
+
+
+def declare_rsm(graph: Graph, settings: RsmSettings, scene: SceneInputs, albedo: Handle, seed: int) -> Rsm | None:
+    """Declare the maps of all punctual lights, or none where there is no such light; `albedo` is of coated surfaces."""
+    assert scene.vpl is not None
+    count = scene.vpl.rsm_texels
+    if count == 0:
+        graph.skip("rsm", "no point, spot or sun light")
+        return None
+    buffer = graph.buffer("rsm", dtype=CANDIDATE, count=2 * count)
+    shader = "many_light/rsm/trace.wgsl"
+    graph.compute(
+        "rsm",
+        shader,
+        over=count,
+        reads={
+            **scene.surfaces,
+            **scene.lights,
+            "rsm_lights": scene.vpl.rsm_lights,
+            "ambient_albedo": albedo,
+        },
+        writes={"rsm": buffer},
+        params={"texels": count, "jitter": settings.jitter, "seed": seed},
+        constants=scene.constants(shader),
+    )
+    return Rsm(buffer, count)

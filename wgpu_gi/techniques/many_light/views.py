@@ -1,0 +1,99 @@
+"""Pictures of what many-light works with: each is made only when it is shown."""
+
+from __future__ import annotations
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer
+from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.scene_inputs import SceneInputs
+from .clusters import Clusters
+from .gather import GatherSettings
+from .ism import Ism
+from .rsm import Rsm
+from .vpl import Vpls
+
+RSM_KINDS = ("position", "normal", "flux")
+
+
+def _picture(graph: Graph, name: str) -> Buffer:
+    width, height = graph.size
+    return graph.buffer(f"debug/{name}", dtype=FOUR_FLOATS, count=width * height, width=width)
+
+
+def declare_rsm_views(graph: Graph, scene: SceneInputs, rsm: Rsm) -> dict[str, Buffer]:
+    """Declare the maps of all lights side by side: metres relative to the scene's origin, unit normals, W."""
+    assert scene.vpl is not None
+    views = {}
+    for number, kind in enumerate(RSM_KINDS):
+        picture = views[f"rsm/{kind}"] = _picture(graph, f"rsm_{kind}")
+        graph.compute(
+            f"debug/rsm_{kind}",
+            "many_light/views/rsm.wgsl",
+            over=graph.size,
+            reads={"rsm_lights": scene.vpl.rsm_lights, "rsm": rsm.buffer},
+            writes={"picture": picture},
+            constants={"KIND": number},
+        )
+    return views
+
+
+def declare_vpl_view(graph: Graph, vpls: Vpls) -> dict[str, Buffer]:
+    """Declare the virtual point lights as squares in the picture, W."""
+    picture = _picture(graph, "vpl_flux")
+    graph.compute(
+        "debug/vpl_flux",
+        "many_light/views/vpls.wgsl",
+        over=vpls.count,
+        reads={"vpl_table": vpls.table},
+        writes={"picture": picture},
+        constants={"VPLS": vpls.count},
+        clear=[picture],
+    )
+    return {"vpl/flux": picture}
+
+
+def declare_list_view(
+    graph: Graph, settings: GatherSettings, gbuffer: Gbuffer, clusters: Clusters, vpls: Vpls
+) -> dict[str, Buffer]:
+    """Declare how many lights each pixel goes through; nothing without culling."""
+    if not clusters.constants["CULLED"]:
+        return {}
+    picture = _picture(graph, "gather_lists")
+    graph.compute(
+        "debug/gather_lists",
+        "many_light/views/lists.wgsl",
+        over=graph.size,
+        reads={"lists": clusters.reads["lists"], "distance": gbuffer.distance},
+        writes={"picture": picture},
+        constants={"INTERLEAVE": settings.interleave, "VPLS": vpls.count, "SLICES": clusters.constants["SLICES"]},
+    )
+    return {"gather/lists": picture}
+
+
+def declare_ism_views(graph: Graph, ism: Ism) -> dict[str, Buffer]:
+    """Declare the atlas of imperfect shadow maps, and what was drawn into it before gaps were closed: metres."""
+    views = {}
+    for kind in ("atlas", "drawn"):
+        picture = views[f"ism/{kind}"] = _picture(graph, f"ism_{kind}")
+        graph.compute(
+            f"debug/ism_{kind}",
+            "many_light/views/ism.wgsl",
+            over=graph.size,
+            reads={"atlas": ism.reads["ism_atlas"], "drawn": ism.drawn, "near_points": ism.near_points},
+            writes={"picture": picture},
+            constants={**ism.constants, "DRAWN": kind == "drawn", "CELL": ism.cell},
+        )
+    return views
+
+
+def declare_rejected_view(graph: Graph, rejected: Buffer) -> dict[str, Buffer]:
+    """Declare the share of each pixel's history that the mean over frames left out."""
+    picture = _picture(graph, "temporal_rejected")
+    graph.compute(
+        "debug/temporal_rejected",
+        "many_light/views/rejected.wgsl",
+        over=graph.size,
+        reads={"rejected": rejected},
+        writes={"picture": picture},
+    )
+    return {"temporal/rejected": picture}

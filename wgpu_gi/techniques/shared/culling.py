@@ -1,0 +1,106 @@
+"""Frustum culling on the CPU: which clusters of the scene's draws views may see, cameras and lights alike.
+
+Assarsson and Moller 2000, "Optimized View Frustum Culling Algorithms for Bounding Boxes": a box lies outside if the
+corner that is farthest along a plane's normal does. Runs keep the order of the index buffer, so that of surfaces at
+the same depth the same one is seen from everywhere; from near to far, Sponza takes no less time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...gpu.handles import Uniform
+from ...upload.draws import Draws, Run
+from ...upload.scene_upload import SceneUpload
+
+SLACK = 4e-6  # of the terms of a sum: several times what rounding takes here and in shaders, which have at most ten
+
+# Of clip space: -w <= x <= w, -w <= y <= w, 0 <= z <= w.
+SIDES = np.array(
+    [(1, 0, 0, 1), (-1, 0, 0, 1), (0, 1, 0, 1), (0, -1, 0, 1), (0, 0, 1, 0), (0, 0, -1, 1)],
+    np.float64,
+)
+
+
+def frustum_planes(records: NDArray[np.void]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the planes (v, 6, 4) that bound views, and the sizes of what they are sums of, likewise.
+
+    What lies in a view has plane . (x, y, z, 1) >= 0 for each.
+    """
+    rows = records["clip_from_world"].astype(np.float64).transpose(0, 2, 1)
+    return SIDES @ rows, np.abs(SIDES) @ np.abs(rows)
+
+
+def visible(records: NDArray[np.void], boxes: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Tell which boxes (c, 2, 3) views with a `clip_from_world` may see, (v, c).
+
+    Some that lie outside near an edge are kept: what rounding in the shaders brings into view is never lost.
+    """
+    planes, sizes = frustum_planes(records)
+    low, high = boxes[:, 0].T, boxes[:, 1].T
+    # Twice the middle, the size, the largest coordinate, and 2; in float32 for speed.
+    corners = np.empty((10, len(boxes)), np.float32)
+    np.add(low, high, out=corners[:3])
+    np.subtract(high, low, out=corners[3:6])
+    np.maximum(-low, high, out=corners[6:9])
+    corners[9] = 2.0
+    offsets = planes[..., 3:] + SLACK * sizes[..., 3:]
+    terms = np.concatenate([planes[..., :3], np.abs(planes[..., :3]), 2 * SLACK * sizes[..., :3], offsets], 2)
+    terms = terms.astype(np.float32)
+    shown = terms[:, 0] @ corners >= 0
+    for k in range(1, planes.shape[1]):
+        shown &= terms[:, k] @ corners >= 0
+    return shown
+
+
+class ViewCulling:
+    """What each of several views may see: found when it is asked for, kept while views and boxes stay as they are."""
+
+    def __init__(self) -> None:
+        self.views: NDArray = np.zeros(0)
+        self.draws: Draws | None = None
+        self._boxes: NDArray[np.float32] = np.zeros((0, 2, 3), np.float32)
+        self._shown: NDArray[np.bool_] | None = None
+        self._runs: dict[bool, list[list[Run]]] = {}
+
+    def update(self, views: NDArray[np.void], draws: Draws) -> bool:
+        """Take the views, and the scene with its places; return whether anything is new."""
+        boxes = draws.clusters.boxes
+        same = draws is self.draws and (boxes is self._boxes or np.array_equal(boxes, self._boxes))
+        if same and views.tobytes() == self.views.tobytes():
+            return False
+        self.views, self.draws, self._boxes, self._shown, self._runs = views, draws, boxes, None, {}
+        return True
+
+    def runs(self, masked: bool) -> list[list[Run]]:
+        """Return the runs for each view, opaque or alpha-masked."""
+        assert self.draws is not None
+        if masked not in self._runs:
+            if self._shown is None:
+                self._shown = visible(self.views, self._boxes)
+            self._runs[masked] = [self.draws.visible(shown, masked) for shown in self._shown]
+        return self._runs[masked]
+
+
+@dataclass(frozen=True)
+class CameraDraws:
+    """Draws what the camera in a uniform may see of the scene as both are when the pass runs.
+
+    Passes that draw for the same camera share `culling`.
+    """
+
+    view: Uniform
+    upload: SceneUpload
+    masked: bool
+    culling: ViewCulling = field(compare=False)
+
+    def __call__(self, encoder: Any) -> None:
+        """Record the draws."""
+        assert self.upload.draws is not None
+        self.culling.update(np.frombuffer(self.view.data, self.view.dtype), self.upload.draws)
+        for first, count, slot, instances in self.culling.runs(self.masked)[0]:
+            encoder.draw_indexed(count, instances, first, 0, slot)

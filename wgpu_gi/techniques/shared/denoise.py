@@ -1,0 +1,101 @@
+"""The blur that removes the pattern of interleaved gathering and noise, and turns irradiance into radiance.
+
+Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination", its
+geometry-aware blur. Departures: depths are compared with the pixel's tangent plane, in widths of a pixel; taps beyond
+the picture wrap back by the period; from the third frame of a still picture on, pixels are kept apart whose mean light
+so far differs by more than its noise (as in Rousselle et al. 2012, "Adaptive Rendering with Non-Local Means
+Filtering", variances tell differences from noise, here of single pixels).
+"""
+
+from __future__ import annotations
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer
+from ...gpu.wgsl.load import load
+from .gbuffer import FOUR_FLOATS, TWO_FLOATS, Gbuffer
+
+SHADER = "shared/denoise/blur.wgsl"
+GUIDED_FROM = int(load(SHADER).constants["GUIDED_FROM"])
+
+
+def declare_blur(
+    graph: Graph,
+    name: str,
+    gbuffer: Gbuffer,
+    light: Buffer,
+    normals: Buffer,
+    radius: int,
+    *,
+    frames: int = 1,
+    shares: bool = False,
+    glossy: Buffer | None = None,
+    reflected: bool = False,
+    stride: int = 1,
+    view: str = "view",
+) -> Buffer:
+    """Declare the average of `light` over squares of `radius` pixels: rows first, then columns.
+
+    Light is (r, g, b, depth of `shared/denoise/plane.wgsl`) per pixel, `normals` as the gathering pass leaves them.
+    With `reflected` it is irradiance in W/m2, `glossy` what coats add, and both become radiance, W/(m2 sr). Else light
+    is divided by the average of `glossy`, if given. With `shares` it is a share, 0 to 1. `frames`: of a still picture.
+    With a `stride` above 1, all are of pixels that lie so far apart, and `reflected` is not for them. `view` is the
+    uniform of the camera whose picture it is.
+    """
+    width, height = (-(-side // stride) for side in graph.size)
+    nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
+    has_coats = glossy is not None
+    guided = radius > 1 and frames > GUIDED_FROM
+    moments = graph.buffer(f"{name}/moments", dtype=TWO_FLOATS, count=light.count if guided else 1, width=width)
+    if guided:
+        graph.compute(
+            f"{name}/moments",
+            "shared/denoise/moments.wgsl",
+            over=(width, height),
+            reads={"light": light},
+            writes={"moments": moments},
+            constants={"STRIDE": stride},
+            uniforms={"view": view},
+        )
+    else:
+        graph.skip(f"{name}/moments", "nothing is blurred, or the picture has too few frames")
+    guides = {
+        "normals": normals,
+        "surfaces": gbuffer.surfaces,
+        "moments": moments if guided else graph.neutral("buffer"),
+    }
+    constants = {"RADIUS": radius, "GUIDED": guided, "SHARES": shares, "STRIDE": stride}
+
+    def layer(part: str) -> Buffer:
+        return graph.buffer(f"{name}/{part}", dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)
+
+    if radius > 1:
+        rows, glossy_rows = layer("rows"), layer("glossy_rows") if has_coats else nothing
+        graph.compute(
+            f"{name}/rows",
+            SHADER,
+            over=(-(-width // 4), height),
+            reads={"light": light, "glossy": glossy or graph.neutral("buffer"), **guides},
+            writes={"blurred": rows, "blurred_glossy": glossy_rows},
+            constants={**constants, "HAS_COATS": has_coats, "VERTICAL": False, "LAST": False},
+            uniforms={"view": view},
+        )
+        light, glossy = rows, glossy_rows if has_coats else None
+    else:
+        graph.skip(f"{name}/rows", "nothing is blurred")
+    blurred = layer("columns")
+    graph.compute(
+        f"{name}/columns",
+        SHADER,
+        over=(width, -(-height // 4)),
+        reads={"light": light, "glossy": glossy or graph.neutral("buffer"), **guides},
+        writes={"blurred": blurred, "blurred_glossy": nothing},
+        constants={
+            **constants,
+            "HAS_COATS": has_coats,
+            "VERTICAL": True,
+            "LAST": reflected,
+            "RATIO": has_coats and not reflected,
+        },
+        uniforms={"view": view},
+    )
+    return blurred

@@ -1,0 +1,175 @@
+"""The G-buffer: what each pixel shows, by rasterising triangle numbers and resolving them in a compute pass.
+
+Burns and Hunt 2013, "The Visibility Buffer". Depth peeling: Everitt 2001, "Interactive Order-Independent Transparency".
+Departure: the resolve intersects the pixel's ray with the triangle instead of interpolating, so that a surface is
+exactly what the path tracer sees.
+
+Only clusters that the camera may see are drawn, as `culling` finds them.
+
+28 bytes per pixel (44 with emission; 4 more with instances). On llvmpipe, Sponza at 640x360, CPU time over two cores:
+this takes 24 + 7 ms to rasterise and 27 ms to resolve; one raster pass that writes a packed surface and emission,
+textured, 117 + 8 ms. Across the aisle, where 8 % of the clusters are in view, it takes 7 + 5 ms to rasterise; without
+culling, 11 + 6 ms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import GiError
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer, Texture
+from .culling import CameraDraws, ViewCulling
+from .scene_inputs import SceneInputs
+
+SURFACE = np.dtype((np.uint32, 4))
+TWO_FLOATS = np.dtype((np.float32, 2))
+FOUR_FLOATS = np.dtype((np.float32, 4))
+
+
+@dataclass
+class Gbuffer:
+    """One layer of surfaces. Buffers have an element for each pixel, rows from the top.
+
+    visibility: triangle and instance, each plus 1; 0 is nothing. depth: reversed, near / view depth. distance: metres
+    along the pixel's ray, 0 where nothing is seen. surfaces: 16 bytes as `wgsl/shared/gbuffer/surface.wgsl` packs them.
+    emission: W/(m2 sr) of the surface, or of the environment where nothing is seen. seen_tiles: the tiles of 8x8 pixels
+    that show a surface, as `wgsl/shared/gbuffer/tiles.wgsl` has them; tile_groups: the workgroups for a pass over them.
+    """
+
+    visibility: Texture
+    depth: Texture
+    distance: Texture
+    surfaces: Buffer
+    emission: Buffer
+    seen_tiles: Buffer
+    tile_groups: Buffer
+
+    @property
+    def tiles(self) -> dict[str, Buffer]:
+        """What passes over the tiles read."""
+        return {"seen_tiles": self.seen_tiles, "tile_groups": self.tile_groups}
+
+
+def declare_gbuffer(
+    graph: Graph, scene: SceneInputs, *, name: str = "gbuffer", view: str = "view", layers: int = 1
+) -> list[Gbuffer]:
+    """Declare the G-buffer of the camera in the uniform `view`, of the viewport's size: the nearest surfaces first.
+
+    Further `layers` hold what lies behind the ones before.
+    """
+    if view not in graph.uniforms:
+        raise GiError(f"G-buffer {name!r}: there is no shared uniform {view!r}")
+    culling = ViewCulling()
+    found: list[Gbuffer] = []
+    for layer in range(layers):
+        suffix = f"_{layer}" if layer else ""
+        nearer = found[-1].depth if found else None
+        found.append(_declare_layer(graph, scene, name, suffix, view, culling, nearer))
+    return found
+
+
+def _declare_layer(
+    graph: Graph,
+    scene: SceneInputs,
+    name: str,
+    suffix: str,
+    view: str,
+    culling: ViewCulling,
+    nearer: Texture | None,
+) -> Gbuffer:
+    visibility, depth = _declare_visibility(graph, scene, name, suffix, view, culling, nearer)
+    width, height = graph.size
+    surfaces = graph.buffer(f"{name}/surfaces{suffix}", dtype=SURFACE, count=width * height, width=width)
+    emission = graph.buffer(
+        f"{name}/emission{suffix}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
+    )
+    distance = graph.texture(f"{name}/distance{suffix}", "r32float", nonnegative=True)
+    tiles = graph.buffer(f"{name}/seen_tiles{suffix}", dtype=np.uint32, count=-(-width // 8) * -(-height // 8))
+    tile_groups = graph.buffer(f"{name}/tile_groups{suffix}", dtype=np.uint32, count=4)
+    found = Gbuffer(visibility, depth, distance, surfaces, emission, tiles, tile_groups)
+    results = {"surfaces": surfaces, "emission": emission, "distance": distance}
+    sky, resolve = "shared/gbuffer/sky.wgsl", "shared/gbuffer/resolve.wgsl"
+    graph.compute(
+        f"{name}/sky{suffix}",
+        sky,
+        over=distance,
+        reads={"environment": scene.lights["environment"], "visibility": visibility},
+        writes={**results, **found.tiles},
+        constants=scene.constants(sky),
+        uniforms={"view": view},
+        clear=[tile_groups] if scene.features["HAS_EMISSION"] else [tile_groups, emission],
+    )
+    graph.compute(
+        f"{name}/resolve{suffix}",
+        resolve,
+        indirect=tile_groups,
+        reads={**scene.surfaces, **found.tiles, "visibility": visibility},
+        writes=results,
+        constants=scene.constants(resolve),
+        uniforms={"view": view},
+    )
+    return found
+
+
+def _declare_visibility(
+    graph: Graph,
+    scene: SceneInputs,
+    name: str,
+    suffix: str,
+    view: str,
+    culling: ViewCulling,
+    nearer: Texture | None,
+) -> tuple[Texture, Texture]:
+    """Declare the raster passes of a layer, behind the depth `nearer` if given; return visibility and depth."""
+    assert scene.draws is not None
+    # Without instances the second number is always 0, and so is what a one-channel texture gives for it.
+    ids = "rg32uint" if scene.features["HAS_INSTANCES"] else "r32uint"
+    visibility = graph.texture(f"{name}/visibility{suffix}", ids)
+    depth = graph.texture(f"{name}/depth{suffix}", "depth32float")
+    shader = "shared/gbuffer/visibility.wgsl"
+    behind = graph.neutral("texture_2d") if nearer is None else nearer
+    for part, masked in (("opaque", False), ("masked", True)):
+        runs = scene.draws.masked if masked else scene.draws.opaque
+        if masked and not runs:
+            graph.skip(f"{name}/masked{suffix}", "no alpha-masked material")
+            continue
+        graph.raster(
+            f"{name}/{part}{suffix}",
+            shader,
+            draw=CameraDraws(graph.uniforms[view], scene.upload, masked, culling),
+            index=scene.raster_indices,
+            color={"color": visibility},
+            depth=depth,
+            reads={**scene.surfaces, **scene.raster, "nearer": behind},
+            constants={**scene.constants(shader), "PEEL": nearer is not None},
+            uniforms={"view": view},
+            entry=("vertex_masked", "fragment_masked") if masked else ("vertex", "fragment"),
+            load=masked,
+        )
+    return visibility, depth
+
+
+def declare_motion(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer) -> Buffer:
+    """Declare where each pixel's surface was before: (x, y, distance, valid) as `shared/gbuffer/motion.wgsl` has it.
+
+    Needs the uniform `view_before`: the view of the frame before.
+    """
+    assert scene.direct is not None
+    width, height = graph.size
+    motion = graph.buffer("gbuffer/motion", dtype=FOUR_FLOATS, count=width * height, width=width)
+    graph.compute(
+        "gbuffer/motion",
+        "shared/gbuffer/motion.wgsl",
+        over=(width, height),
+        reads={
+            "triangles": scene.surfaces["triangles"],
+            "before_from_now": scene.direct.before_from_now,
+            "visibility": gbuffer.visibility,
+            "distance": gbuffer.distance,
+        },
+        writes={"motion": motion},
+    )
+    return motion

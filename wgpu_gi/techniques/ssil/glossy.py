@@ -1,0 +1,62 @@
+"""What coats reflect of the light in the picture: the last bounce of SSIL, by importance sampling over the picture.
+
+Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departure: gathered
+for the pixels of the first level alone, from all levels, so that reflections stay sharp.
+"""
+
+from __future__ import annotations
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer
+from ..shared.gbuffer import Gbuffer
+from ..shared.scene_inputs import SceneInputs
+from .levels import Levels, level_buffer
+from .voxels import Voxels
+
+
+def declare_glossy(
+    graph: Graph,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    levels: Levels,
+    voxels: Voxels | None,
+    lights: list[Buffer],
+    samples: int,
+    radius: float,
+    seed: int,
+) -> Buffer | None:
+    """Declare what coats reflect at the first level, radiance over their tint; None where nothing is coated.
+
+    `lights` are of the levels that are gathered at, `samples` for each of them within `radius` pixels.
+    """
+    if not scene.features["HAS_COATS"] or not samples:
+        graph.skip("ssil/glossy", "every material is Lambert" if samples else "ssil.glossy_samples is 0")
+        return None
+    size = levels.surfels[levels.first].size
+    glossy = level_buffer(graph, "ssil/glossy", size)
+    shader = f"ssil/glossy_{'none' if voxels is None else 'voxels'}.wgsl"
+    for k, light in zip(levels.gathered, lights, strict=True):
+        graph.compute(
+            f"ssil/glossy_{k}",
+            shader,
+            over=size,
+            reads={
+                "surfaces": gbuffer.surfaces,
+                "distance": gbuffer.distance,
+                "surfels": levels.surfels[k],
+                "light": light,
+                **(voxels.reads(k) if voxels is not None else {}),
+            },
+            writes={"glossy": glossy},
+            params={"size": size, "seed": seed},
+            constants={
+                **scene.constants(shader),
+                **(voxels.constants(k) if voxels is not None else {}),
+                "SAMPLES": samples,
+                "SQUARE": 1 << levels.first,
+                "SHIFT": k - levels.first,
+                "RADIUS": radius,
+                "FINEST": k == levels.first,
+            },
+        )
+    return glossy

@@ -1,0 +1,73 @@
+"""Cumulative areas of instances and of their meshes' triangles: where to put points in proportion to area."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.scene import Instance
+from .hierarchy import NONE, Hierarchy
+from .mesh_data import MeshData
+
+Corners = NDArray[np.float32]
+
+
+class AreaTable:
+    """Keeps `instances` (AreaInstance of many_light/points/sample.wgsl) and `cdf`, by triangle of the hierarchy."""
+
+    def __init__(self, dtype: np.dtype) -> None:
+        self._dtype = dtype
+        self._shares: WeakKeyDictionary[MeshData, tuple[NDArray[np.float32], float]] = WeakKeyDictionary()
+        self._areas: dict[tuple[int, bytes], float] = {}
+        self.instances: NDArray[np.void] = np.zeros(1, dtype)
+        self.cdf: NDArray[np.float32] = np.ones(1, np.float32)
+        self.area = 0.0  # of all instances, m2
+
+    def update(self, instances: list[Instance], hierarchy: Hierarchy) -> None:
+        """Bring the tables up to date; `hierarchy` is up to date with `instances`."""
+        self.cdf = np.ones(len(hierarchy.triangles), np.float32)
+        records = np.zeros(max(len(instances), 1), self._dtype)
+        areas = np.zeros(len(records))
+        known = {}
+        for number, instance in enumerate(instances):
+            place = hierarchy.placement(instance.mesh)
+            data, linear = place.data, np.asarray(instance.world_from_local, np.float64)[:3, :3]
+            if data not in self._shares:
+                of_triangles = _areas(data.corners)
+                total = float(of_triangles.sum())
+                cumulative = np.cumsum(of_triangles) / max(total, 1e-300)
+                self._shares[data] = (cumulative.astype(np.float32), total)
+            shares, local_area = self._shares[data]
+            self.cdf[place.triangles] = shares
+            key = (id(data), linear.tobytes())
+            known[key] = areas[number] = self._areas.get(key, -1.0)
+            if areas[number] < 0:
+                known[key] = areas[number] = _world_area(data.corners, linear, local_area)
+            record = records[number]
+            record["first"], record["count"] = place.triangles.start, len(data.corners)
+            record["instance"] = NONE if place.baked is not None else number
+            # Triangles of the world's tree are stored as they stand there.
+            record["local_area"] = areas[number] if place.baked is not None else local_area
+        self._areas = known
+        self.area = float(areas.sum())
+        records["share"] = areas / max(self.area, 1e-300)
+        cumulative = np.cumsum(areas) / max(self.area, 1e-300)
+        # Exactly one at the end, also where the last instances have no area: those must never be drawn.
+        records["cumulative"] = cumulative / max(float(cumulative[-1]), 1e-300)
+        self.instances = records
+
+
+def _areas(corners: NDArray) -> NDArray[np.float64]:
+    edges = corners[:, 1:].astype(np.float64) - corners[:, :1]
+    return np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+
+
+def _world_area(corners: Corners, linear: NDArray[np.float64], local_area: float) -> float:
+    """Return the area of a mesh after a linear map, m2."""
+    squared = linear.T @ linear
+    scale = float(np.trace(squared)) / 3
+    if np.allclose(squared, scale * np.eye(3), rtol=0, atol=1e-6 * scale):
+        return local_area * scale
+    return float(_areas(corners @ linear.T).sum())

@@ -1,0 +1,263 @@
+"""What raster passes draw: vertices that carry their triangle's number, an index buffer over them, and its clusters.
+
+The first vertex of every triangle is its own, so that the number reaches the fragments flat, without the feature
+`primitive-index`. Few vertices are doubled for that: most triangles find one that no other has claimed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import MutableMapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.scene import Instance
+from .hierarchy import NONE, Hierarchy, Placement
+from .mesh_data import MASKED, MeshData
+
+CLUSTER = 512  # triangles that are culled together; chosen
+MANY_INSTANCES = 8  # meshes with more instances are culled whole; chosen
+ROUNDING = 5e-7  # of sums of four terms in float32, and of boxes
+SMALL_GAP = 64  # hidden triangles that take about as long as another draw call; on llvmpipe 70 do
+
+Run = tuple[int, int, int, int]  # first index, indices, first instance slot, instances
+
+
+@dataclass
+class RasterMesh:
+    """A mesh's triangles with a first vertex of their own: `source` and `owner` per vertex, `corners` (m, 3)."""
+
+    source: NDArray[np.int64]  # vertex of the mesh
+    owner: NDArray[np.int64]  # triangle whose first vertex it is, or -1
+    corners: NDArray[np.int64]
+
+
+@dataclass
+class Draws:
+    """The arrays, and the runs of the index buffer that show everything, opaque and alpha-masked.
+
+    vertices (n, 4) uint32: position as float bits (world if baked, else local) and triangle. sources (n,) uint32: the
+    entry of each in the table of vertices. `slots` (k,) uint32: the scene's instance of each instance slot; slot 0 is
+    for vertices that are in world space.
+    """
+
+    vertices: NDArray[np.uint32]
+    sources: NDArray[np.uint32]
+    indices: NDArray[np.uint32]
+    slots: NDArray[np.uint32]
+    opaque: tuple[Run, ...] = ()
+    masked: tuple[Run, ...] = ()
+    clusters: Clusters = field(default_factory=lambda: Clusters())
+
+    def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[Run]:
+        """Return runs that show the clusters that `shown` (c,) selects; see `Clusters.visible`."""
+        if shown.all():
+            return list(self.masked if masked else self.opaque)
+        return self.clusters.visible(shown, masked)
+
+
+@dataclass
+class Clusters:
+    """Parts of the runs, opaque ones first, and their boxes: `local` in the space of their vertices.
+
+    `instances` (c,) are the scene's instances that they are placed by, -1: they are in world space. `place` brings
+    `boxes`, relative to the scene's origin, up to date.
+    """
+
+    local: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2, 3), np.float32))
+    runs: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 4), np.int64))
+    instances: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    opaque_count: int = 0
+    boxes: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2, 3), np.float32))
+
+    def place(self, world_from_local: NDArray[np.float32]) -> None:
+        """Place the boxes by the matrices (n, 4, 3 or 4) of all instances, as the GPU has them."""
+        placed = self.instances >= 0
+        self.boxes = self.local.copy()
+        # Arvo 1990, "Transforming Axis-Aligned Bounding Boxes"; the matrices' rows are the images of the axes.
+        m = world_from_local[self.instances[placed], :, :3].astype(np.float64)
+        low, high = self.local[placed, 0], self.local[placed, 1]
+        middle = np.einsum("ci,cij->cj", (low + high) / 2, m[:, :3]) + m[:, 3]
+        reach = np.einsum("ci,cij->cj", (high - low) / 2, np.abs(m[:, :3]))
+        # What shaders round is relative to the terms of the sum, which may be far larger than itself.
+        largest = np.maximum(np.abs(low), np.abs(high))
+        reach += ROUNDING * (np.einsum("ci,cij->cj", largest, np.abs(m[:, :3])) + np.abs(m[:, 3]))
+        self.boxes[placed] = np.stack([middle - reach, middle + reach], 1)
+
+    def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[Run]:
+        """Return the runs of the clusters that `shown` (c,) selects, joined, small gaps between them filled."""
+        part = slice(self.opaque_count, None) if masked else slice(self.opaque_count)
+        return join_runs(self.runs[part][fill_gaps(shown[part], self.runs[part, 1])])
+
+
+def fill_gaps(shown: NDArray[np.bool_], indices: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return `shown` with the hidden clusters between shown ones that are too small to be worth another draw."""
+    at = np.flatnonzero(shown)
+    ends = np.cumsum(indices)
+    gaps = ends[at[1:] - 1] - ends[at[:-1]]
+    small = np.flatnonzero((gaps > 0) & (gaps <= 3 * SMALL_GAP))
+    if not len(small):
+        return shown
+    change = np.zeros(len(shown), np.int8)
+    change[at[small] + 1], change[at[small + 1]] = 1, -1
+    return shown | (np.cumsum(change) > 0)
+
+
+def join_runs(runs: NDArray[np.int64]) -> list[Run]:
+    """Join runs of which each goes on where the one before ends, in the same instance; then instances of the same."""
+    if not len(runs):
+        return []
+    first, count, slot, instances = runs.T
+    same = (slot[1:] == slot[:-1]) & (instances[1:] == instances[:-1])
+    starts = _starts(same & (first[1:] == first[:-1] + count[:-1]))
+    first, slot, instances = first[starts], slot[starts], instances[starts]
+    count = np.add.reduceat(count, starts)
+    same = (first[1:] == first[:-1]) & (count[1:] == count[:-1])
+    starts = _starts(same & (slot[1:] == slot[:-1] + instances[:-1]))
+    joined = [first[starts], count[starts], slot[starts], np.add.reduceat(instances, starts)]
+    return list(zip(*(column.tolist() for column in joined), strict=True))
+
+
+def _starts(goes_on: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return where runs begin that do not go on from the one before."""
+    return np.concatenate([[0], np.flatnonzero(~goes_on) + 1])
+
+
+def own_first_vertices(triangles: NDArray[np.uint32], vertex_count: int) -> RasterMesh:
+    """Give each triangle (m, 3) a first vertex that is no other's."""
+    triangles = triangles.astype(np.int64)
+    owner = np.full(vertex_count, -1, np.int64)
+    chosen = np.full(len(triangles), -1, np.int64)
+    for corner in range(3):
+        open_ = np.flatnonzero(chosen < 0)
+        wanted = triangles[open_, corner]
+        open_, wanted = open_[owner[wanted] < 0], wanted[owner[wanted] < 0]
+        owner[wanted] = open_  # of several that want the same vertex, one gets it
+        won = open_[owner[wanted] == open_]
+        chosen[won] = corner
+    without = np.flatnonzero(chosen < 0)
+    chosen[without] = 0
+    rows = np.arange(len(triangles))[:, None]
+    corners = triangles[rows, (chosen[:, None] + np.arange(3)) % 3]
+    source = np.concatenate([np.arange(vertex_count), corners[without, 0]])
+    corners[without, 0] = vertex_count + np.arange(len(without))
+    return RasterMesh(source, np.concatenate([owner, without]), corners)
+
+
+def build_draws(instances: list[Instance], hierarchy: Hierarchy, known: MutableMapping[MeshData, RasterMesh]) -> Draws:
+    """Lay out the scene for drawing; `known` keeps what has been made of each MeshData."""
+    parts = [_Part(place, known) for place in hierarchy.placements()]
+    slots = _assign_slots(parts, instances)
+    vertices, sources = _lay_out_vertices(parts, hierarchy, instances)
+    indices, runs, clusters = _lay_out_indices(parts, hierarchy, slots)
+    clusters.place(hierarchy.instances["world_from_local"])
+    opaque, masked = (tuple(join_runs(np.array(runs[key], np.int64).reshape(-1, 4))) for key in (False, True))
+    return Draws(vertices, sources, indices, slots.astype(np.uint32), opaque, masked, clusters)
+
+
+def _assign_slots(parts: list[_Part], instances: list[Instance]) -> NDArray[np.int64]:
+    """Give each part that is not in world space its instances' slots; return the scene's instance of each slot."""
+    users: dict[int, list[int]] = {}
+    for number, instance in enumerate(instances):
+        users.setdefault(id(instance.mesh), []).append(number)
+    slots = [NONE]
+    for part in parts:
+        if part.place.baked is None:
+            part.first_slot, part.users = len(slots), users[id(part.place.data.mesh)]
+            slots += part.users
+    return np.array(slots, np.int64)
+
+
+def _lay_out_vertices(
+    parts: list[_Part], hierarchy: Hierarchy, instances: list[Instance]
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """Give each part its first vertex; return the vertices and sources of all."""
+    if not parts:
+        return np.zeros((1, 4), np.uint32), np.zeros(1, np.uint32)
+    vertices: list[NDArray[np.uint32]] = []
+    sources: list[NDArray[np.uint32]] = []
+    first_vertex = 0
+    for part in parts:
+        part.first_vertex = first_vertex
+        vertices.append(part.vertices(hierarchy, instances))
+        sources.append((part.raster.source + part.place.vertices.start).astype(np.uint32))
+        first_vertex += len(vertices[-1])
+    return np.concatenate(vertices), np.concatenate(sources)
+
+
+def _lay_out_indices(
+    parts: list[_Part], hierarchy: Hierarchy, slots: NDArray[np.int64]
+) -> tuple[NDArray[np.uint32], dict[bool, list[Run]], Clusters]:
+    """Return the index buffer, its runs by whether they are masked, and their clusters, which have no place yet."""
+    indices: list[NDArray[np.int64]] = []
+    runs: dict[bool, list[Run]] = {False: [], True: []}
+    boxes = [np.zeros((0, 2, 3), np.float32)]
+    cluster_runs = [np.zeros((0, 4), np.int64)]
+    first = opaque_clusters = 0
+    for masked in (False, True):
+        # What lies in world space is drawn as one run.
+        for part in sorted(parts, key=lambda p: p.place.baked is None):
+            chosen = np.flatnonzero(part.masked(hierarchy) == masked)
+            if not len(chosen):
+                continue
+            indices.append(part.raster.corners[chosen] + part.first_vertex)
+            count = max(len(part.users), 1)
+            runs[masked].append((3 * first, 3 * len(chosen), part.first_slot, count))
+            new_boxes, new_runs = part.clusters(hierarchy, chosen, 3 * first)
+            boxes.append(new_boxes)
+            cluster_runs.append(new_runs)
+            first += len(chosen)
+        if not masked:
+            opaque_clusters = sum(map(len, cluster_runs))
+    all_indices = (np.concatenate(indices) if indices else np.zeros((1, 3))).astype(np.uint32)
+    all_runs = np.concatenate(cluster_runs)
+    placed_by = np.where(all_runs[:, 2] > 0, slots[all_runs[:, 2]], -1)
+    return all_indices, runs, Clusters(np.concatenate(boxes), all_runs, placed_by, opaque_clusters)
+
+
+class _Part:
+    """One mesh's share of the draws."""
+
+    def __init__(self, place: Placement, known: MutableMapping[MeshData, RasterMesh]) -> None:
+        self.place = place
+        self.data: MeshData = place.data
+        if self.data not in known:
+            known[self.data] = own_first_vertices(self.data.indices, len(self.data.vertices))
+        self.raster = known[self.data]
+        self.first_slot = self.first_vertex = 0
+        self.users: list[int] = []
+
+    def masked(self, hierarchy: Hierarchy) -> NDArray[np.bool_]:
+        """Tell for each triangle whether it may be cut out."""
+        return (hierarchy.triangles["flags"][self.place.triangles] & MASKED) != 0
+
+    def vertices(self, hierarchy: Hierarchy, instances: list[Instance]) -> NDArray[np.uint32]:
+        """Return positions and triangle numbers."""
+        positions = np.asarray(self.data.mesh.positions, np.float64)
+        if self.place.baked is not None:
+            matrix = np.asarray(instances[self.place.baked].world_from_local, np.float64)
+            positions = positions @ matrix[:3, :3].T + (matrix[:3, 3] - hierarchy.origin)
+        packed = np.empty((len(self.raster.source), 4), np.uint32)
+        packed[:, :3] = positions.astype(np.float32).view(np.uint32)[self.raster.source]
+        packed[:, 3] = np.where(self.raster.owner < 0, 0, self.raster.owner + self.place.triangles.start)
+        return packed
+
+    def clusters(
+        self, hierarchy: Hierarchy, chosen: NDArray[np.int64], first_index: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Return local boxes (c, 2, 3) and runs (c, 4) of the triangles `chosen`, whose indices begin there."""
+        whole = len(self.users) > MANY_INSTANCES
+        starts = np.arange(0, len(chosen), len(chosen) if whole else CLUSTER)
+        t = hierarchy.triangles[self.place.triangles][chosen]
+        corners = np.stack([t["v0"], t["v0"] + t["edge1"], t["v0"] + t["edge2"]], 1)
+        boxes = np.stack(
+            [np.minimum.reduceat(corners.min(1), starts), np.maximum.reduceat(corners.max(1), starts)], axis=1
+        )
+        counts = 3 * np.diff(np.append(starts, len(chosen)))
+        runs = np.stack([first_index + 3 * starts, counts, np.zeros_like(starts), np.ones_like(starts)], 1)
+        # Each cluster once for each instance.
+        times = max(len(self.users), 1)
+        runs = np.tile(runs, (times, 1))
+        runs[:, 2] = np.repeat(self.first_slot + np.arange(times), len(starts))
+        return np.tile(boxes, (times, 1, 1)), runs

@@ -1,0 +1,99 @@
+"""Sends materials to the GPU as records, and their pictures as two atlases: one sRGB-coded, one linear."""
+
+from __future__ import annotations
+
+import numpy as np
+import wgpu
+from numpy.typing import NDArray
+
+from ..gpu.wgsl.load import load
+from ..scene.scene import Image, Material, Texture
+from .atlas import Atlas, pack_atlas
+from .gpu_resources import GpuResources
+
+CONSTANTS = load("scene/materials.wgsl").constants
+DOUBLE_SIDED, UNLIT, TEXTURED, COATED = (
+    int(CONSTANTS[flag]) for flag in ("DOUBLE_SIDED", "UNLIT", "TEXTURED", "COATED")
+)
+PRESENT, TEXCOORD_1, NEAREST = (int(CONSTANTS[flag]) for flag in ("PRESENT", "TEXCOORD_1", "NEAREST"))
+WRAP_CODES = {"repeat": 0, "clamp": int(CONSTANTS["WRAP_CLAMP"]), "mirror": int(CONSTANTS["WRAP_MIRROR"])}
+
+
+class MaterialUpload:
+    """The resources `materials`, `atlas_srgb` and `atlas_linear`. `diffuse` treats every material as Lambert."""
+
+    def __init__(self, resources: GpuResources, dtype: np.dtype, diffuse: bool) -> None:
+        self._resources = resources
+        self._dtype = dtype
+        self._diffuse = diffuse
+        self._images: dict[str, list[Image]] = {}
+        self._atlases: dict[str, Atlas] = {}
+
+    @property
+    def has_textures(self) -> bool:
+        """Whether any material has a texture that is looked up."""
+        return any(self._images.values())
+
+    def send_pictures(self, materials: list[Material]) -> None:
+        """Send an atlas again if it holds other pictures than before."""
+        gpu = self._resources.gpu
+        for name, texture_format in (("atlas_srgb", "rgba8unorm-srgb"), ("atlas_linear", "rgba8unorm")):
+            used = [t.image for m in materials for t in self._textures(m)[name].values()]
+            images = list({id(i): i for i in used}.values())
+            if name in self._images and [id(i) for i in images] == [id(i) for i in self._images[name]]:
+                continue
+            self._images[name], atlas = images, pack_atlas(images)
+            self._atlases[name] = atlas
+            texture = gpu.create_texture(
+                label=f"scene/{name}",
+                size=(atlas.page, atlas.page, atlas.layers),
+                format=texture_format,
+                usage=wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST,
+            )
+            for image in images:
+                layer, x, y = atlas.places[id(image)]
+                height, width = image.pixels.shape[:2]
+                gpu.queue.write_texture(
+                    {"texture": texture, "origin": (x, y, layer)},
+                    np.ascontiguousarray(image.pixels),
+                    {"bytes_per_row": 4 * width, "rows_per_image": height},
+                    (width, height, 1),
+                )
+            self._resources.set(name, texture)
+
+    def send_records(self, materials: list[Material], pdf: dict[int, float]) -> None:
+        """Send the materials if they changed, after their pictures; `pdf` is that of emitters by id, 1/m2."""
+        packed = np.zeros(max(len(materials), 1), self._dtype)
+        for record, m in zip(packed, materials, strict=False):
+            record["base_color"], record["emission"] = m.base_color, m.emission
+            record["metallic"], record["roughness"], record["normal_scale"] = m.metallic, m.roughness, m.normal_scale
+            record["alpha_cutoff"] = m.alpha_cutoff if m.alpha_mode == "mask" else 0.0
+            record["emitter_pdf"] = pdf.get(id(m), 0.0)
+            flags = DOUBLE_SIDED * m.double_sided | UNLIT * m.unlit | COATED * (not self._diffuse)
+            for atlas, textures in self._textures(m).items():
+                for slot, texture in textures.items():
+                    flags |= TEXTURED
+                    _pack_texture(record["textures"][slot], texture, self._atlases[atlas])
+            record["flags"] = flags
+        self._resources.records("materials", packed)
+
+    def _textures(self, m: Material) -> dict[str, dict[int, Texture]]:
+        """Return the textures in use by the name of their atlas and their slot in the Material struct."""
+        slots: dict[str, dict[int, Texture | None]] = {
+            "atlas_srgb": {0: m.base_color_texture, 1: m.emission_texture},
+            "atlas_linear": {} if self._diffuse else {2: m.metallic_roughness_texture, 3: m.normal_texture},
+        }
+        return {atlas: {k: t for k, t in textures.items() if t is not None} for atlas, textures in slots.items()}
+
+
+def _pack_texture(slot: NDArray[np.void], texture: Texture, atlas: Atlas) -> None:
+    """Fill a TextureSlot."""
+    layer, x, y = atlas.places[id(texture.image)]
+    height, width = texture.image.pixels.shape[:2]
+    slot["corner"], slot["size"], slot["layer"] = (x, y), (width, height), layer
+    wrap = WRAP_CODES[texture.wrap_u] << 4 | WRAP_CODES[texture.wrap_v] << 6
+    slot["flags"] = PRESENT | TEXCOORD_1 * texture.texcoord | NEAREST * (texture.filter == "nearest") | wrap
+    # KHR_texture_transform: uv' = translation * rotation * scale * uv
+    sine, cosine = np.sin(texture.rotation), np.cos(texture.rotation)
+    slot["transform_u"] = (cosine * texture.scale[0], sine * texture.scale[1], texture.offset[0])
+    slot["transform_v"] = (-sine * texture.scale[0], cosine * texture.scale[1], texture.offset[1])

@@ -1,0 +1,43 @@
+"""Points spread over a scene's surfaces: a cheap stand-in for geometry where only rough distances count."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.scene import Instance
+from .hierarchy import Hierarchy
+
+# Multiples of the golden ratio, modulo 1, spread evenly over the unit interval, those of R2 over the unit square:
+# 1 / g and 1 / g^2 with g^3 = g + 1 (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences").
+GOLDEN = (5**0.5 - 1) / 2
+R2 = np.array([0.7548776662466927, 0.5698402909980532])
+
+
+def sample_surfaces(instances: list[Instance], hierarchy: Hierarchy, count: int = 4096) -> NDArray[np.float64]:
+    """Return at most `count` points (n, 3) relative to the scene's origin, the same ones for the same scene.
+
+    Half of them go by area, half equally to all instances, so that small things on large grounds have some, too.
+    """
+    areas, parts = [], []
+    for instance in instances:
+        place = hierarchy.placement(instance.mesh)
+        corners: NDArray = place.data.corners
+        if len(corners) > 4 * count:
+            # Leaves are ordered in space, so every n-th triangle is a fair choice of large meshes.
+            corners = corners[:: len(corners) // (2 * count)]
+        matrix = np.asarray(instance.world_from_local, np.float64)
+        corners = corners.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - hierarchy.origin)
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        parts.append(corners)
+        areas.append(area * (len(place.data.corners) / len(corners)))
+    sums = np.array([float(area.sum()) for area in areas])
+    if not sums.any():
+        return np.zeros((0, 3))
+    weights = 0.5 / sums.sum() + 0.5 / (np.count_nonzero(sums) * np.where(sums > 0, sums, 1.0))
+    total = np.cumsum(np.concatenate([np.zeros(1), *(a * w for a, w in zip(areas, weights, strict=True))]))
+    chosen = np.searchsorted(total[1:], (np.arange(count) + 0.5) / count * total[-1])
+    u = np.outer(np.arange(count), R2) % 1.0
+    folded = np.where(u.sum(1, keepdims=True) > 1, 1 - u, u)
+    corner = np.concatenate(parts)[np.minimum(chosen, len(total) - 2)]
+    return corner[:, 0] + folded[:, :1] * (corner[:, 1] - corner[:, 0]) + folded[:, 1:] * (corner[:, 2] - corner[:, 0])

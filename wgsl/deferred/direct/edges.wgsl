@@ -1,0 +1,78 @@
+// One invocation lights a pixel again where a shadow filter was undecided, with a ray for each light that it is
+// undecided of (Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows").
+//
+// In: the list of pixels, the scene. Out: direct, W/(m2 sr): overwritten by the first pass, added to by others, each of
+// which goes on with EDGE_LIGHTS lights. Errs like the filter where that was decided: blockers thinner than a texel are
+// missed.
+#import "shared/gbuffer/seen.wgsl"
+#import "shared/gbuffer/read.wgsl"
+#import "deferred/direct/lighting.wgsl"
+#import "deferred/environment/ambient.wgsl"
+
+@group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
+@group(1) @binding(12) var<storage, read> edges: array<u32>;
+@group(1) @binding(13) var<storage, read> edge_groups: array<u32>;
+@group(1) @binding(15) var<storage, read> sky: array<vec4f>;  // share of the environment that is not occluded
+@group(1) @binding(19) var<uniform> params: Params;
+
+override SKY: bool = false;  // the environment is occluded
+
+struct Params {
+    first: u32,  // light
+}
+
+// Of one pass: drivers may cut the loops of an invocation and of those that run in step with it at 65535 iterations
+// (llvmpipe of Mesa 22), and a ray takes a hundred. Chosen.
+const EDGE_LIGHTS: u32 = 64u;
+// Steps of rays after which an invocation filters what is left: lavapipe (Mesa 22.3) ends all loops of an invocation
+// after 65,535 iterations together, and light would be lost. Chosen, with room for neighbours that take longer.
+const STEP_BUDGET: u32 = 16000u;
+
+@compute @workgroup_size(EDGE_GROUP)
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    var steps = 0u;
+    for (var slot = id.x; slot < edge_groups[3]; slot += groups.x * EDGE_GROUP) {
+        let index = edges[slot];
+        let pixel = vec2u(index % view.size.x, index / view.size.x);
+        let seen = load_visibility(pixel);
+        let ray = pixel_ray(pixel);
+        let triangle = load_triangle(seen.x);
+        let s = surface_on(triangle, hit_on_triangle(ray, triangle, seen.x, seen.y), ray.direction);
+        // Lit as `light.wgsl` does, bit for bit; only rays start from the exact hit.
+        let surface = load_surface(pixel);
+        let r = receiver(
+            ray.origin + ray.direction * load_distance(pixel), surface.normal, surface.geometric_normal,
+            gbuffer_brdf(surface), -ray.direction);
+        var ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
+        if (SKY) {
+            ambient *= sky[index].rgb;
+        }
+        var sum = select(direct[index].rgb, ambient, params.first == 0u);
+        let count = load_light_count();
+        let end = min(count, params.first + EDGE_LIGHTS);
+        for (var number = params.first; number < end; number += 1u) {
+            let light = load_light(number);
+            let incident = light_at(light, r.position);
+            let radiance = reflected(r, incident);
+            if (max3(radiance) <= 0.0) {
+                continue;
+            }
+            var lit = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction);
+            if (lit == UNDECIDED && steps > STEP_BUDGET) {
+                lit = shadow_filter(light, count, r.position, r.geometric_normal, incident.direction);
+            } else if (lit == UNDECIDED) {
+                let start = leave_surface(s, incident.direction);
+                let is_sun = light.kind == DIRECT_SUN;
+                // The end stays where it is: shift the start only.
+                let way = incident.to_light - select(start - s.position, vec3f(0.0), is_sun);
+                let rays_end = select(STOP_SHORT, FLOAT_MAX, is_sun);
+                let shadow = Ray(start, way);
+                let found = trace_all(Rays(shadow, rays_end, shadow, 0.0, shadow, 0.0));
+                lit = select(1.0, 0.0, found.occluded_a);
+                steps += found.steps;
+            }
+            sum += lit * radiance;
+        }
+        direct[index] = vec4f(sum, 1.0);
+    }
+}

@@ -1,0 +1,58 @@
+// What a light gives to a point, and how a surface reflects it: shared by the pass that filters shadow maps and by the
+// one that traces what the filter leaves open.
+#import "scene/info.wgsl"
+#import "deferred/shadow/lookup.wgsl"
+#import "common/brdf.wgsl"
+
+const EDGE_GROUP: u32 = 64u;  // pixels that a workgroup of `edges.wgsl` takes at a time
+
+struct Incident {
+    to_light: vec3f,    // metres; unit for suns
+    direction: vec3f,   // unit
+    irradiance: vec3f,  // on a surface that faces the light, without its shadow, W/m2
+}
+
+// Returns the light that arrives at a position. A sample of an emitter counts as a disc of its area: form factor
+// A cos / (d^2 + A / pi), bounded where the plain A cos / d^2 is not (Wallace et al. 1989, "A Ray Tracing Algorithm for
+// Progressive Radiosity", eq. 5).
+fn light_at(light: DirectLight, position: vec3f) -> Incident {
+    if (HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN)) {
+        return Incident(-light.direction, -light.direction, light.color);
+    }
+    let to_light = light.position - position;
+    // Squares of tiny distances must neither vanish nor divide by zero.
+    let squared = max(dot(to_light, to_light), 1e-30);
+    let direction = to_light * inverseSqrt(squared);
+    let cosine = -dot(light.direction, direction);
+    let falloff = clamp(cosine * light.cone_scale + light.cone_offset, 0.0, 1.0);
+    let shape = select(1.0, falloff * falloff, light.kind == DIRECT_SPOT);
+    let facing = select(max(cosine, 0.0), abs(cosine), light.both_sides != 0u);
+    let is_area = light.kind == DIRECT_AREA;
+    let strength = select(shape, light.area * facing, is_area) / (squared + select(0.0, light.area * INV_PI, is_area));
+    // KHR_lights_punctual: light with a range ends there.
+    let share = squared * light.inverse_range * light.inverse_range;
+    return Incident(to_light, direction, light.color * (strength * clamp(1.0 - share * share, 0.0, 1.0)));
+}
+
+struct Receiver {
+    position: vec3f,
+    normal: vec3f,            // shading, towards the viewer
+    geometric_normal: vec3f,
+    brdf: Brdf,
+    frame: mat3x3f,
+    w_o: vec3f,               // in the frame
+}
+
+fn receiver(position: vec3f, normal: vec3f, geometric_normal: vec3f, brdf: Brdf, to_eye: vec3f) -> Receiver {
+    let frame = frame_from_normal(normal);
+    return Receiver(position, normal, geometric_normal, brdf, frame, to_eye * frame);
+}
+
+// Returns the radiance that the light scatters to the eye, W/(m2 sr), without its shadow.
+fn reflected(r: Receiver, incident: Incident) -> vec3f {
+    let cosine = dot(r.normal, incident.direction);
+    if (cosine <= 0.0 || max3(incident.irradiance) <= 0.0) {
+        return vec3f(0.0);
+    }
+    return evaluate_brdf(r.brdf, r.w_o, incident.direction * r.frame).rgb * incident.irradiance * cosine;
+}

@@ -1,0 +1,171 @@
+// How much of a light arrives at a point, by the shadow maps: percentage-closer filtering (Reeves et al. 1987), or a
+// verdict that leaves open what the maps cannot tell.
+//
+// Neither has a bias in metres. The filter moves the point off its surface by as much as its texels may lie below it;
+// it errs bright up to about three texels inside a shadow, and soft at its edge. The verdict compares with the plane of
+// the surface at each texel.
+#import "deferred/shadow/table.wgsl"
+
+@group(1) @binding(27) var shadow_atlas: texture_depth_2d;
+@group(1) @binding(28) var shadow_sampler: sampler_comparison;
+@group(1) @binding(29) var gather_sampler: sampler;
+
+// The filter blends texel centres up to 1.5 texels to each side of the point; the rest is for their rounding, chosen.
+const FILTER_REACH: f32 = 1.6;
+// Of the depth: rounding of float32 in the projection and of the interpolation by rasterisation. Chosen.
+const DEPTH_ROUNDING: f32 = 4e-6;
+// Within this share of a texel's width, and of the change of depth across it, a texel shows the point's own plane; from
+// that many on, something else. Chosen.
+const OWN_PLANE: f32 = 0.1;
+const CLEAR_OF_PLANE: f32 = 1.0;
+// Cosine below which a surface is too steep for its texels.
+const GRAZING: f32 = 0.01;
+
+// Returns the face of a cube that a vector points through: +X -X +Y -Y +Z -Z.
+fn cube_face(v: vec3f) -> u32 {
+    let a = abs(v);
+    if (a.x >= a.y && a.x >= a.z) {
+        return select(1u, 0u, v.x >= 0.0);
+    }
+    if (a.y >= a.z) {
+        return select(3u, 2u, v.y >= 0.0);
+    }
+    return select(5u, 4u, v.z >= 0.0);
+}
+
+// Compiled out where there is none.
+override HAS_LAMPS: bool = true;   // points, spots, samples of emitters
+override HAS_SUNS: bool = true;
+override HAS_CUT_OUTS: bool = true;  // alpha-masked surfaces
+
+// Returns the view of a light, one of `count`, that holds a point, `offset` from the light.
+fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f) -> u32 {
+    if (HAS_SUNS && light.kind == DIRECT_SUN) {
+        var view = light.first_view;
+        for (var left = light.view_count; left > 1u; left -= 1u) {
+            let v = load_view(view, count);
+            let place = v.centre + vec2f(dot(v.right, position), -dot(v.up, position)) / v.texel;
+            // The lift takes a point up to 1.42 times the filter's reach aside.
+            let from_middle = place - v.corner - 0.5 * v.size;
+            if (all(abs(from_middle) <= 0.5 * v.size - 2.5 * FILTER_REACH)) {
+                break;
+            }
+            view += 1u;
+        }
+        return view;
+    }
+    if (!HAS_LAMPS || (light.kind == DIRECT_SPOT && light.view_count == 1u)) {
+        return light.first_view;
+    }
+    if (light.kind == DIRECT_POINT) {
+        return light.first_view + cube_face(offset);
+    }
+    // Faces of a frame along its normal: +Z +X -X +Y -Y -Z.
+    let face = cube_face(offset * frame_from_normal(light.direction));
+    return light.first_view + select(select(face + 1u, 0u, face == 4u), 5u, face == 5u);
+}
+
+// A point as a view sees it.
+struct Projected {
+    texel: vec2f,      // place in the atlas
+    depth: f32,        // reversed
+    along: f32,        // distance from the light along the axis, metres; of a sun 1
+    unit: f32,         // a texel's width there as a difference of depth
+}
+
+fn project(view: ShadowLookup, is_sun: bool, position: vec3f, offset: vec3f) -> Projected {
+    let q = select(offset, position, is_sun);
+    let distance = dot(view.forward, q);
+    // What lies behind a lamp's view gets no light from it.
+    let along = select(max(distance, 1e-30), 1.0, is_sun);
+    let place = vec2f(dot(view.right, q), -dot(view.up, q)) / (along * view.texel);
+    let depth = select(view.depth_scale / along, view.depth_offset + view.depth_scale * distance, is_sun);
+    let unit = view.texel * select(depth, -view.depth_scale, is_sun);
+    let texel = clamp(view.centre + place, view.corner + 1.0, view.corner + view.size - 1.0);
+    return Projected(texel, depth, along, unit);
+}
+
+// Returns how the filter moves a point off its surface: along the texels a plane comes nearer to the light by as much as
+// its normal leans towards them.
+fn shadow_lift(view: ShadowLookup, is_sun: bool, offset: vec3f, normal: vec3f, to_light: vec3f) -> vec3f {
+    let along = select(dot(view.forward, offset), 1.0, is_sun);
+    let lean = abs(dot(normal, view.right)) + abs(dot(normal, view.up));
+    return normal * (select(-FILTER_REACH, FILTER_REACH, dot(normal, to_light) >= 0.0) * view.texel * along * lean);
+}
+
+// Returns how far along `to_light` occluders may stand that the filter misses for its bias, metres: up to where the way
+// to the light is as high above the surface as the point was lifted.
+fn shadow_bias(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
+    let offset = position - light.position;
+    let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
+    let view = load_view(shadow_view_at(light, count, position, offset), count);
+    let lift = shadow_lift(view, is_sun, offset, normal, to_light);
+    return length(lift) / max(abs(dot(normal, to_light)), GRAZING);
+}
+
+// Returns the share of the filter that sees the light, 0 to 1. `normal` is geometric and `to_light` unit.
+fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
+    let offset = position - light.position;
+    let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
+    let view = load_view(shadow_view_at(light, count, position, offset), count);
+    let lift = shadow_lift(view, is_sun, offset, normal, to_light);
+    let p = project(view, is_sun, position + lift, offset + lift);
+    let depth = p.depth + select(p.depth, 1.0, is_sun) * DEPTH_ROUNDING;
+    let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
+    var lit = 0.0;
+    lit += textureSampleCompareLevel(shadow_atlas, shadow_sampler, (p.texel + vec2f(-0.5, -0.5)) * scale, depth);
+    lit += textureSampleCompareLevel(shadow_atlas, shadow_sampler, (p.texel + vec2f(0.5, -0.5)) * scale, depth);
+    lit += textureSampleCompareLevel(shadow_atlas, shadow_sampler, (p.texel + vec2f(-0.5, 0.5)) * scale, depth);
+    lit += textureSampleCompareLevel(shadow_atlas, shadow_sampler, (p.texel + vec2f(0.5, 0.5)) * scale, depth);
+    return lit * 0.25;
+}
+
+// Returns the least and the greatest depth of the 2x2 texels from `corner` on, over the plane of the point.
+fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec2f {
+    // Gathered are the texels (0, 1), (1, 1), (1, 0), (0, 0).
+    let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
+    let depths = textureGather(shadow_atlas, gather_sampler, (corner + 1.0) * scale);
+    let from_point = corner + 0.5 - p.texel;
+    let above = depths - p.depth - slope.x * (from_point.x + vec4f(0.0, 1.0, 1.0, 0.0))
+        - slope.y * (from_point.y + vec4f(1.0, 1.0, 0.0, 0.0));
+    return vec2f(min(min(above.x, above.y), min(above.z, above.w)), max(max(above.x, above.y), max(above.z, above.w)));
+}
+
+const UNDECIDED: f32 = -1.0;
+
+// Returns 1 if the 2x2 texels around the point all show its own plane, 0 if all of them show something well before it,
+// else UNDECIDED: a shadow's edge, a contact, or geometry finer than the texels. Cut-outs, such as leaves, are often so
+// fine that 4x4 texels are asked.
+//
+// Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
+// lamp near / (q . forward) = near (n_x q_x / q_z + n_y q_y / q_z + n_z) / k.
+fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
+    let offset = position - light.position;
+    let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
+    let view = load_view(shadow_view_at(light, count, position, offset), count);
+    let p = project(view, is_sun, position, offset);
+    let n = vec2f(dot(normal, view.right), -dot(normal, view.up));
+    let across = select(dot(normal, offset), -dot(normal, view.forward), is_sun);
+    // Of a surface seen edge-on this is infinite, and the verdict open.
+    let slope = n * (view.texel * view.depth_scale / across);
+    let steep = p.unit + abs(slope.x) + abs(slope.y);
+    let rounding = select(p.depth, 1.0, is_sun) * DEPTH_ROUNDING;
+    let own = OWN_PLANE * steep + rounding;
+    let clear = CLEAR_OF_PLANE * steep + rounding;
+
+    let corner = floor(p.texel - 0.5);
+    var above: vec2f;
+    if (HAS_CUT_OUTS) {
+        let a = depths_above(p, slope, corner + vec2f(-1.0, -1.0));
+        let b = depths_above(p, slope, corner + vec2f(1.0, -1.0));
+        let c = depths_above(p, slope, corner + vec2f(-1.0, 1.0));
+        let d = depths_above(p, slope, corner + vec2f(1.0, 1.0));
+        above = vec2f(min(min(a.x, b.x), min(c.x, d.x)), max(max(a.y, b.y), max(c.y, d.y)));
+    } else {
+        above = depths_above(p, slope, corner);
+    }
+    let is_own = above.x >= -own && above.y <= own;
+    let is_clear = above.x > clear;
+    let is_steep = abs(dot(normal, to_light)) < GRAZING;
+    return select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_steep);
+}

@@ -1,0 +1,23 @@
+// One fragment of an alpha-masked surface leaves its depth in a shadow view unless it is cut out: bilinear alpha below
+// the material's cutoff.
+#import "deferred/shadow/vertices.wgsl"
+
+struct Varyings {
+    @builtin(position) clip: vec4f,
+    @location(0) texcoords: vec4f,
+    @location(1) alpha: f32,
+    @location(2) @interpolate(flat) material: u32,
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) slot: u32) -> Varyings {
+    let mask = mask_of_vertex(index, raster_vertices[index].w);
+    return Varyings(shadow_vertex(index, slot), mask.texcoords, mask.alpha, mask.material);
+}
+
+@fragment
+fn fragment(in: Varyings) {
+    if (is_open(Mask(in.texcoords, in.alpha, in.material))) {
+        discard;
+    }
+}

@@ -1,4 +1,0 @@
-// The G-buffer for passes that do not read the scene itself.
-#import "gbuffer/read.wgsl"
-
-override HAS_COATS: bool = true;  // compiled out where every material is pure Lambert

@@ -1,0 +1,18 @@
+// One invocation sums up the light of its class' VPLs for four pixels by their imperfect shadow maps.
+//
+// In: G-buffer, VPLs, maps. Out: irradiance, W/m2, and what coats reflect. Errs as the maps do.
+#import "many_light/gather/gather.wgsl"
+#import "shared/gbuffer/load.wgsl"
+#import "many_light/ism/lookup.wgsl"
+
+fn visibility(slot: u32, vpl: Vpl, at: Four) -> vec4f {
+    let map = vpl_map(slot, vpl);
+    return vec4f(
+        map_visibility(map, at.a.position, at.a.normal), map_visibility(map, at.b.position, at.b.normal),
+        map_visibility(map, at.c.position, at.c.normal), map_visibility(map, at.d.position, at.d.normal));
+}
+
+@compute @workgroup_size(GROUP_X, GROUP_Y)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
+    gather(group, thread, 0u, words_per_class());
+}

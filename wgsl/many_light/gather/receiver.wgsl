@@ -1,0 +1,34 @@
+// The surface that a pixel shows, as light from VPLs meets it.
+#import "shared/gbuffer/read.wgsl"
+#import "shared/denoise/plane.wgsl"
+#import "many_light/gather/near.wgsl"
+
+struct Receiver {
+    position: vec3f,
+    normal: vec3f,   // shading, towards the viewer; zero: there is nothing to light
+    depth: f32,      // as `shared/denoise/plane.wgsl` has it; 0 with the normal
+    brdf: Brdf,
+    to_eye: vec3f,
+    reach: f32,      // of the near field, metres
+}
+
+// The pixels of a thread.
+struct Four {
+    a: Receiver,
+    b: Receiver,
+    c: Receiver,
+    d: Receiver,
+}
+
+fn load_receiver(pixel: vec2u) -> Receiver {
+    // Beyond the picture: the last pixel, whose result is dropped.
+    let inside = min(pixel, view.size - 1u);
+    let surface = load_surface(inside);
+    let seen = load_distance(inside);
+    let lit = seen > 0.0 && (surface.flags & GBUFFER_UNLIT) == 0u;
+    let ray = pixel_ray(inside);
+    return Receiver(
+        ray.origin + ray.direction * seen, select(vec3f(0.0), surface.normal, lit),
+        select(0.0, plane_depth(ray, seen), lit), gbuffer_brdf(surface), -ray.direction,
+        reach_at(ray, seen, NEAR_REACH));
+}

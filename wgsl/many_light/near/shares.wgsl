@@ -1,0 +1,48 @@
+// One invocation finds how much of a VPL's light the near field is to give: 1 if the picture shows its surface, less
+// towards the picture's border, as `reach.wgsl` has it, 0 where it does not.
+//
+// In: VPLs, G-buffer. Out: that share for each slot, in rows as the table's. Errs at silhouettes, by a pixel.
+#import "many_light/vpl/table.wgsl"
+#import "shared/gbuffer/load.wgsl"
+#import "ssdo/reach.wgsl"
+
+@group(1) @binding(11) var near_shares: texture_storage_2d<r32float, write>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    count: u32,  // of VPLs
+}
+
+// A VPL lies on what a pixel shows if it is off its plane by no more widths of a pixel than this, and off its point by
+// no more than that. Chosen.
+const OFF_PLANE: f32 = 1.0;
+const OFF_POINT: f32 = 16.0;
+// and if the cosine of the normals is above this: curved surfaces turn within a pixel. Chosen.
+const FACING: f32 = 0.5;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let slot = id.x;
+    if (slot >= params.count) {
+        return;
+    }
+    let vpl = load_vpl(slot);
+    let clip = view.clip_from_world * vec4f(vpl.position, 1.0);
+    let size = vec2f(view.size);
+    let place = (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * size;
+    let inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < size);
+    let pixel = vec2u(select(vec2f(0.0), place, inside));
+    let seen = load_distance(pixel);
+    let surface = load_surface(pixel);
+    let ray = pixel_ray(pixel);
+    let way = vpl.position - (ray.origin + ray.direction * seen);
+    let faces = dot(surface.geometric_normal, ray.direction) < 0.0;
+    let normal = select(-surface.geometric_normal, surface.geometric_normal, faces);
+    let depth = select(seen * dot(ray.direction, view.forward), 1.0, view.orthographic != 0u);
+    let width = 2.0 * length(view.up) * depth / size.y;
+    let same = abs(dot(way, normal)) <= OFF_PLANE * width && length(way) <= OFF_POINT * width
+        && dot(vpl.normal, normal) >= FACING;
+    let lit = seen > 0.0 && (surface.flags & GBUFFER_UNLIT) == 0u;
+    let share = select(0.0, share_inside(vec2f(pixel) + 0.5, size), inside && lit && same);
+    textureStore(near_shares, vpl_texel(slot), vec4f(share));
+}

@@ -1,0 +1,59 @@
+// One invocation finds what a texel of a reflective shadow map sees (Dachsbacher and Stamminger 2005, "Reflective Shadow
+// Maps"): position, normal and the flux that is reflected there, W.
+//
+// Departure: the texels' rays go through the scene's hierarchy instead of a rasterisation for each view, because few
+// texels are needed. So a point light has one map instead of six, and every texel of a light stands for an equal solid
+// angle, or for an equal area across a sun's rays: flux = power in the texel * reflectance. The numbers of texels run
+// along a Hilbert curve over the map, so that neighbours in the list are neighbours on the map.
+#import "many_light/rsm/layout.wgsl"
+#import "scene/sequence.wgsl"
+#import "scene/lights.wgsl"
+#import "many_light/vpl/reflect.wgsl"
+
+@group(1) @binding(11) var<storage, read> rsm_lights: array<RsmLight>;  // in the order of `lights`
+@group(1) @binding(12) var<storage, read_write> rsm: array<vec4u>;      // packed as virtual point lights
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    texels: u32,
+    jitter: u32,  // 1: through a random point of each texel, else through its centre
+    seed: u32,
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let texel = id.x;
+    if (texel >= params.texels) {
+        return;
+    }
+    var low = 0u;
+    var high = arrayLength(&rsm_lights) - 1u;
+    while (low < high) {
+        let middle = (low + high + 1u) / 2u;
+        if (rsm_lights[middle].first <= texel) {
+            low = middle;
+        } else {
+            high = middle - 1u;
+        }
+    }
+    let map = rsm_lights[low];
+    let light = lights[low];
+    let random = sobol_2d(sequence.index, hash2(texel, params.seed));
+    let inside = select(vec2f(0.5), random, params.jitter != 0u);
+    let uv = (vec2f(texel_of_number(texel - map.first, map.level)) + inside) / f32(1u << map.level);
+    let texels = f32(1u << (2u * map.level));
+    let sent = sample_ray_of(light, 0.0, uv, uv);
+    let hit = trace(sent.ray, FLOAT_MAX);
+    if (hit.triangle == NONE || max3(sent.flux) <= 0.0) {
+        rsm[2u * texel] = vec4u(0u);
+        rsm[2u * texel + 1u] = vec4u(0u);
+        return;
+    }
+    let s = surface_at(hit, sent.ray.direction);
+    let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
+    let falloff = select(1.0 / (hit.distance * hit.distance), 1.0, sent.parallel);
+    let area = 1.0 / max(texels * sent.ray_density * cosine * falloff, 1e-30);
+    let v = reflect_flux(s, sent.ray.direction, sent.flux * (light.probability / texels), area);
+    rsm[2u * texel] = pack_vpl_place(v);
+    rsm[2u * texel + 1u] = pack_vpl_light(v);
+}

@@ -1,0 +1,30 @@
+// One invocation counts the virtual point lights that a pixel goes through: those of its class in its tile's list.
+#import "many_light/gather/classes.wgsl"
+#import "many_light/gather/clusters.wgsl"
+#import "shared/gbuffer/load.wgsl"
+#import "scene/sequence.wgsl"
+
+@group(1) @binding(11) var<storage, read> lists: array<u32>;
+@group(1) @binding(12) var<storage, read_write> picture: array<vec4f>;
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let pixel = id.xy;
+    if (any(pixel >= view.size)) {
+        return;
+    }
+    let seen = load_distance(pixel);
+    var count = 0u;
+    if (seen > 0.0) {
+        let tile = tile_of(pixel, view.size);
+        var cluster = tile;
+        if (SLICES > 1u) {
+            cluster = tile * SLICES + slice_of(Slicing(lists[2u * tile], lists[2u * tile + 1u]), seen);
+        }
+        let first = first_list(view.size) + (cluster * class_count() + class_of(pixel, sequence.index)) * words_per_class();
+        for (var word = 0u; word < words_per_class(); word += 1u) {
+            count += countOneBits(lists[first + word]);
+        }
+    }
+    picture[pixel.y * view.size.x + pixel.x] = vec4f(vec3f(f32(count)), 1.0);
+}

@@ -1,0 +1,29 @@
+// One invocation draws a virtual point light into the picture, as a square of 3 pixels a side: its flux, W. Lights
+// behind surfaces are drawn, too; of several in one place, any.
+#import "scene/info.wgsl"
+#import "many_light/vpl/table.wgsl"
+
+override VPLS: u32 = 1024u;
+
+@group(1) @binding(11) var<storage, read_write> picture: array<vec4f>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (id.x >= VPLS) {
+        return;
+    }
+    let v = load_vpl(id.x);
+    let clip = view.clip_from_world * vec4f(v.position, 1.0);
+    if (clip.w <= 0.0 || any(abs(clip.xy) > vec2f(clip.w))) {
+        return;
+    }
+    let pixel = vec2i((clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view.size));
+    for (var y = -1; y <= 1; y += 1) {
+        for (var x = -1; x <= 1; x += 1) {
+            let at = pixel + vec2i(x, y);
+            if (all(at >= vec2i(0)) && all(at < vec2i(view.size))) {
+                picture[u32(at.y) * view.size.x + u32(at.x)] = vec4f(v.flux, 1.0);
+            }
+        }
+    }
+}

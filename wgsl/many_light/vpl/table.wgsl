@@ -1,0 +1,15 @@
+// The table of virtual point lights as passes read it.
+#import "many_light/vpl/vpl.wgsl"
+
+// Texels in rows of VPL_TABLE_WIDTH, 2 for each.
+@group(1) @binding(40) var vpl_table: texture_storage_2d<rgba32uint, read>;
+
+const VPL_TABLE_WIDTH: u32 = 2048u;
+
+fn vpl_texel(index: u32) -> vec2u {
+    return vec2u(index % VPL_TABLE_WIDTH, index / VPL_TABLE_WIDTH);
+}
+
+fn load_vpl(slot: u32) -> Vpl {
+    return unpack_vpl(textureLoad(vpl_table, vpl_texel(2u * slot)), textureLoad(vpl_table, vpl_texel(2u * slot + 1u)));
+}

@@ -1,0 +1,168 @@
+// One invocation averages the light of four neighbours in a row (or a column) over their own ones: the two passes
+// together remove the pattern of interleaved gathering.
+//
+// Weights are a tent of half-width n, which sums to the same over each class of pixels n apart, so that on flat
+// surfaces nothing of an n-periodic pattern is left; beyond the picture's border taps wrap back by n, which keeps that
+// true. Across edges they are cut off by the distance from the tangent plane and by the angle of normals. In: light W/m2
+// with depth, what coats reflect, G-buffer. Out: the same, and in the last pass the radiance reflected, W/(m2 sr). Errs
+// blurry where light changes within n pixels, and leaves some of the pattern beside edges.
+#import "shared/denoise/plane.wgsl"
+#import "shared/gbuffer/load.wgsl"
+#import "common/coat.wgsl"
+#import "scene/sequence.wgsl"
+
+override RADIUS: u32 = 4u;     // n; 1 is no blur
+override VERTICAL: bool = false;
+override LAST: bool = false;   // out: radiance
+override GUIDED: bool = false; // there are moments
+override SHARES: bool = false; // the light is a share, from 0 to 1
+override STRIDE: u32 = 1u;     // pixels from one of the grid that is blurred to the next
+override RATIO: bool = false;  // out: light over `glossy`
+
+@group(1) @binding(11) var<storage, read> light: array<vec4f>;
+@group(1) @binding(12) var<storage, read> normals: array<u32>;
+@group(1) @binding(13) var<storage, read_write> blurred: array<vec4f>;
+@group(1) @binding(14) var<storage, read> glossy: array<vec4f>;
+@group(1) @binding(15) var<storage, read_write> blurred_glossy: array<vec4f>;
+@group(1) @binding(16) var<storage, read> moments: array<vec2f>;  // of luminance, over the frames so far
+
+// A neighbour counts nothing if it lies off the tangent plane by this share of RADIUS, in widths of a pixel: surfaces
+// that bend by 14 degrees stay together. Chosen: narrower ones leave more noise in a single frame of Sponza, wider ones
+// more light of neighbours at edges.
+const OFF_PLANE: f32 = 0.25;
+// or if the cosine of the normals is below 1 minus the inverse of this: 37 degrees, as the thesis has it.
+const PER_NORMAL: f32 = 5.0;
+
+// From this frame of a still picture on, neighbours whose mean light differs by more than noise count nothing, either:
+// by so many standard errors of both. Chosen, see `declare_denoise`.
+const GUIDED_FROM: u32 = 2u;
+const STANDARD_ERRORS: f32 = 2.5;
+
+struct Center {
+    normal: vec3f,
+    depth: f32,
+    plane: Plane,
+    guide: vec2f,
+}
+
+// Returns the mean light of a pixel and the variance of that mean.
+fn load_guide(index: u32) -> vec2f {
+    if (!GUIDED) {
+        return vec2f(0.0);
+    }
+    let m = moments[index];
+    let samples = f32(sequence.index + 1u);
+    // Few samples of what is seen or hidden may all be alike by chance: two more may move their mean by 2 / samples.
+    let unknown = select(0.0, 4.0 / (samples * samples), SHARES);
+    return vec2f(m.x, max(m.y - m.x * m.x, 0.0) / samples + unknown);
+}
+
+fn grid_size() -> vec2u {
+    return (view.size + STRIDE - 1u) / STRIDE;
+}
+
+fn load_center(pixel: vec2u) -> Center {
+    let inside = min(pixel, grid_size() - 1u);
+    let index = inside.y * grid_size().x + inside.x;
+    let normal = unpack_view_normal(normals[index]);
+    let depth = light[index].w;
+    return Center(normal, depth, tangent_plane(inside * STRIDE, depth, normal), load_guide(index));
+}
+
+fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
+    if (any(pixel >= grid_size())) {
+        return;
+    }
+    // The pixel itself counts with a weight close to 1, if there is something to light.
+    let inverse = 1.0 / max(sum.w, 0.5);
+    let color = sum.rgb * inverse;
+    let index = pixel.y * grid_size().x + pixel.x;
+    let coat = shine * inverse;
+    if (LAST) {
+        let surface = load_surface(pixel);
+        let brdf = gbuffer_brdf(surface);
+        var radiance = color * brdf.diffuse * INV_PI;
+        if (HAS_COATS) {
+            radiance += coat * coat_tint(brdf, surface.normal, -pixel_ray(pixel).direction);
+        }
+        blurred[index] = vec4f(radiance, 1.0);
+    } else if (RATIO) {
+        blurred[index] = vec4f(select(vec3f(0.0), color / max(coat, vec3f(1e-37)), coat > vec3f(0.0)), depth);
+    } else {
+        blurred[index] = vec4f(color, depth);
+        if (HAS_COATS) {
+            blurred_glossy[index] = vec4f(coat, 1.0);
+        }
+    }
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let step = select(vec2u(1u, 0u), vec2u(0u, 1u), VERTICAL);
+    let first = id.xy * (1u + 3u * step);
+    if (any(first >= grid_size())) {
+        return;
+    }
+    let a = load_center(first);
+    let b = load_center(first + step);
+    let c = load_center(first + 2u * step);
+    let d = load_center(first + 3u * step);
+    // Scaled so that both are 1 where a neighbour counts nothing.
+    let normal = transpose(mat4x3f(a.normal, b.normal, c.normal, d.normal)) * PER_NORMAL;
+    let depth = vec4f(a.depth, b.depth, c.depth, d.depth);
+    let per_pixel = 1.0 / (OFF_PLANE * f32(RADIUS * STRIDE));
+    let factor = vec4f(a.plane.factor, b.plane.factor, c.plane.factor, d.plane.factor) * per_pixel;
+    let at = vec4f(a.plane.at, b.plane.at, c.plane.at, d.plane.at) * per_pixel;
+    let across = transpose(mat4x2f(a.plane.across, b.plane.across, c.plane.across, d.plane.across));
+    let slope = select(across[0], across[1], VERTICAL) * (per_pixel * f32(STRIDE));
+
+    let guide_mean = vec4f(a.guide.x, b.guide.x, c.guide.x, d.guide.x);
+    let guide_variance = vec4f(a.guide.y, b.guide.y, c.guide.y, d.guide.y);
+
+    let side = i32(RADIUS);
+    let start = i32(dot(first, step));
+    let end = i32(dot(grid_size(), step));
+    var sum = mat4x4f();
+    var shine = mat3x4f();
+    for (var k = 1 - side; k < 4 + side - 1; k += 1) {
+        let place = start + k;
+        let wrapped = place + select(0, side, place < 0) - select(0, side, place >= end);
+        // A picture smaller than the tent has no such pixel.
+        let inside = clamp(wrapped, 0, end - 1);
+        let pixel = first - step * u32(start) + step * u32(inside);
+        let index = pixel.y * grid_size().x + pixel.x;
+        let tap = light[index];
+        let tap_normal = unpack_view_normal(normals[index]);
+        let off = abs(f32(k) - vec4f(0.0, 1.0, 2.0, 3.0));
+        let tent = max(1.0 - off / f32(RADIUS), vec4f(0.0));
+        let away = f32(wrapped - start) - vec4f(0.0, 1.0, 2.0, 3.0);
+        let off_plane = at + slope * away - factor * tap.w;
+        let off_normal = PER_NORMAL - (normal[0] * tap_normal.x + normal[1] * tap_normal.y + normal[2] * tap_normal.z);
+        let kept = max(1.0 - off_plane * off_plane - off_normal * off_normal, vec4f(0.0));
+        let lit = vec4<bool>((tap.w > 0.0) & (inside == wrapped)) & (depth > vec4f(0.0));
+        var weight = tent * select(vec4f(0.0), kept, lit);
+        if (GUIDED) {
+            let tap_guide = load_guide(index);
+            let apart = guide_mean - tap_guide.x;
+            let noise = (guide_variance + tap_guide.y) * (STANDARD_ERRORS * STANDARD_ERRORS);
+            let alike = max(1.0 - apart * apart / max(noise, vec4f(1e-37)), vec4f(0.0));
+            weight *= select(alike, vec4f(1.0), sequence.index < GUIDED_FROM);
+        }
+        sum[0] += tap.r * weight;
+        sum[1] += tap.g * weight;
+        sum[2] += tap.b * weight;
+        sum[3] += weight;
+        if (HAS_COATS) {
+            let coat = glossy[index];
+            shine[0] += coat.r * weight;
+            shine[1] += coat.g * weight;
+            shine[2] += coat.b * weight;
+        }
+    }
+    let sums = transpose(sum);
+    let shines = transpose(shine);
+    store(first, sums[0], shines[0], a.depth);
+    store(first + step, sums[1], shines[1], b.depth);
+    store(first + 2u * step, sums[2], shines[2], c.depth);
+    store(first + 3u * step, sums[3], shines[3], d.depth);
+}

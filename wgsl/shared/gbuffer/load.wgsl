@@ -1,0 +1,4 @@
+// The G-buffer for passes that do not read the scene itself.
+#import "shared/gbuffer/read.wgsl"
+
+override HAS_COATS: bool = true;  // compiled out where every material is pure Lambert

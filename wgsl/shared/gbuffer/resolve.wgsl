@@ -1,0 +1,40 @@
+// One invocation turns the triangle that a pixel shows into its surface, as the path tracer sees it.
+//
+// In: visibility. Out: the packed surface; distance along the pixel's ray in metres, 0 where nothing is seen; emission,
+// the radiance in W/(m2 sr) that the surface shines towards the eye. Pixels that show nothing are left alone.
+#import "shared/gbuffer/tiles.wgsl"
+#import "shared/gbuffer/seen.wgsl"
+#import "shared/gbuffer/surface.wgsl"
+
+@group(1) @binding(11) var<storage, read_write> surfaces: array<vec4u>;
+@group(1) @binding(12) var<storage, read_write> emission: array<vec4f>;
+@group(1) @binding(13) var distance: texture_storage_2d<r32float, write>;
+
+// Some surface shines or is unlit; else emission is left alone, too, and was cleared before.
+override HAS_EMISSION: bool = true;
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
+    let pixel = pixel_of_tile(group, thread, view.size);
+    if (any(pixel >= view.size)) {
+        return;
+    }
+    let seen = load_visibility(pixel);
+    if (seen.x == NONE) {
+        return;
+    }
+    let index = pixel.y * view.size.x + pixel.x;
+    let ray = pixel_ray(pixel);
+    let triangle = load_triangle(seen.x);
+    let hit = hit_on_triangle(ray, triangle, seen.x, seen.y);
+    let s = surface_on(triangle, hit, ray.direction);
+    let unlit = HAS_EMISSION && (s.flags & UNLIT) != 0u;
+    let flags = select(0u, GBUFFER_UNLIT, unlit) | select(0u, GBUFFER_COATED, HAS_COATS && (s.flags & COATED) != 0u);
+    surfaces[index] = pack_gbuffer(
+        GbufferSurface(s.normal, s.geometric_normal, s.base_color, s.metallic, s.roughness, flags));
+    if (HAS_EMISSION) {
+        emission[index] = vec4f(select(s.emission, s.base_color, unlit), 1.0);
+    }
+    // Above 0, which says that nothing is seen.
+    textureStore(distance, pixel, vec4f(max(hit.distance, 1e-37)));
+}

@@ -1,0 +1,17 @@
+// The tiles of 8x8 pixels that show some surface: passes over them leave out the sky altogether.
+#import "shared/gbuffer/tile_row.wgsl"
+
+@group(1) @binding(34) var<storage, read> seen_tiles: array<u32>;
+// x, y, z workgroups, a row of tiles at most TILE_ROW long; number of tiles.
+@group(1) @binding(35) var<storage, read> tile_groups: array<u32>;
+
+// Returns the pixel of a thread of such a pass; beyond the picture where there is none.
+fn pixel_of_tile(group: vec3u, thread: vec3u, size: vec2u) -> vec2u {
+    let number = group.y * TILE_ROW + group.x;
+    if (number >= tile_groups[3]) {
+        return size;
+    }
+    let columns = (size.x + 7u) / 8u;
+    let tile = seen_tiles[number];
+    return vec2u(tile % columns, tile / columns) * 8u + thread.xy;
+}

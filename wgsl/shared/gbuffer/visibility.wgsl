@@ -1,0 +1,59 @@
+// One fragment tells which triangle a pixel shows; depth testing keeps the nearest.
+//
+// Out: triangle and instance (NONE: the mesh lies in the world's tree) plus 1, so that 0 is nothing; depth reversed,
+// near / view depth. With PEEL, only what lies behind `nearer` counts: the next layer of depth peeling (Everitt 2001).
+#import "shared/gbuffer/vertices.wgsl"
+
+override PEEL: bool = false;
+
+@group(1) @binding(11) var nearer: texture_2d<f32>;
+
+fn is_nearer(clip: vec4f) -> bool {
+    if (!PEEL) {
+        return false;
+    }
+    return clip.z >= textureLoad(nearer, vec2i(clip.xy), 0).r;
+}
+
+struct Varyings {
+    @builtin(position) clip: vec4f,
+    @location(0) @interpolate(flat) ids: vec2u,  // triangle, instance
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) slot: u32) -> Varyings {
+    let v = raster_vertex(index, slot);
+    return Varyings(view.clip_from_world * vec4f(v.position, 1.0), vec2u(v.triangle, v.instance));
+}
+
+@fragment
+fn fragment(in: Varyings) -> @location(0) vec2u {
+    if (is_nearer(in.clip)) {
+        discard;
+    }
+    return in.ids + 1u;
+}
+
+struct MaskedVaryings {
+    @builtin(position) clip: vec4f,
+    @location(0) @interpolate(flat) ids: vec3u,  // triangle, instance, material
+    @location(1) texcoords: vec4f,
+    @location(2) alpha: f32,
+}
+
+@vertex
+fn vertex_masked(@builtin(vertex_index) index: u32, @builtin(instance_index) slot: u32) -> MaskedVaryings {
+    let v = raster_vertex(index, slot);
+    let mask = mask_of_vertex(index, v.triangle);
+    return MaskedVaryings(
+        view.clip_from_world * vec4f(v.position, 1.0), vec3u(v.triangle, v.instance, mask.material), mask.texcoords,
+        mask.alpha);
+}
+
+@fragment
+fn fragment_masked(in: MaskedVaryings) -> @location(0) vec2u {
+    if (is_nearer(in.clip) || is_open(Mask(in.texcoords, in.alpha, in.ids.z))) {
+        discard;
+    }
+    return in.ids.xy + 1u;
+}
