@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wgpu_gi as gi
-from wgpu_gi.frame import PathSettings
+from wgpu_gi.techniques.reference import PathSettings
 from wgpu_gi.options import Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.shapes import sphere

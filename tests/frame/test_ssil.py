@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.medley import at
 from helpers.techniques import SCENES, make_settings
-from wgpu_gi.techniques.ssil.ssil.ssil import MOST_BOUNCES
+from wgpu_gi.techniques.ssil.ssil import MOST_BOUNCES
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.camera import Camera

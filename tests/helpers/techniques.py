@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from wgpu_gi.techniques.ssil.ssil.ssil import SsilSettings
+from wgpu_gi.techniques.ssil.ssil import SsilSettings
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
