@@ -20,7 +20,7 @@ from wgpu_gi.techniques.shared import culling
 from wgpu_gi.techniques.shared.culling import visible
 from wgpu_gi.techniques.shared.gbuffer import declare_gbuffer
 from wgpu_gi.techniques.shared.scene_inputs import share_scene
-from wgpu_gi.upload import draws as draws_module
+from wgpu_gi.upload import draw_list
 from wgpu_gi.upload.scene_upload import SceneUpload
 
 SIZE = (160, 90)
@@ -294,9 +294,9 @@ CROWD_VIEWS = {
 @pytest.fixture
 def small_clusters(monkeypatch):
     """Clusters and gaps so small that the scenes here have many."""
-    monkeypatch.setattr(draws_module, "CLUSTER", 40)
-    monkeypatch.setattr(draws_module, "MANY_INSTANCES", 4)
-    monkeypatch.setattr(draws_module, "SMALL_GAP", 45)
+    monkeypatch.setattr(draw_list, "CLUSTER", 40)
+    monkeypatch.setattr(draw_list, "MANY_INSTANCES", 4)
+    monkeypatch.setattr(draw_list, "SMALL_GAP", 45)
 
 
 def draw_everything(monkeypatch):

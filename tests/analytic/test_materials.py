@@ -9,7 +9,7 @@ import pytest
 from helpers.gltf_brdf import gltf_brdf
 from helpers.pictures import assert_mean, looking, shoot
 
-from wgpu_gi.pictures.image import linear_from_srgb
+from wgpu_gi.pictures.color import linear_from_srgb
 from wgpu_gi.scene.built_in.scenes import matte, plates, plates_form_factor
 from wgpu_gi.scene.built_in.shapes import grid, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Instance, Material, Mesh, Scene, Texture

@@ -9,12 +9,12 @@ from helpers.medley import at, medley
 from wgpu_gi import renderer as renderer_module
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.techniques.reference import PathSettings
 from wgpu_gi.options import MAX_PIXELS, MAX_SIDE, TECHNIQUES, CameraSettings, Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in import scenes as builtin
 from wgpu_gi.scene.built_in.shapes import box, grid
 from wgpu_gi.scene.scene import DirectionalLight, Instance, Scene
+from wgpu_gi.techniques.reference import PathSettings
 
 SIZE = (48, 27)
 SHOWN = ("radiance", "display")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import wgpu_gi as gi
-from wgpu_gi.techniques.reference import PathSettings
 from wgpu_gi.options import Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.shapes import sphere
+from wgpu_gi.techniques.reference import PathSettings
 
 
 def bright_cave() -> gi.Scene:

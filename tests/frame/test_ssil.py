@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from helpers.medley import at
 from helpers.techniques import SCENES, make_settings
-from wgpu_gi.techniques.ssil.ssil import MOST_BOUNCES
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.settings import assign
+from wgpu_gi.techniques.ssil.ssil import MOST_BOUNCES
 
 SHOW = ("radiance",)
 SURFELS = {"ssil/first", "ssil/vote_1", "ssil/vote_3"}

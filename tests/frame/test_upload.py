@@ -8,7 +8,6 @@ from helpers.memory import resident
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.techniques.reference import PathSettings
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.options import CameraSettings, Settings
 from wgpu_gi.renderer import Renderer
@@ -24,6 +23,7 @@ from wgpu_gi.scene.scene import (
     Scene,
     Texture,
 )
+from wgpu_gi.techniques.reference import PathSettings
 from wgpu_gi.upload.scene_upload import SceneUpload
 
 SIZE = (32, 18)

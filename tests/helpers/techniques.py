@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from wgpu_gi.techniques.ssil.ssil import SsilSettings
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
@@ -18,6 +17,7 @@ from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
 from wgpu_gi.techniques.many_light.ism import IsmSettings
 from wgpu_gi.techniques.many_light.rsm import RsmSettings
 from wgpu_gi.techniques.many_light.vpl import VplSettings
+from wgpu_gi.techniques.ssil.ssil import SsilSettings
 
 from .medley import medley
 from .pictures import moved, scaling

@@ -12,8 +12,8 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.scene.scene import Instance
 from wgpu_gi.techniques.shared import culling
 from wgpu_gi.techniques.shared.culling import CameraDraws, ViewCulling, visible
-from wgpu_gi.upload.draws import Clusters, Draws, build_draws
-from wgpu_gi.upload.hierarchy import NONE, Hierarchy
+from wgpu_gi.upload.draw_list import Clusters, DrawList, build_draw_list
+from wgpu_gi.upload.two_level_bvh import NONE, TwoLevelBvh
 
 VIEW = np.dtype([("clip_from_world", "<f4", (4, 4))])
 
@@ -96,9 +96,9 @@ def test_every_triangle_in_view_is_drawn(dtypes):
         scene.instances[i].world_from_local[:3, 3] = place - turned[:3, :3] @ np.full(3, 3000.0)
     scene.instances += [Instance(scene.instances[3].mesh, at(k, 0.2, -k)) for k in range(-20, 20)]
     materials = {id(m): k for k, m in enumerate({id(m): m for i in scene.instances for m in i.mesh.materials}.values())}
-    hierarchy = Hierarchy(dtypes)
+    hierarchy = TwoLevelBvh(dtypes)
     hierarchy.update(scene.instances, materials)
-    draws = build_draws(scene.instances, hierarchy, {})
+    draws = build_draw_list(scene.instances, hierarchy, {})
     matrices = hierarchy.instances["world_from_local"][:, :, :3]
     left_out = 0
     for camera in cameras(0.3):
@@ -139,7 +139,7 @@ def row_of_boxes(count=10):
     clusters = Clusters(boxes, runs, np.full(count, -1), count - 2, boxes)
     nothing = np.zeros(0, np.uint32)
     everything = ((0, 3000 * (count - 2), 0, 1),), ((3000 * (count - 2), 6000, 0, 1),)
-    return Draws(nothing, nothing, nothing, nothing, *everything, clusters)
+    return DrawList(nothing, nothing, nothing, nothing, *everything, clusters)
 
 
 class Recorder:

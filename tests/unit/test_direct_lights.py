@@ -9,7 +9,7 @@ import pytest
 from helpers.scene_dtypes import DTYPES
 
 from wgpu_gi.gpu.wgsl.load import load
-from wgpu_gi.pictures.image import linear_from_srgb
+from wgpu_gi.pictures.color import linear_from_srgb
 from wgpu_gi.scene.built_in.scenes import builtin_scene
 from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Image, Instance, Material, Mesh, PointLight, Scene, SpotLight, Texture
@@ -22,8 +22,8 @@ from wgpu_gi.upload.direct_lights import (
     build_direct_lights,
     lattice,
 )
-from wgpu_gi.upload.hierarchy import Hierarchy
-from wgpu_gi.upload.texture_lookup import look_up
+from wgpu_gi.upload.texture_sampling import sample_texture
+from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
 VIEWS = load("deferred/shadow/views.wgsl")
 DIRECT_LIGHT = VIEWS.struct_dtype("DirectLight")
@@ -31,7 +31,7 @@ DIRECT_LIGHT = VIEWS.struct_dtype("DirectLight")
 
 def lights_of(scene, samples=16, use_range=False, hierarchy=None):
     """Return the records, their positions in the world."""
-    hierarchy = hierarchy or Hierarchy(DTYPES)
+    hierarchy = hierarchy or TwoLevelBvh(DTYPES)
     hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(scene.materials)})
     records = build_direct_lights(scene, hierarchy, DIRECT_LIGHT, samples, use_range)
     assert records.dtype == DIRECT_LIGHT
@@ -200,7 +200,7 @@ def test_texture_lookup_is_bilinear_and_transformed():
     mesh.texcoords1 = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
     texture = Texture(Image(pixels), "repeat", "mirror", texcoord=1, offset=(0.3, 0.1), scale=(2, 3), rotation=0.5)
     weights = rng.dirichlet((1, 1, 1), 200)
-    got = look_up(texture, mesh, np.broadcast_to(mesh.triangles[0], (200, 3)), weights)
+    got = sample_texture(texture, mesh, np.broadcast_to(mesh.triangles[0], (200, 3)), weights)
     u, v = (weights @ mesh.texcoords1[mesh.triangles[0]] * (2, 3)).T
     sine, cosine = math.sin(0.5), math.cos(0.5)
     x, y = (cosine * u + sine * v + 0.3) * 5 - 0.5, (-sine * u + cosine * v + 0.1) * 3 - 0.5
@@ -283,7 +283,7 @@ def test_other_lights_keep_their_samples():
     one = lamp(0)
     others = [lamp(5, name="other"), Instance(lamp(8).mesh), Instance(one.mesh, np.diag([1.0, 1, 3, 1]))]
     scene = Scene([one, *others, lamp(-30, name="far")])
-    hierarchy = Hierarchy(DTYPES)
+    hierarchy = TwoLevelBvh(DTYPES)
     _, before = lights_of(scene, 40, hierarchy=hierarchy)
     one.world_from_local = np.eye(4)
     one.world_from_local[:3, 3] = (0.5, -1, 0.25)

@@ -10,13 +10,12 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures import image
+from wgpu_gi.pictures.color import linear_from_srgb, srgb_from_linear
 from wgpu_gi.pictures.image import (
     check_output,
     display_layer,
-    linear_from_srgb,
     load_image,
     save_image,
-    srgb_from_linear,
     tone_map,
 )
 

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from wgpu_gi.errors import GiError
+from wgpu_gi.pictures.color import linear_from_srgb
 from wgpu_gi.scene.files.mesh_files import load_mesh_file
 from wgpu_gi.scene.files.obj import read_mtl
-from wgpu_gi.scene.files.raw_mesh import srgb_to_linear
 
 SQUARE = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
 STL = """solid s
@@ -195,7 +195,7 @@ def test_vertex_and_face_colours(tmp_path):
     uchar = "".join(f"property uchar {c}\n" for c in ("red", "green", "blue"))
     rows = "".join(f"{row} 255 0 128\n" for row in SQUARE.split("\n")[:4])
     mesh = load_mesh_file(write(tmp_path, "c.ply", ply(rows, properties=uchar))).meshes[0]
-    np.testing.assert_allclose(mesh.colors[0], [1, 0, srgb_to_linear(np.array(128 / 255)), 1], rtol=1e-6)
+    np.testing.assert_allclose(mesh.colors[0], [1, 0, linear_from_srgb(np.array(128 / 255)), 1], rtol=1e-6)
     assert mesh.materials[0].base_color == (1, 1, 1, 1)
 
     floats = uchar.replace("uchar", "float")
@@ -209,7 +209,7 @@ def test_vertex_and_face_colours(tmp_path):
 
     text = obj("v 0 0 0 1 0 0.5", "v 1 0 0 1 0 0.5", "v 1 1 0 1 0 0.5", "f 1 2 3")
     mesh = load_mesh_file(write(tmp_path, "c.obj", text)).meshes[0]
-    np.testing.assert_allclose(mesh.colors[0], [1, 0, srgb_to_linear(np.array(0.5)), 1], rtol=1e-6)
+    np.testing.assert_allclose(mesh.colors[0], [1, 0, linear_from_srgb(np.array(0.5)), 1], rtol=1e-6)
 
 
 def test_degenerate_triangles_are_left_out_with_a_note(tmp_path):

@@ -5,7 +5,6 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.measure.metrics import (
-    REC709_LUMINANCE,
     Errors,
     bias,
     display_scale,
@@ -18,7 +17,7 @@ from wgpu_gi.measure.metrics import (
     relative_error,
     relmse,
 )
-from wgpu_gi.pictures.image import srgb_from_linear
+from wgpu_gi.pictures.color import REC709_LUMINANCE, srgb_from_linear
 
 TRUTH = np.random.default_rng(1).random((8, 9, 3)) + 0.1
 

@@ -7,13 +7,13 @@ import pytest
 
 from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Instance, Mesh
-from wgpu_gi.upload.hierarchy import Hierarchy
 from wgpu_gi.upload.surface_samples import sample_surfaces
+from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
 
 def samples_of(dtypes, instances, **options):
     """Return points of the world, (n, 3)."""
-    hierarchy = Hierarchy(dtypes)
+    hierarchy = TwoLevelBvh(dtypes)
     materials = {id(m): 0 for i in instances for m in i.mesh.materials}
     hierarchy.update(instances, materials)
     points = sample_surfaces(instances, hierarchy, **options)

@@ -18,8 +18,9 @@ from string import Template
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pictures.image import Array, srgb_from_linear
-from .metrics import REC709_LUMINANCE, display_scale, in_color, relative_error
+from ..pictures.color import REC709_LUMINANCE, srgb_from_linear
+from ..pictures.image import Array
+from .metrics import display_scale, in_color, relative_error
 
 Colors = tuple[tuple[int, int, int], ...]
 

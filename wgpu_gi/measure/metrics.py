@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import GiError
+from ..pictures.color import REC709_LUMINANCE
 from ..pictures.image import Array
 
-REC709_LUMINANCE = (0.2126, 0.7152, 0.0722)
 MIDDLE_GREY = 0.18  # what the mean luminance of the truth becomes on display: the reflectance of a photographer's card
 MOST_REGIONS = 64  # chosen: more are a smooth-edged mask, or no mask at all
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import GiError
 from .atomic_file import atomic_file, check_writable
+from .color import linear_from_srgb, srgb_from_linear
 
 Array = NDArray[np.float32]
 
@@ -81,18 +82,6 @@ def load_image(path: str | Path, layer: str | None = None) -> Array:
     if layers[name].dtype.kind not in "biuf":
         raise GiError(f"{path}:{name} holds no numbers; name a layer that is a picture")
     return np.ascontiguousarray(layers[name], np.float32)
-
-
-def srgb_from_linear(linear: ArrayLike) -> Array:
-    """Encode linear [0, 1] as sRGB [0, 1] (IEC 61966-2-1, the exact piecewise curve); clamps what lies outside."""
-    x = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
-    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(x, 1 / 2.4) - 0.055).astype(np.float32)
-
-
-def linear_from_srgb(encoded: ArrayLike) -> Array:
-    """Decode sRGB [0, 1] to linear [0, 1], the inverse of `srgb_from_linear`."""
-    x = np.asarray(encoded, np.float32)
-    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def tone_map(linear: ArrayLike, exposure: float = 0.0) -> Array:

@@ -11,11 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
-from .emitters import LUMINANCE, EmittingPart, emitting_parts, join_records, light_direction, spot_falloff
-from .hierarchy import Hierarchy
+from .emitters import EmittingPart, emitting_parts
+from .light_table import join_records, light_direction, spot_falloff
 from .surface_samples import GOLDEN, R2
-from .texture_lookup import look_up
+from .texture_sampling import sample_texture
+from .two_level_bvh import TwoLevelBvh
 
 DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN, DIRECT_AREA = range(4)  # as wgsl/deferred/shadow/views.wgsl
 POINTS = 1 << 12  # on all emitters together, at least; chosen
@@ -48,7 +50,7 @@ class _Patch:
 
 
 def build_direct_lights(
-    scene: Scene, hierarchy: Hierarchy, dtype: np.dtype, samples: int, use_range: bool
+    scene: Scene, hierarchy: TwoLevelBvh, dtype: np.dtype, samples: int, use_range: bool
 ) -> NDArray[np.void]:
     """Return records of a scene's lights, whose hierarchy is up to date: DirectLight of deferred/shadow/views.wgsl.
 
@@ -87,7 +89,7 @@ def _punctual(light: Light, origin: NDArray[np.float64], dtype: np.dtype, use_ra
     return record
 
 
-def _patches(scene: Scene, hierarchy: Hierarchy, samples: int) -> list[list[_Patch]]:
+def _patches(scene: Scene, hierarchy: TwoLevelBvh, samples: int) -> list[list[_Patch]]:
     """Return the patches of each emissive material that shines."""
     parts: dict[Material, list[EmittingPart]] = {}
     for part in emitting_parts(scene.instances, hierarchy):
@@ -125,7 +127,7 @@ def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -
     points["normal"] = normals[triangle] / (2 * area[triangle, None])
     points["radiance"] = _radiance(part, part.vertices[triangle], weights)
     points["area"] = (area / np.maximum(counts, 1))[triangle]
-    points["power"] = points["radiance"] @ LUMINANCE * points["area"]
+    points["power"] = points["radiance"] @ REC709_LUMINANCE * points["area"]
 
     facing = _normals(local)
     axis = np.argmax(np.abs(facing) * PREFER_FIRST, axis=1)
@@ -152,13 +154,13 @@ def _radiance(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float64
     material = part.material
     radiance = np.broadcast_to(np.asarray(material.emission, np.float64), (len(vertices), 3))
     if material.emission_texture is not None:
-        radiance = radiance * look_up(material.emission_texture, part.mesh, vertices, weights)[:, :3]
+        radiance = radiance * sample_texture(material.emission_texture, part.mesh, vertices, weights)[:, :3]
     if material.alpha_mode == "mask":
         alpha = np.full(len(vertices), float(material.base_color[3]))
         if part.mesh.colors is not None:
             alpha *= np.einsum("nk,nk->n", weights, np.asarray(part.mesh.colors, np.float64)[vertices, 3])
         if material.base_color_texture is not None:
-            alpha *= look_up(material.base_color_texture, part.mesh, vertices, weights)[:, 3]
+            alpha *= sample_texture(material.base_color_texture, part.mesh, vertices, weights)[:, 3]
         radiance = radiance * (alpha >= material.alpha_cutoff)[:, None]
     return radiance
 
@@ -254,7 +256,7 @@ def _restore_power(records: NDArray[np.void], patches: list[_Patch]) -> NDArray[
     """Let a material's samples stand for its patches without one, too, and have its hue on average."""
     wanted = sum(patch.points["area"] @ patch.points["radiance"] for patch in patches)
     there = records["area"].astype(np.float64) @ records["color"]
-    scale = float(wanted @ LUMINANCE / (there @ LUMINANCE))
+    scale = float(wanted @ REC709_LUMINANCE / (there @ REC709_LUMINANCE))
     records["area"] *= scale
     records["color"] *= np.where(there > 0, wanted / np.where(there > 0, there * scale, 1.0), 1.0)
     return records

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ..gpu.wgsl.load import load
 from ..scene.scene import Image, Material, Texture
-from .atlas import Atlas, pack_atlas
-from .gpu_resources import GpuResources
+from .resources import GpuResources
+from .texture_atlas import Atlas, pack_atlas
 
 CONSTANTS = load("scene/materials.wgsl").constants
 DOUBLE_SIDED, UNLIT, TEXTURED, COATED = (

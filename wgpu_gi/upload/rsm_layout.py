@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .emitters import KIND_SUN
+from .light_table import KIND_SUN
 
 LEAST_LEVEL, MOST_LEVEL = 1, 8  # log2 of texels a side
 

@@ -18,17 +18,18 @@ from ..gpu.device import Device
 from ..gpu.wgsl.load import load
 from ..scene.check import check_camera, check_scene
 from ..scene.scene import Instance, Light, Material, Scene, Texture
-from .area_table import AreaTable
-from .atlas import MAX_PAGE
+from .area_cdf import AreaCdf
 from .direct_lights import build_direct_lights
-from .draws import Draws, RasterMesh, build_draws
-from .emitters import LightTable, build_light_table, environment_cdf
-from .gpu_resources import GpuResources
-from .hierarchy import Hierarchy
+from .draw_list import DrawList, RasterMesh, build_draw_list
+from .environment_cdf import environment_cdf
+from .light_table import LightTable, build_light_table
 from .materials import MaterialUpload
 from .mesh_data import MeshData
-from .solids import Solids
+from .resources import GpuResources
+from .solid_meshes import SolidMeshes
 from .surface_samples import sample_surfaces
+from .texture_atlas import MAX_PAGE
+from .two_level_bvh import TwoLevelBvh
 
 TABLES = ("nodes", "triangles", "vertices")  # are textures
 NEAR = 1e-9  # near plane over the scene's radius: of reversed float depth, it does not change the relative precision
@@ -54,7 +55,7 @@ class SceneUpload:
         shader = load("scene/lights.wgsl")
         self._dtypes = {name: shader.struct_dtype(struct) for name, struct in STRUCTS.items()}
         self._view_dtype = shader.struct_dtype("View")
-        self._hierarchy = Hierarchy(self._dtypes)
+        self._hierarchy = TwoLevelBvh(self._dtypes)
         self._environment: tuple[Any, Any] = (None, None)
         self._table: LightTable | None = None
         self._sources: object = None
@@ -66,9 +67,9 @@ class SceneUpload:
         self._direct: tuple[object, NDArray] = (None, np.zeros(0))
         self._before: list[tuple[Instance, NDArray[np.float64]]] = []  # where each was at the last call for motion
         self._samples: tuple[int, NDArray[np.float64]] | None = None
-        self.solids = Solids()
+        self.solids = SolidMeshes()
         self._solid_key: tuple[int, str] | None = None
-        self.draws: Draws | None = None
+        self.draws: DrawList | None = None
         self.resources = GpuResources(device.gpu, int(device.limits["max-storage-buffer-binding-size"]))
         self._materials = MaterialUpload(self.resources, self._dtypes["materials"], diffuse)
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))
@@ -139,11 +140,11 @@ class SceneUpload:
         }
         self._fill_info(scene, table.count, table.environment_pdf)
 
-    def update_draws(self, scene: Scene) -> Draws:
+    def update_draws(self, scene: Scene) -> DrawList:
         """Send what raster passes need, if it changed; call it after `update`."""
         if self._raster_stale or self.draws is None:
             scene = _without_empty(scene)
-            self.draws = build_draws(scene.instances, self._hierarchy, self._raster_meshes)
+            self.draws = build_draw_list(scene.instances, self._hierarchy, self._raster_meshes)
             for name in ("vertices", "sources", "indices", "slots"):
                 self.resources.buffer(f"raster_{name}", getattr(self.draws, name))
             self._raster_stale = False
@@ -165,7 +166,7 @@ class SceneUpload:
             self._samples = (self._geometry, sample_surfaces(_without_empty(scene).instances, self._hierarchy))
         return self._samples[1]
 
-    def update_areas(self, scene: Scene, table: AreaTable) -> None:
+    def update_areas(self, scene: Scene, table: AreaCdf) -> None:
         """Bring a table of areas up to date; call it after `update`."""
         table.update(_without_empty(scene).instances, self._hierarchy)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance
-from .hierarchy import Hierarchy
+from .two_level_bvh import TwoLevelBvh
 
 # Multiples of the golden ratio, modulo 1, spread evenly over the unit interval, those of R2 over the unit square:
 # 1 / g and 1 / g^2 with g^3 = g + 1 (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences").
@@ -14,7 +14,7 @@ GOLDEN = (5**0.5 - 1) / 2
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
 
-def sample_surfaces(instances: list[Instance], hierarchy: Hierarchy, count: int = 4096) -> NDArray[np.float64]:
+def sample_surfaces(instances: list[Instance], hierarchy: TwoLevelBvh, count: int = 4096) -> NDArray[np.float64]:
     """Return at most `count` points (n, 3) relative to the scene's origin, the same ones for the same scene.
 
     Half of them go by area, half equally to all instances, so that small things on large grounds have some, too.

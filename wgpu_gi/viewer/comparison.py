@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import GiError
 from ..measure.metrics import Errors, measure
-from ..pictures.image import srgb_from_linear
+from ..pictures.color import srgb_from_linear
 from ..renderer import Renderer
 from .session import DISPLAY, Interrupted, Session
 

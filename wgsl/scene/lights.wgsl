@@ -1,6 +1,6 @@
 // All light sources as one list to draw from, with densities for multiple importance sampling.
 //
-// A light is drawn in proportion to its power, as `scene/emitters.py` tabulates it. A constant environment is not in
+// A light is drawn in proportion to its power, as `upload/light_table.py` tabulates it. A constant environment is not in
 // the list: rays that follow the BRDF find it at least as well.
 #import "scene/surface.wgsl"
 #import "scene/environment_sampling.wgsl"

@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
+from ...pictures.color import linear_from_srgb
 from ..scene import Scene
 from .obj import read_obj
-from .raw_mesh import RawMesh, fans, scene_from_raw, srgb_to_linear
+from .raw_mesh import RawMesh, fans, scene_from_raw
 from .read import read_file
 
 MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off")
@@ -151,7 +152,7 @@ def _linear_colors(colors: NDArray | None) -> NDArray[np.float64] | None:
         return None
     if colors.dtype.kind in "ui":
         unit = colors / float(np.iinfo(colors.dtype).max)
-        rgb, alpha = srgb_to_linear(unit[:, :3]), unit[:, 3:]
+        rgb, alpha = linear_from_srgb(unit[:, :3]), unit[:, 3:]
     else:
         rgb, alpha = colors[:, :3].astype(np.float64), colors[:, 3:]
     return np.concatenate([rgb, alpha, np.ones((len(rgb), 1))], axis=1)[:, :4]

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
+from ...pictures.color import linear_from_srgb
 from ..scene import Image, Material, Texture
-from .raw_mesh import RawMesh, clay, default_material, fans, srgb_to_linear
+from .raw_mesh import RawMesh, clay, default_material, fans
 from .read import path_inside, read_file
 
 # An 8192 x 8192 picture, the largest texture that WebGPU promises; decoded it takes 256 MiB.
@@ -119,7 +120,7 @@ def _positions(path: Path, lines: list[str]) -> tuple[NDArray[np.float64], NDArr
     if not lines or any(len(line.split()) < 6 for line in lines):
         return positions, None
     colors = np.ones((len(lines), 4))
-    colors[:, :3] = srgb_to_linear(_numbers(path, lines, 3, 6, "v"))
+    colors[:, :3] = linear_from_srgb(_numbers(path, lines, 3, 6, "v"))
     return positions, colors
 
 

@@ -31,12 +31,6 @@ class RawMesh:
     colors: NDArray[np.float64] | None = None
 
 
-def srgb_to_linear(value: NDArray) -> NDArray[np.float64]:
-    """Decode sRGB values in [0, 1] exactly (IEC 61966-2-1)."""
-    v = np.clip(np.asarray(value, np.float64), 0.0, 1.0)
-    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
-
-
 def fans(ids: NDArray[np.int64], corner_counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Cut polygons into fans about their first corner; return triangles (m, 3) and the face of each (m,)."""
     triangles_per_face = np.maximum(corner_counts - 2, 0)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...errors import GiError
 from ...gpu.graph import Graph
 from ...gpu.handles import Texture
-from ...upload.draws import Draws
+from ...upload.draw_list import DrawList
 from ..shared.culling import ViewCulling
 from ..shared.scene_inputs import SceneInputs
 
@@ -22,7 +22,7 @@ Viewport = tuple[float, ...]  # x, y, width, height; least and greatest depth
 Call = tuple[int, ...]  # of draw_indexed
 
 
-def slot_bits(draws: Draws) -> int:
+def slot_bits(draws: DrawList) -> int:
     """Return how many bits of an instance number hold its slot; in steps of four, so that pipelines stay the same."""
     return -(-(len(draws.slots) - 1).bit_length() // 4) * 4
 
@@ -34,7 +34,7 @@ class ShadowDraws:
         self.culling = ViewCulling()
         self._calls: dict[bool, list[tuple[Viewport, list[Call]]]] = {}
 
-    def update(self, views: NDArray[np.void], draws: Draws) -> None:
+    def update(self, views: NDArray[np.void], draws: DrawList) -> None:
         """Take other views, another scene or other places of it; what each view sees is found when it is drawn.
 
         Raises GiError for more views than instance numbers leave room for.

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...gpu.wgsl.load import load
+from ...pictures.color import REC709_LUMINANCE
 from ...settings import setting
 from ...upload.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN
-from ...upload.emitters import LUMINANCE
 from .shadow_atlas import SMALLEST, fit_sides, place
 from .shadow_sun import SunMap, fit_scene, fit_view, sun_axes, sun_matrix
 
@@ -210,7 +210,7 @@ def _importance(lights: NDArray[np.void], probes: NDArray[np.float64], radius: f
     intensity = np.select([kind == DIRECT_SPOT, kind == DIRECT_AREA], [cone, disc], 1.0)
     in_range = squared * lights["inverse_range"][:, None].astype(np.float64) ** 2 < 1
     arriving = np.where(kind == DIRECT_SUN, 1.0, intensity * in_range / squared).mean(1)
-    irradiance = arriving * (lights["color"] @ LUMINANCE)
+    irradiance = arriving * (lights["color"] @ REC709_LUMINANCE)
     return np.maximum(irradiance, 1e-9 * irradiance.max(initial=0.0) + 1e-300)
 
 

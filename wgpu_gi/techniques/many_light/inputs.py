@@ -7,7 +7,7 @@ from dataclasses import replace
 from ...gpu.graph import Graph
 from ...gpu.wgsl.load import load
 from ...scene.scene import Scene
-from ...upload.area_table import AreaTable
+from ...upload.area_cdf import AreaCdf
 from ...upload.rsm_layout import rsm_layout
 from ...upload.scene_upload import SceneUpload
 from ..shared.scene_inputs import SceneInputs, VplInputs
@@ -20,7 +20,7 @@ class ManyLightInputs:
     """Keeps them up to date with a scene; one for each renderer."""
 
     def __init__(self) -> None:
-        self._table = AreaTable(load("many_light/points/sample.wgsl").struct_dtype("AreaInstance"))
+        self._table = AreaCdf(load("many_light/points/sample.wgsl").struct_dtype("AreaInstance"))
         self._rsm_light = load("many_light/rsm/trace.wgsl").struct_dtype("RsmLight")
         self._texels = 0
         self._geometry = -1

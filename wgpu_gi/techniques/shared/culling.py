@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...gpu.handles import Uniform
-from ...upload.draws import Draws, Run
+from ...upload.draw_list import DrawCall, DrawList
 from ...upload.scene_upload import SceneUpload
 
 SLACK = 4e-6  # of the terms of a sum: several times what rounding takes here and in shaders, which have at most ten
@@ -62,12 +62,12 @@ class ViewCulling:
 
     def __init__(self) -> None:
         self.views: NDArray = np.zeros(0)
-        self.draws: Draws | None = None
+        self.draws: DrawList | None = None
         self._boxes: NDArray[np.float32] = np.zeros((0, 2, 3), np.float32)
         self._shown: NDArray[np.bool_] | None = None
-        self._runs: dict[bool, list[list[Run]]] = {}
+        self._runs: dict[bool, list[list[DrawCall]]] = {}
 
-    def update(self, views: NDArray[np.void], draws: Draws) -> bool:
+    def update(self, views: NDArray[np.void], draws: DrawList) -> bool:
         """Take the views, and the scene with its places; return whether anything is new."""
         boxes = draws.clusters.boxes
         same = draws is self.draws and (boxes is self._boxes or np.array_equal(boxes, self._boxes))
@@ -76,7 +76,7 @@ class ViewCulling:
         self.views, self.draws, self._boxes, self._shown, self._runs = views, draws, boxes, None, {}
         return True
 
-    def runs(self, masked: bool) -> list[list[Run]]:
+    def runs(self, masked: bool) -> list[list[DrawCall]]:
         """Return the runs for each view, opaque or alpha-masked."""
         assert self.draws is not None
         if masked not in self._runs:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from ...gpu.graph import Graph
 from ...gpu.handles import Shared
 from ...gpu.wgsl.load import load
-from ...upload.draws import Draws
+from ...upload.draw_list import DrawList
 from ...upload.scene_upload import SceneUpload
 
 SURFACE_INPUTS = ("materials", "atlas_srgb", "atlas_linear", "nodes", "triangles", "vertices", "instances")
@@ -69,7 +69,7 @@ class SceneInputs:
     features: dict[str, bool]
     raster: dict[str, Shared]
     raster_indices: Shared | None
-    draws: Draws | None
+    draws: DrawList | None
     upload: SceneUpload  # what all this comes from; its draws and their places may change under a declaration
     direct: DirectInputs | None = None
     vpl: VplInputs | None = None  # of many-light

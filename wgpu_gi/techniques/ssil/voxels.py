@@ -16,7 +16,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
 from ...settings import setting
-from ...upload.solids import CHOICES
+from ...upload.solid_meshes import CHOICES
 from ..shared.scene_inputs import SceneInputs
 from .levels import Levels
 

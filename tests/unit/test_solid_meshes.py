@@ -8,7 +8,7 @@ import pytest
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Mesh
-from wgpu_gi.upload.solids import is_closed, is_thick
+from wgpu_gi.upload.solid_meshes import is_thick, is_watertight
 
 
 def without(mesh: Mesh, triangle: int) -> Mesh:
@@ -18,19 +18,19 @@ def without(mesh: Mesh, triangle: int) -> Mesh:
 @pytest.mark.parametrize("mesh", [box((0, 0, 0), (1, 2, 3), matte(0.5)), sphere((0, 1, 0), 0.5)])
 def test_boxes_and_spheres_are_closed(mesh):
     """Also where corners have a vertex for each face."""
-    assert is_closed(mesh)
-    assert not is_closed(without(mesh, 3))
+    assert is_watertight(mesh)
+    assert not is_watertight(without(mesh, 3))
 
 
 @pytest.mark.parametrize("mesh", [quad((0, 0, 0), (1, 0, 0), (0, 1, 0), matte(0.5)), grid(2.0, 4)])
 def test_sheets_are_open(mesh):
-    assert not is_closed(mesh)
+    assert not is_watertight(mesh)
 
 
 def test_two_sheets_back_to_back_are_closed():
     """A line meets both or none."""
     positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
-    assert is_closed(Mesh(positions, np.array([(0, 1, 2), (0, 2, 1)], np.uint32)))
+    assert is_watertight(Mesh(positions, np.array([(0, 1, 2), (0, 2, 1)], np.uint32)))
 
 
 @pytest.mark.parametrize(("depth", "expected"), [(2.0, True), (0.1, True), (0.02, False), (0.0, False)])
@@ -48,4 +48,4 @@ def test_signed_zeros_are_one_place():
     positions = mesh.positions.copy()
     rows = np.arange(len(positions)) % 2 == 0
     positions[rows] = np.where(positions[rows] == 0, np.float32(-0.0), positions[rows])
-    assert is_closed(Mesh(positions, mesh.triangles))
+    assert is_watertight(Mesh(positions, mesh.triangles))

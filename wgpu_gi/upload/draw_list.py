@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance
-from .hierarchy import NONE, Hierarchy, Placement
 from .mesh_data import MASKED, MeshData
+from .two_level_bvh import NONE, Placement, TwoLevelBvh
 
 CLUSTER = 512  # triangles that are culled together; chosen
 MANY_INSTANCES = 8  # meshes with more instances are culled whole; chosen
 ROUNDING = 5e-7  # of sums of four terms in float32, and of boxes
 SMALL_GAP = 64  # hidden triangles that take about as long as another draw call; on llvmpipe 70 do
 
-Run = tuple[int, int, int, int]  # first index, indices, first instance slot, instances
+DrawCall = tuple[int, int, int, int]  # first index, indices, first instance slot, instances
 
 
 @dataclass
@@ -34,7 +34,7 @@ class RasterMesh:
 
 
 @dataclass
-class Draws:
+class DrawList:
     """The arrays, and the runs of the index buffer that show everything, opaque and alpha-masked.
 
     vertices (n, 4) uint32: position as float bits (world if baked, else local) and triangle. sources (n,) uint32: the
@@ -46,11 +46,11 @@ class Draws:
     sources: NDArray[np.uint32]
     indices: NDArray[np.uint32]
     slots: NDArray[np.uint32]
-    opaque: tuple[Run, ...] = ()
-    masked: tuple[Run, ...] = ()
+    opaque: tuple[DrawCall, ...] = ()
+    masked: tuple[DrawCall, ...] = ()
     clusters: Clusters = field(default_factory=lambda: Clusters())
 
-    def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[Run]:
+    def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[DrawCall]:
         """Return runs that show the clusters that `shown` (c,) selects; see `Clusters.visible`."""
         if shown.all():
             return list(self.masked if masked else self.opaque)
@@ -85,10 +85,10 @@ class Clusters:
         reach += ROUNDING * (np.einsum("ci,cij->cj", largest, np.abs(m[:, :3])) + np.abs(m[:, 3]))
         self.boxes[placed] = np.stack([middle - reach, middle + reach], 1)
 
-    def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[Run]:
+    def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[DrawCall]:
         """Return the runs of the clusters that `shown` (c,) selects, joined, small gaps between them filled."""
         part = slice(self.opaque_count, None) if masked else slice(self.opaque_count)
-        return join_runs(self.runs[part][fill_gaps(shown[part], self.runs[part, 1])])
+        return merge_draw_calls(self.runs[part][fill_gaps(shown[part], self.runs[part, 1])])
 
 
 def fill_gaps(shown: NDArray[np.bool_], indices: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -104,7 +104,7 @@ def fill_gaps(shown: NDArray[np.bool_], indices: NDArray[np.int64]) -> NDArray[n
     return shown | (np.cumsum(change) > 0)
 
 
-def join_runs(runs: NDArray[np.int64]) -> list[Run]:
+def merge_draw_calls(runs: NDArray[np.int64]) -> list[DrawCall]:
     """Join runs of which each goes on where the one before ends, in the same instance; then instances of the same."""
     if not len(runs):
         return []
@@ -124,7 +124,7 @@ def _starts(goes_on: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.concatenate([[0], np.flatnonzero(~goes_on) + 1])
 
 
-def own_first_vertices(triangles: NDArray[np.uint32], vertex_count: int) -> RasterMesh:
+def assign_provoking_vertices(triangles: NDArray[np.uint32], vertex_count: int) -> RasterMesh:
     """Give each triangle (m, 3) a first vertex that is no other's."""
     triangles = triangles.astype(np.int64)
     owner = np.full(vertex_count, -1, np.int64)
@@ -145,15 +145,17 @@ def own_first_vertices(triangles: NDArray[np.uint32], vertex_count: int) -> Rast
     return RasterMesh(source, np.concatenate([owner, without]), corners)
 
 
-def build_draws(instances: list[Instance], hierarchy: Hierarchy, known: MutableMapping[MeshData, RasterMesh]) -> Draws:
+def build_draw_list(
+    instances: list[Instance], hierarchy: TwoLevelBvh, known: MutableMapping[MeshData, RasterMesh]
+) -> DrawList:
     """Lay out the scene for drawing; `known` keeps what has been made of each MeshData."""
     parts = [_Part(place, known) for place in hierarchy.placements()]
     slots = _assign_slots(parts, instances)
     vertices, sources = _lay_out_vertices(parts, hierarchy, instances)
     indices, runs, clusters = _lay_out_indices(parts, hierarchy, slots)
     clusters.place(hierarchy.instances["world_from_local"])
-    opaque, masked = (tuple(join_runs(np.array(runs[key], np.int64).reshape(-1, 4))) for key in (False, True))
-    return Draws(vertices, sources, indices, slots.astype(np.uint32), opaque, masked, clusters)
+    opaque, masked = (tuple(merge_draw_calls(np.array(runs[key], np.int64).reshape(-1, 4))) for key in (False, True))
+    return DrawList(vertices, sources, indices, slots.astype(np.uint32), opaque, masked, clusters)
 
 
 def _assign_slots(parts: list[_Part], instances: list[Instance]) -> NDArray[np.int64]:
@@ -170,7 +172,7 @@ def _assign_slots(parts: list[_Part], instances: list[Instance]) -> NDArray[np.i
 
 
 def _lay_out_vertices(
-    parts: list[_Part], hierarchy: Hierarchy, instances: list[Instance]
+    parts: list[_Part], hierarchy: TwoLevelBvh, instances: list[Instance]
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     """Give each part its first vertex; return the vertices and sources of all."""
     if not parts:
@@ -187,11 +189,11 @@ def _lay_out_vertices(
 
 
 def _lay_out_indices(
-    parts: list[_Part], hierarchy: Hierarchy, slots: NDArray[np.int64]
-) -> tuple[NDArray[np.uint32], dict[bool, list[Run]], Clusters]:
+    parts: list[_Part], hierarchy: TwoLevelBvh, slots: NDArray[np.int64]
+) -> tuple[NDArray[np.uint32], dict[bool, list[DrawCall]], Clusters]:
     """Return the index buffer, its runs by whether they are masked, and their clusters, which have no place yet."""
     indices: list[NDArray[np.int64]] = []
-    runs: dict[bool, list[Run]] = {False: [], True: []}
+    runs: dict[bool, list[DrawCall]] = {False: [], True: []}
     boxes = [np.zeros((0, 2, 3), np.float32)]
     cluster_runs = [np.zeros((0, 4), np.int64)]
     first = opaque_clusters = 0
@@ -223,16 +225,16 @@ class _Part:
         self.place = place
         self.data: MeshData = place.data
         if self.data not in known:
-            known[self.data] = own_first_vertices(self.data.indices, len(self.data.vertices))
+            known[self.data] = assign_provoking_vertices(self.data.indices, len(self.data.vertices))
         self.raster = known[self.data]
         self.first_slot = self.first_vertex = 0
         self.users: list[int] = []
 
-    def masked(self, hierarchy: Hierarchy) -> NDArray[np.bool_]:
+    def masked(self, hierarchy: TwoLevelBvh) -> NDArray[np.bool_]:
         """Tell for each triangle whether it may be cut out."""
         return (hierarchy.triangles["flags"][self.place.triangles] & MASKED) != 0
 
-    def vertices(self, hierarchy: Hierarchy, instances: list[Instance]) -> NDArray[np.uint32]:
+    def vertices(self, hierarchy: TwoLevelBvh, instances: list[Instance]) -> NDArray[np.uint32]:
         """Return positions and triangle numbers."""
         positions = np.asarray(self.data.mesh.positions, np.float64)
         if self.place.baked is not None:
@@ -244,7 +246,7 @@ class _Part:
         return packed
 
     def clusters(
-        self, hierarchy: Hierarchy, chosen: NDArray[np.int64], first_index: int
+        self, hierarchy: TwoLevelBvh, chosen: NDArray[np.int64], first_index: int
     ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Return local boxes (c, 2, 3) and runs (c, 4) of the triangles `chosen`, whose indices begin there."""
         whole = len(self.users) > MANY_INSTANCES

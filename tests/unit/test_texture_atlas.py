@@ -7,8 +7,8 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.scene import Image
-from wgpu_gi.upload import atlas as atlas_module
-from wgpu_gi.upload.atlas import MAX_LAYERS, MAX_PAGE, MIN_PAGE, mean_linear_color, pack_atlas
+from wgpu_gi.upload import texture_atlas
+from wgpu_gi.upload.texture_atlas import MAX_LAYERS, MAX_PAGE, MIN_PAGE, mean_linear_color, pack_atlas
 
 
 def blank(width, height, name=""):
@@ -78,4 +78,4 @@ def test_mean_color_is_linear():
     pixels = np.zeros((2, 2, 4), np.uint8)
     pixels[0, :, 0], pixels[:, :, 1], pixels[0, 0, 2] = 255, 188, 10
     assert mean_linear_color(Image(pixels)) == pytest.approx([0.5, 0.50289, 10 / 255 / 12.92 / 4], rel=1e-4)
-    assert atlas_module.mean_linear_color(blank(3, 3)).tolist() == [0, 0, 0]
+    assert texture_atlas.mean_linear_color(blank(3, 3)).tolist() == [0, 0, 0]

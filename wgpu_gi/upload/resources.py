@@ -9,7 +9,7 @@ import wgpu
 from numpy.typing import NDArray
 
 from ..errors import GiError
-from .atlas import MAX_PAGE
+from .texture_atlas import MAX_PAGE
 
 TABLE_WIDTH = 4096  # texels of a table in a row (wgsl/scene/geometry.wgsl)
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import GiError
+from ..pictures.color import LINEAR_OF_CODE
 from ..scene.scene import Image
 
 MIN_PAGE = 256
@@ -66,8 +67,6 @@ _MEANS: WeakKeyDictionary[Image, NDArray[np.float64]] = WeakKeyDictionary()  # p
 def mean_linear_color(image: Image) -> NDArray[np.float64]:
     """Return the mean of an sRGB-coded picture's linear colour, (3,)."""
     if image not in _MEANS:
-        codes = np.arange(256) / 255.0
-        linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
         histograms = [np.bincount(image.pixels[..., c].ravel(), minlength=256) for c in range(3)]
-        _MEANS[image] = np.array([h @ linear for h in histograms]) / max(1, image.pixels[..., 0].size)
+        _MEANS[image] = np.array([h @ LINEAR_OF_CODE for h in histograms]) / max(1, image.pixels[..., 0].size)
     return _MEANS[image]

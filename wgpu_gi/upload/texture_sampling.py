@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pictures.image import linear_from_srgb
+from ..pictures.color import LINEAR_OF_CODE
 from ..scene.scene import Mesh, Texture, Wrap
 
 FARTHEST = 1.6e7  # texels from the corner; beyond 2^24 float32 coordinates have no fraction left
-_LINEAR = linear_from_srgb(np.arange(256) / 255.0).astype(np.float64)
 
 
-def look_up(texture: Texture, mesh: Mesh, vertices: NDArray, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def sample_texture(
+    texture: Texture, mesh: Mesh, vertices: NDArray, weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the colours (n, 4) of an sRGB-coded texture at points of a mesh, the first three of them linear.
 
     The points are given by `vertices` (n, 3) of the mesh and barycentric `weights` (n, 3). A mesh without texture
@@ -49,4 +50,4 @@ def _wrap(index: NDArray[np.int64], size: int, mode: Wrap) -> NDArray[np.int64]:
 
 
 def _decode(codes: NDArray[np.uint8]) -> NDArray[np.float64]:
-    return np.concatenate([_LINEAR[codes[:, :3]], codes[:, 3:] / 255.0], 1)
+    return np.concatenate([LINEAR_OF_CODE[codes[:, :3]], codes[:, 3:] / 255.0], 1)

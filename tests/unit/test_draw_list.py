@@ -11,10 +11,17 @@ from helpers.medley import at
 
 from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
-from wgpu_gi.upload import draws as draws_module
-from wgpu_gi.upload.draws import MANY_INSTANCES, SMALL_GAP, build_draws, fill_gaps, join_runs, own_first_vertices
-from wgpu_gi.upload.hierarchy import NONE, Hierarchy
+from wgpu_gi.upload import draw_list
+from wgpu_gi.upload.draw_list import (
+    MANY_INSTANCES,
+    SMALL_GAP,
+    assign_provoking_vertices,
+    build_draw_list,
+    fill_gaps,
+    merge_draw_calls,
+)
 from wgpu_gi.upload.mesh_data import MASKED
+from wgpu_gi.upload.two_level_bvh import NONE, TwoLevelBvh
 
 SLACK = 4e-6  # of the coordinates: how far rounding to float32 may take a triangle out of its box
 
@@ -25,7 +32,7 @@ SLACK = 4e-6  # of the coordinates: how far rounding to float32 may take a trian
 def check_first_vertices(triangles, vertex_count):
     """Each triangle's first vertex is its own, and each triangle is what it was, turned on at most."""
     triangles = np.asarray(triangles, np.uint32).reshape(-1, 3)
-    raster = own_first_vertices(triangles, vertex_count)
+    raster = assign_provoking_vertices(triangles, vertex_count)
     count = len(triangles)
     assert raster.source.shape == raster.owner.shape and raster.corners.shape == (count, 3)
     assert np.array_equal(raster.source[:vertex_count], np.arange(vertex_count))
@@ -177,9 +184,9 @@ def material_index(instances):
 
 
 def build(dtypes, instances):
-    hierarchy, known = Hierarchy(dtypes), {}
+    hierarchy, known = TwoLevelBvh(dtypes), {}
     hierarchy.update(instances, material_index(instances))
-    draws = build_draws(instances, hierarchy, known)
+    draws = build_draw_list(instances, hierarchy, known)
     check(draws, hierarchy, instances)
     return draws, hierarchy, known
 
@@ -192,7 +199,7 @@ def test_everything_is_drawn_once(dtypes):
     assert [slot for _, _, slot, _ in draws.masked].count(0) == 1
     assert [run[3] for run in draws.opaque] == [1, 2, 2] and [run[3] for run in draws.masked] == [1, 2]
     assert len(known) == len({id(i.mesh) for i in instances})
-    again = build_draws(instances, hierarchy, known)
+    again = build_draw_list(instances, hierarchy, known)
     for name in ("vertices", "sources", "indices", "slots"):
         assert np.array_equal(getattr(again, name), getattr(draws, name))
 
@@ -221,7 +228,7 @@ def test_degenerate_mesh(dtypes):
 
 
 def test_large_meshes_are_cut_into_clusters_and_many_instances_are_not(dtypes, monkeypatch):
-    monkeypatch.setattr(draws_module, "CLUSTER", 50)
+    monkeypatch.setattr(draw_list, "CLUSTER", 50)
     ball = sphere(subdivisions=2)  # 320 triangles
     for count, clusters in ((1, 7), (2, 14), (MANY_INSTANCES, 7 * MANY_INSTANCES), (MANY_INSTANCES + 1,) * 2):
         draws, _, _ = build(dtypes, [Instance(ball, at(3 * k)) for k in range(count)])
@@ -244,7 +251,7 @@ def test_clusters_go_with_their_instances(dtypes):
     # A mesh of the world's tree that moves is taken out of it.
     instances[0].world_from_local = at(1, -1)
     hierarchy.update(instances, material_index(instances))
-    draws = build_draws(instances, hierarchy, known)
+    draws = build_draw_list(instances, hierarchy, known)
     check(draws, hierarchy, instances)
     assert 0 in draws.slots
 
@@ -270,7 +277,7 @@ def test_materials_become_masked(dtypes):
     instances[0].mesh.materials[0].alpha_mode = "mask"
     hierarchy.update(instances, material_index(instances))
     assert "triangles" in hierarchy.changed
-    check(build_draws(instances, hierarchy, known), hierarchy, instances)
+    check(build_draw_list(instances, hierarchy, known), hierarchy, instances)
 
 
 def test_far_from_the_origin(dtypes):
@@ -287,18 +294,18 @@ def test_far_from_the_origin(dtypes):
 
 def test_adjoining_runs_are_joined():
     runs = np.array([(0, 6, 0, 1), (6, 3, 0, 1), (9, 3, 1, 1), (12, 3, 1, 1), (18, 3, 1, 1), (21, 3, 1, 2)])
-    assert join_runs(runs) == [(0, 9, 0, 1), (9, 6, 1, 1), (18, 3, 1, 1), (21, 3, 1, 2)]
-    assert join_runs(runs[:0]) == []
-    assert join_runs(runs[:1]) == [(0, 6, 0, 1)]
-    assert join_runs(runs[::-1]) == [tuple(run) for run in runs[::-1].tolist()]
+    assert merge_draw_calls(runs) == [(0, 9, 0, 1), (9, 6, 1, 1), (18, 3, 1, 1), (21, 3, 1, 2)]
+    assert merge_draw_calls(runs[:0]) == []
+    assert merge_draw_calls(runs[:1]) == [(0, 6, 0, 1)]
+    assert merge_draw_calls(runs[::-1]) == [tuple(run) for run in runs[::-1].tolist()]
 
 
 def test_runs_of_the_same_in_adjoining_instances_are_joined():
     whole = np.array([(0, 6, 1, 1), (0, 6, 2, 1), (0, 6, 3, 2), (0, 6, 6, 1), (6, 6, 7, 1), (6, 3, 8, 1)])
-    assert join_runs(whole) == [(0, 6, 1, 4), (0, 6, 6, 1), (6, 6, 7, 1), (6, 3, 8, 1)]
+    assert merge_draw_calls(whole) == [(0, 6, 1, 4), (0, 6, 6, 1), (6, 6, 7, 1), (6, 3, 8, 1)]
     # Of instances in clusters, those that are shown whole; triangles are drawn in the same order as before.
     parts = np.array([(0, 6, 1, 1), (6, 3, 1, 1), (0, 6, 2, 1), (6, 3, 2, 1), (6, 3, 3, 1)])
-    assert join_runs(parts) == [(0, 9, 1, 2), (6, 3, 3, 1)]
+    assert merge_draw_calls(parts) == [(0, 9, 1, 2), (6, 3, 3, 1)]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -311,7 +318,7 @@ def test_visible_clusters_draw_what_is_shown_in_order(dtypes, seed, monkeypatch)
         everything = drawn_by(draws, draws.masked if masked else draws.opaque)
         found = {}
         for gap in (0, 20, 10**6):
-            monkeypatch.setattr(draws_module, "SMALL_GAP", gap)
+            monkeypatch.setattr(draw_list, "SMALL_GAP", gap)
             runs = draws.visible(shown, masked)
             found[gap] = set(drawn_by(draws, runs))
             assert drawn_by(draws, runs) == [pair for pair in everything if pair in found[gap]]

@@ -16,14 +16,14 @@ PAD = 1 / 16
 
 
 @dataclass
-class NodeGrid:
+class QuantizationGrid:
     """Integer coordinates of node boxes, q = (x - low) * scale, 0..65535; `low` and `scale` have 32-bit values."""
 
     low: NDArray[np.float64]
     scale: NDArray[np.float64]
 
     @classmethod
-    def around(cls, bounds: NDArray) -> NodeGrid:
+    def around(cls, bounds: NDArray) -> QuantizationGrid:
         """Return a grid that spans `bounds` (2, 3) with a margin of about a step on either side."""
         low, high = np.asarray(bounds, np.float64)
         # A flat box gets a thickness, far below what can be seen of it; a single point, what float32 can tell apart.

@@ -11,10 +11,10 @@ from helpers.medley import at
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
-from wgpu_gi.upload import hierarchy as hierarchy_module
-from wgpu_gi.upload.hierarchy import INSTANCE_FLAG, NONE, Hierarchy
+from wgpu_gi.upload import two_level_bvh
 from wgpu_gi.upload.mesh_data import COLORED, HAS_TANGENTS, MASKED, SMOOTH, octahedral_encode, prepare_meshes
-from wgpu_gi.upload.node_grid import NodeGrid
+from wgpu_gi.upload.node_quantization import QuantizationGrid
+from wgpu_gi.upload.two_level_bvh import INSTANCE_FLAG, NONE, TwoLevelBvh
 
 LEAF = 1 << 31
 STACK_SIZE = 64  # of wgsl/scene/geometry.wgsl
@@ -128,7 +128,7 @@ def some_instances():
 
 
 def test_baked_and_entered_meshes(dtypes):
-    hierarchy, instances = Hierarchy(dtypes), some_instances()
+    hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     assert update(hierarchy, instances) == ALL
     baked = [hierarchy.placement(i.mesh).baked for i in instances]
     assert baked == [0, 1, None, None, None] and hierarchy.has_instances
@@ -140,7 +140,7 @@ def test_baked_and_entered_meshes(dtypes):
 def test_one_instance_alone(dtypes, scale):
     """A mesh alone, then as one of two, mirrored or not; of one leaf and of a tree."""
     for mesh in some_meshes()[:2]:
-        hierarchy = Hierarchy(dtypes)
+        hierarchy = TwoLevelBvh(dtypes)
         instance = Instance(mesh, at(3, 4, 5, scale, 0.4))
         update(hierarchy, [instance])
         assert hierarchy.placement(mesh).baked == 0 and not hierarchy.has_instances
@@ -149,13 +149,13 @@ def test_one_instance_alone(dtypes, scale):
 
 
 def test_the_same_instance_twice(dtypes):
-    hierarchy, instance = Hierarchy(dtypes), some_instances()[1]
+    hierarchy, instance = TwoLevelBvh(dtypes), some_instances()[1]
     update(hierarchy, [instance, instance])
     assert hierarchy.placement(instance.mesh).baked is None
 
 
 def test_moving_an_instance_changes_only_what_it_must(dtypes):
-    hierarchy, instances = Hierarchy(dtypes), some_instances()
+    hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, instances)
     origin = hierarchy.origin.copy()
     instances[1].world_from_local = at(0, 0, 2)
@@ -171,7 +171,7 @@ def test_moving_an_instance_changes_only_what_it_must(dtypes):
 
 
 def test_what_has_moved_stays_out_of_the_tree(dtypes):
-    hierarchy, instances = Hierarchy(dtypes), some_instances()
+    hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, instances)
     instances[1].world_from_local = at(0, 0, 2)
     update(hierarchy, instances)
@@ -181,7 +181,7 @@ def test_what_has_moved_stays_out_of_the_tree(dtypes):
 
 
 def test_instances_come_and_go(dtypes):
-    hierarchy, instances = Hierarchy(dtypes), some_instances()
+    hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, instances)
     data = hierarchy.placement(instances[2].mesh).data
     for removed in (3, 0, 2):
@@ -199,7 +199,7 @@ def test_instances_come_and_go(dtypes):
 
 
 def test_leaving_the_grid_and_coming_back(dtypes):
-    hierarchy, instances = Hierarchy(dtypes), some_instances()
+    hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, instances)
     here = instances[1].world_from_local = at(0, 0, 2)
     update(hierarchy, instances)
@@ -217,7 +217,7 @@ def test_leaving_the_grid_and_coming_back(dtypes):
 
 
 def test_slow_motion_outwards_rarely_spans_a_new_grid(dtypes):
-    hierarchy, instances = Hierarchy(dtypes), some_instances()
+    hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     grids = []
     for step in range(40):
         instances[1].world_from_local = at(4 + step / 4, 0, 2)
@@ -232,7 +232,7 @@ def test_a_scene_far_from_the_origin(dtypes, far):
     near, moved = some_instances(), some_instances()
     for instance in moved:
         instance.world_from_local = at(far, 2 * far, -far) @ instance.world_from_local
-    here, there = Hierarchy(dtypes), Hierarchy(dtypes)
+    here, there = TwoLevelBvh(dtypes), TwoLevelBvh(dtypes)
     update(here, near)
     update(there, moved)
     assert np.allclose(there.origin - here.origin, (far, 2 * far, -far), rtol=1e-12)
@@ -243,7 +243,7 @@ def test_a_scene_far_from_the_origin(dtypes, far):
 
 
 def test_a_scene_that_wanders_off_gets_a_new_origin(dtypes):
-    hierarchy, instances = Hierarchy(dtypes), some_instances()
+    hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, instances)
     first = hierarchy.triangles.copy()
     for offset in (1.0, 1e6, 0.0):
@@ -256,17 +256,17 @@ def test_a_scene_that_wanders_off_gets_a_new_origin(dtypes):
 
 
 def test_more_meshes_than_the_top_level_opens(dtypes, monkeypatch):
-    monkeypatch.setattr(hierarchy_module, "OPEN_UP_TO", 8)
+    monkeypatch.setattr(two_level_bvh, "OPEN_UP_TO", 8)
     for count in (2, 5, 20):
         instances = [Instance(sphere((3 * k, 0, 0), 1 + k % 3, 1)) for k in range(count)]
-        hierarchy = Hierarchy(dtypes)
+        hierarchy = TwoLevelBvh(dtypes)
         update(hierarchy, instances)
         assert hierarchy._subtrees is not None and len(hierarchy._subtrees[2]) == max(8, count)
 
 
 def test_a_large_mesh_is_opened_where_others_overlap_it(dtypes):
     ball = sphere(radius=10.0, subdivisions=3)
-    hierarchy, instances = Hierarchy(dtypes), [Instance(ball), Instance(box((0, 0, 0), (1, 1, 1)))]
+    hierarchy, instances = TwoLevelBvh(dtypes), [Instance(ball), Instance(box((0, 0, 0), (1, 1, 1)))]
     update(hierarchy, instances)
     assert hierarchy._subtrees is not None and len(hierarchy._subtrees[2]) > 100
 
@@ -274,7 +274,7 @@ def test_a_large_mesh_is_opened_where_others_overlap_it(dtypes):
 @pytest.mark.parametrize(("extent", "baked"), [(1e2, True), (1e5, False)])
 def test_a_mesh_too_fine_for_the_world_keeps_its_own_grid(dtypes, extent, baked):
     """Where a step of the world's grid is as large as its triangles, boxes would overlap thousandfold."""
-    hierarchy, ball = Hierarchy(dtypes), sphere(radius=1.0, subdivisions=4)
+    hierarchy, ball = TwoLevelBvh(dtypes), sphere(radius=1.0, subdivisions=4)
     floor = quad((-extent, 0, -extent), (0, 0, 2 * extent), (2 * extent, 0, 0))
     update(hierarchy, [Instance(floor), Instance(ball)])
     assert hierarchy.placement(floor).baked == 0
@@ -290,7 +290,7 @@ def test_worst_depth_of_both_levels_fits_the_stack(dtypes, shift):
     if shift:
         mesh.positions[:3] += 1  # not all of one size after rounding
     instances = [Instance(mesh, at(s, 0, 0, (s, s, s))) for s in 2.0 ** -np.arange(12.0)]
-    update(Hierarchy(dtypes), instances)
+    update(TwoLevelBvh(dtypes), instances)
 
 
 def test_flat_and_tiny_and_huge(dtypes):
@@ -298,16 +298,16 @@ def test_flat_and_tiny_and_huge(dtypes):
         instances = some_instances()
         for instance in instances:
             instance.world_from_local = at(0, 0, 0, (scale, scale, scale)) @ instance.world_from_local
-        update(Hierarchy(dtypes), instances)
+        update(TwoLevelBvh(dtypes), instances)
     floor = some_meshes()[0]
-    update(Hierarchy(dtypes), [Instance(floor, at(0, 7))])
-    update(Hierarchy(dtypes), [Instance(floor, at(0, 7)), Instance(floor, at(0, 7))])
+    update(TwoLevelBvh(dtypes), [Instance(floor, at(0, 7))])
+    update(TwoLevelBvh(dtypes), [Instance(floor, at(0, 7)), Instance(floor, at(0, 7))])
 
 
 def test_vertices_that_no_triangle_uses_count_for_nothing(dtypes):
     mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))
     mesh.positions = np.concatenate([mesh.positions, [[1e9, 0, 0]]]).astype(np.float32)
-    hierarchy = Hierarchy(dtypes)
+    hierarchy = TwoLevelBvh(dtypes)
     update(hierarchy, [Instance(mesh)])
     assert np.allclose(hierarchy.origin, (0.5, 0.5, 0))
 
@@ -317,7 +317,7 @@ def test_materials_are_numbered_without_laying_out_anew(dtypes):
     mesh = box((0, 0, 0), (1, 1, 1))
     mesh.materials, mesh.material_of_triangle = [red, leaf], np.arange(12, dtype=np.uint32) % 2
     other = quad((0, 0, 0), (0, 0, 1), (1, 0, 0), green)
-    instances, hierarchy = [Instance(other), Instance(mesh)], Hierarchy(dtypes)
+    instances, hierarchy = [Instance(other), Instance(mesh)], TwoLevelBvh(dtypes)
     update(hierarchy, instances)
 
     def fields(name):
@@ -398,7 +398,7 @@ def test_arrays_that_do_not_fit_together(dtypes, broken, message):
     mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), name="sail")
     for name, value in broken.items():
         setattr(mesh, name, value)
-    hierarchy, good = Hierarchy(dtypes), some_instances()
+    hierarchy, good = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, good)
     with pytest.raises(GiError, match=f"^mesh 'sail': .*{message}"):
         hierarchy.update([*good, Instance(mesh)], material_index([*good, Instance(mesh)]))
@@ -411,7 +411,7 @@ def test_grid_holds_its_bounds_whatever_they_are():
         for offset in (0, 1, 1e3, 1e6):
             low = (rng.normal(size=3) + rng.normal(size=3) * offset) * 10.0**exponent
             bounds = np.stack([low, low + rng.choice([0, 1, 1e-3], 3) * 10.0**exponent])
-            grid = NodeGrid.around(bounds)
+            grid = QuantizationGrid.around(bounds)
             assert grid.spans(bounds)
             assert np.array_equal(grid.low, grid.low.astype(np.float32))
             extent = np.maximum(np.ptp(bounds, 0), 1e-6 * np.ptp(bounds))

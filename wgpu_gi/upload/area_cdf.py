@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance
-from .hierarchy import NONE, Hierarchy
 from .mesh_data import MeshData
+from .two_level_bvh import NONE, TwoLevelBvh
 
 Corners = NDArray[np.float32]
 
 
-class AreaTable:
+class AreaCdf:
     """Keeps `instances` (AreaInstance of many_light/points/sample.wgsl) and `cdf`, by triangle of the hierarchy."""
 
     def __init__(self, dtype: np.dtype) -> None:
@@ -25,7 +25,7 @@ class AreaTable:
         self.cdf: NDArray[np.float32] = np.ones(1, np.float32)
         self.area = 0.0  # of all instances, m2
 
-    def update(self, instances: list[Instance], hierarchy: Hierarchy) -> None:
+    def update(self, instances: list[Instance], hierarchy: TwoLevelBvh) -> None:
         """Bring the tables up to date; `hierarchy` is up to date with `instances`."""
         self.cdf = np.ones(len(hierarchy.triangles), np.float32)
         records = np.zeros(max(len(instances), 1), self._dtype)

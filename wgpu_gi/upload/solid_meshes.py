@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Mesh
-from .hierarchy import Placement
 from .mesh_data import MASKED
+from .two_level_bvh import Placement
 
 CHOICES = ("auto", "all", "none")
 # Of its box's diagonal, the mean thickness of a solid: cloth and slabs that are thinner would be lost between the cells
@@ -17,7 +17,7 @@ CHOICES = ("auto", "all", "none")
 LEAST_THICKNESS = 0.025
 
 
-def is_closed(mesh: Mesh) -> bool:
+def is_watertight(mesh: Mesh) -> bool:
     """Tell whether every edge has an even number of triangles, corners at the same place being the same.
 
     Then any line meets the mesh an even number of times, which is what parity needs of a solid.
@@ -42,7 +42,7 @@ def is_thick(mesh: Mesh) -> bool:
     return bool(2 * volume > LEAST_THICKNESS * np.linalg.norm(box) * np.linalg.norm(normals, axis=1).sum() / 2)
 
 
-class Solids:
+class SolidMeshes:
     """Keeps what is known of each mesh; `bits` has one for each triangle of the scene, in words of 32."""
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class Solids:
         for place in places:
             mesh = place.data.mesh
             if choice == "auto" and mesh not in self._known:
-                self._known[mesh] = is_closed(mesh) and is_thick(mesh)
+                self._known[mesh] = is_watertight(mesh) and is_thick(mesh)
             cut_out = (triangles["flags"][place.triangles] & MASKED).any()
             solid[place.triangles] = not cut_out and (self._known[mesh] if choice == "auto" else choice == "all")
         self.has_solids, self.has_shells = bool(solid.any()), not solid.all()

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..scene.scene import Instance, Mesh
 from .bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, build_bvh, refit
 from .mesh_data import MASKED, MeshData, prepare_meshes
-from .node_grid import NodeGrid
+from .node_quantization import QuantizationGrid
 
 NONE = 0xFFFFFFFF
 INSTANCE_FLAG = 1 << 30
@@ -37,7 +37,7 @@ class Placement:
     nodes: slice
     triangles: slice
     vertices: slice
-    grid: NodeGrid  # of its own space
+    grid: QuantizationGrid  # of its own space
     baked: int | None = None
     tree: NDArray[np.void] | None = None
     box: NDArray[np.float32] | None = None  # (2, 3)
@@ -50,7 +50,7 @@ class Placement:
 Subtrees = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]  # low, high, references
 
 
-class Hierarchy:
+class TwoLevelBvh:
     """Nodes, triangles, vertices and instance records of a scene, in coordinates relative to `origin`.
 
     `update` brings them up to date; `changed` then names the arrays with new contents.
@@ -61,7 +61,7 @@ class Hierarchy:
         self.changed: set[str] = set()
         self.origin = np.zeros(3)
         self.root = NONE
-        self.world = NodeGrid.around(np.zeros((2, 3)))
+        self.world = QuantizationGrid.around(np.zeros((2, 3)))
         self.centre = np.zeros(3)  # of a sphere around all instances, metres from the origin
         self.radius = 0.0  # and its radius
         self.box = np.zeros((2, 3))  # around all instances, metres from the origin
@@ -138,14 +138,14 @@ class Hierarchy:
                 slice(node, node + len(d.bvh.nodes)),
                 slice(triangle, triangle + len(d.corners)),
                 slice(vertex, vertex + len(d.vertices)),
-                NodeGrid.around(d.bounds),
+                QuantizationGrid.around(d.bounds),
             )
             node, triangle, vertex = place.nodes.stop, place.triangles.stop, place.vertices.stop
             self._places[id(mesh)] = place
         self.nodes = np.zeros(node, self.dtypes["nodes"])
         self.triangles = np.zeros(max(triangle, 1), self.dtypes["triangles"])
         self.vertices = np.zeros(max(vertex, 1), self.dtypes["vertices"])
-        self.world = self._home = NodeGrid.around(bounds - self.origin)
+        self.world = self._home = QuantizationGrid.around(bounds - self.origin)
         self._subtrees = self._materials = None
         self._moved &= {id(i) for i in instances}
         users: dict[int, list[int]] = {}
@@ -205,7 +205,7 @@ class Hierarchy:
         triangles["instance"] = instance
         triangles["corners"] = indices + np.uint32(place.vertices.start)
 
-    def _write_nodes(self, place: Placement, nodes: NDArray[np.void], grid: NodeGrid) -> None:
+    def _write_nodes(self, place: Placement, nodes: NDArray[np.void], grid: QuantizationGrid) -> None:
         self.nodes[place.nodes] = grid.quantize(nodes, self.dtypes["nodes"], place.nodes.start, place.triangles.start)
 
     def _unbake_moved(self, instances: list[Instance], matrices: NDArray[np.float64]) -> None:
@@ -249,7 +249,7 @@ class Hierarchy:
         elif self.world.spans(bounds):
             wanted = self.world
         else:
-            wanted = NodeGrid.around(bounds.mean(0) + GROWTH * (bounds - bounds.mean(0)))
+            wanted = QuantizationGrid.around(bounds.mean(0) + GROWTH * (bounds - bounds.mean(0)))
         if wanted is self.world:
             return
         self.world = wanted

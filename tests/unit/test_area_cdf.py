@@ -10,10 +10,10 @@ from helpers.scene_dtypes import DTYPES
 from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import Instance
-from wgpu_gi.upload.area_table import AreaTable
-from wgpu_gi.upload.emitters import KIND_SPOT, KIND_SUN, KIND_TRIANGLE
-from wgpu_gi.upload.hierarchy import NONE, Hierarchy
+from wgpu_gi.upload.area_cdf import AreaCdf
+from wgpu_gi.upload.light_table import KIND_SPOT, KIND_SUN, KIND_TRIANGLE
 from wgpu_gi.upload.rsm_layout import rsm_layout
+from wgpu_gi.upload.two_level_bvh import NONE, TwoLevelBvh
 
 AREA_INSTANCE = load("many_light/points/sample.wgsl").struct_dtype("AreaInstance")
 RSM_LIGHT = load("many_light/rsm/trace.wgsl").struct_dtype("RsmLight")
@@ -21,7 +21,7 @@ LIGHT = load("scene/lights.wgsl").struct_dtype("Light")
 
 
 def updated(instances):
-    hierarchy, table = Hierarchy(DTYPES), AreaTable(AREA_INSTANCE)
+    hierarchy, table = TwoLevelBvh(DTYPES), AreaCdf(AREA_INSTANCE)
     hierarchy.update(instances, {id(m): 0 for i in instances for m in i.mesh.materials})
     table.update(instances, hierarchy)
     return table, hierarchy

@@ -1,4 +1,4 @@
-"""The table of light sources: probabilities, densities that agree with them, sides, and the environment's table."""
+"""The table of light sources: probabilities, pdfs that agree with them, and emitting sides."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 from helpers.scene_dtypes import DTYPES
 
 from wgpu_gi.errors import GiError
+from wgpu_gi.pictures.color import REC709_LUMINANCE
 from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import (
     DirectionalLight,
@@ -22,23 +23,21 @@ from wgpu_gi.scene.scene import (
     SpotLight,
     Texture,
 )
-from wgpu_gi.upload.emitters import (
-    CDF_WIDTH,
+from wgpu_gi.upload.environment_cdf import environment_cdf
+from wgpu_gi.upload.light_table import (
     KIND_ENVIRONMENT,
     KIND_POINT,
     KIND_SPOT,
     KIND_SUN,
     KIND_TRIANGLE,
-    LUMINANCE,
     build_light_table,
-    environment_cdf,
 )
-from wgpu_gi.upload.hierarchy import Hierarchy
+from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
 
 def table_of(scene, hierarchy=None):
     """Return the light table and the hierarchy it refers to."""
-    hierarchy = hierarchy or Hierarchy(DTYPES)
+    hierarchy = hierarchy or TwoLevelBvh(DTYPES)
     hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(scene.materials)})
     cdf = environment_cdf(scene.environment) if scene.environment else None
     table = build_light_table(scene, hierarchy, cdf, DTYPES["lights"])
@@ -114,8 +113,8 @@ def test_punctual_lights():
     assert np.allclose(sun["edge1"], (0, 0, 1)) and np.allclose(sun["color"], 3)
     powers = np.array(
         [
-            4 * LUMINANCE[0] * 4 * math.pi,
-            2 * np.dot((0.5, 1, 2), LUMINANCE) * cone_integral(0.2, 0.5),
+            4 * REC709_LUMINANCE[0] * 4 * math.pi,
+            2 * np.dot((0.5, 1, 2), REC709_LUMINANCE) * cone_integral(0.2, 0.5),
             3 * math.pi * hierarchy.radius**2,
         ]
     )
@@ -251,64 +250,6 @@ def test_lights_follow_their_instance():
     )
 
 
-# ------------------------------------------------------------------------------------------------ Environment
-
-
-def density(cdf):
-    """The probability of each entry of a table, (rows, columns)."""
-    rows = np.diff(cdf[:, -1].astype(np.float64), prepend=0)
-    return rows[:, None] * np.diff(cdf[:, :-1].astype(np.float64), axis=1, prepend=0)
-
-
-def sample_picture(luminance, u, v):
-    """The picture as wgsl/scene/lights.wgsl looks it up: bilinear, round in u, clamped in v."""
-    h, w = luminance.shape
-    x, y = u * w - 0.5, v * h - 0.5
-    x0, y0 = np.floor(x).astype(int), np.floor(y).astype(int)
-    fx, fy = x - x0, y - y0
-    rows = np.clip([y0, y0 + 1], 0, h - 1)
-    columns = np.array([x0, x0 + 1]) % w
-    top = luminance[rows[0], columns[0]] * (1 - fx) + luminance[rows[0], columns[1]] * fx
-    bottom = luminance[rows[1], columns[0]] * (1 - fx) + luminance[rows[1], columns[1]] * fx
-    return top * (1 - fy) + bottom * fy
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (16, 32), (5, 700), (60, CDF_WIDTH + 1), (600, 16)])
-def test_environment_table_is_proportional_to_what_is_seen(shape):
-    rng = np.random.default_rng(0)
-    image = rng.random((*shape, 3)).astype(np.float32) ** 4
-    cdf = environment_cdf(Environment((2.0, 0.5, 1.0), image))
-    rows, columns = min(shape[0], CDF_WIDTH), min(shape[1], CDF_WIDTH)
-    assert cdf.dtype == np.float32 and cdf.shape == (rows, columns + 1)
-    assert (cdf[:, -2] == 1).all() and cdf[-1, -1] == 1
-    assert (np.diff(cdf[:, :-1], axis=1) >= 0).all() and (np.diff(cdf[:, -1]) >= 0).all()
-    probability = density(cdf)
-    assert probability.sum() == pytest.approx(1)
-    # The mean of the picture over each entry, at so many points that bilinear pixels are integrated well.
-    luminance = image @ (LUMINANCE * (2.0, 0.5, 1.0))
-    n = 12
-    v, u = np.meshgrid(
-        (np.arange(rows * n) + 0.5) / (rows * n), (np.arange(columns * n) + 0.5) / (columns * n), indexing="ij"
-    )
-    seen = sample_picture(luminance, u, v).reshape(rows, n, columns, n).mean((1, 3))
-    sine = np.sin((np.arange(rows) + 0.5) / rows * math.pi)[:, None] * np.ones(columns)
-    expected = 0.99 * seen * sine / (seen * sine).sum() + 0.01 * sine / sine.sum()
-    assert np.abs(probability - expected).max() < 0.02 * expected.max()
-    assert np.abs(probability / expected - 1).mean() < 0.01
-
-
-def test_a_sun_of_one_pixel_is_drawn_wherever_its_light_is_seen():
-    """Bilinear lookup spreads it over its neighbours: no place may shine much more than its density says."""
-    image = np.full((32, 64, 3), 0.1, np.float32)
-    image[10, 0] = 1e5
-    cdf = environment_cdf(Environment(image=image))
-    v, u = np.meshgrid((np.arange(320) + 0.5) / 320, (np.arange(640) + 0.5) / 640, indexing="ij")
-    seen = sample_picture(image.astype(np.float64) @ LUMINANCE, u, v)
-    sine = np.sin(v * math.pi)
-    ratio = seen * sine / (seen * sine).mean() / np.repeat(np.repeat(density(cdf), 10, 0), 10, 1) / density(cdf).size
-    assert ratio.max() < 20  # 16 at the corners, where a quarter of it reaches into cells that have a 64th
-
-
 def test_black_environment_picture():
     """It lights nothing, so light samples leave it alone, be it the only light or not."""
     scene = Scene([FLOOR], environment=Environment(image=np.zeros((4, 8, 3), np.float32)))
@@ -316,12 +257,3 @@ def test_black_environment_picture():
     scene.lights.append(PointLight((0, 1, 0)))
     table, _ = table_of(scene)
     assert table.count == 1 and table.environment_pdf == 0
-    assert environment_cdf(Environment()) is None
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
-def test_environment_of_bad_pixels(value):
-    image = np.ones((4, 8, 3), np.float32)
-    image[2, 3, 1] = value
-    with pytest.raises(GiError, match="environment 'sky': its pixels must be finite and not negative"):
-        environment_cdf(Environment(image=image, name="sky"))

@@ -1,0 +1,143 @@
+"""The table of all light sources, from which shaders choose one in proportion to its power.
+
+Power-proportional light selection as in Pharr et al. 2023, "Physically Based Rendering", 4th ed., section 12.6.2.
+Departure: half of the probability goes by power and half equally over groups of sources (each punctual light, each
+emissive material, the environment), so that a lamp beside a much stronger sun, whose light it may be shaded from, keeps
+its samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import GiError
+from ..pictures.color import REC709_LUMINANCE
+from ..scene.scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
+from .emitters import EmittingPart, emitting_parts, exitance
+from .environment_cdf import environment_power
+from .two_level_bvh import TwoLevelBvh
+
+KIND_POINT, KIND_SPOT, KIND_SUN, KIND_TRIANGLE, KIND_ENVIRONMENT = range(5)  # as wgsl/scene/lights.wgsl
+POWER_SHARE = 0.5  # of the probability that goes by power
+
+Group = tuple[NDArray[np.void], NDArray[np.float64]]  # records and the power of each
+
+
+@dataclass
+class LightTable:
+    """The packed lights, the pdf of a point on each material's emitting triangles (1/m2), and the environment's."""
+
+    lights: NDArray[np.void]
+    count: int
+    material_pdf: dict[int, float]  # by id(material)
+    environment_pdf: float
+
+
+def build_light_table(scene: Scene, hierarchy: TwoLevelBvh, cdf: NDArray | None, dtype: np.dtype) -> LightTable:
+    """Tabulate the lights of a scene whose BVH is up to date; `cdf` is the environment map's, or None.
+
+    Raises GiError for a light without direction.
+    """
+    radius = max(hierarchy.radius, 1e-30)
+    groups, group_of_material = _groups(scene, hierarchy, radius, dtype)
+    if cdf is not None and scene.environment is not None:
+        power = environment_power(scene.environment, radius)
+        if power > 0:
+            record = np.zeros(1, dtype)
+            record["kind"] = KIND_ENVIRONMENT
+            groups.append((record, np.array([power])))
+    if not groups:
+        return LightTable(np.zeros(1, dtype), 0, {}, 0.0)
+
+    # Every group's probability, then every light's within its group.
+    totals = np.array([powers.sum() for _, powers in groups])
+    chance = POWER_SHARE * totals / totals.sum() + (1 - POWER_SHARE) / len(groups)
+    lights = join_records([records for records, _ in groups], dtype)
+    probability = np.concatenate([c * p / p.sum() for c, (_, p) in zip(chance, groups, strict=True)])
+    lights["probability"] = probability
+    cumulative = np.cumsum(probability)
+    # Dividing by the last value makes it exactly 1 where lights without area end the list, so none of them is chosen.
+    lights["cumulative"] = cumulative / cumulative[-1]
+    pdf = {id(m): float(chance[g] / totals[g] * exitance(m)) for m, g in group_of_material.items()}
+    has_environment = lights["kind"][-1] == KIND_ENVIRONMENT
+    return LightTable(lights, len(lights), pdf, float(chance[-1]) if has_environment else 0.0)
+
+
+def _groups(
+    scene: Scene, hierarchy: TwoLevelBvh, radius: float, dtype: np.dtype
+) -> tuple[list[Group], dict[Material, int]]:
+    """Return a group for each punctual light and each emissive material with any power, and the materials' groups."""
+    groups: list[Group] = []
+    for light in scene.lights:
+        record, power = _punctual(light, hierarchy.origin, radius, dtype)
+        if power > 0:
+            groups.append((record, np.array([power])))
+    group_of_material = {}
+    triangles_of: dict[Material, list[tuple[NDArray[np.void], NDArray[np.float64]]]] = {}
+    for part in emitting_parts(scene.instances, hierarchy):
+        triangles_of.setdefault(part.material, []).append(_triangle_records(part, dtype))
+    for material, parts in triangles_of.items():
+        powers = np.concatenate([area for _, area in parts]) * exitance(material)
+        if powers.sum() > 0:
+            group_of_material[material] = len(groups)
+            groups.append((join_records([records for records, _ in parts], dtype), powers))
+    return groups, group_of_material
+
+
+def join_records(parts: list[NDArray[np.void]], dtype: np.dtype) -> NDArray[np.void]:
+    """Concatenate records; numpy's own function would drop the padding that WGSL has between fields."""
+    joined = np.zeros(sum(map(len, parts)), dtype)
+    first = 0
+    for part in parts:
+        joined[first : first + len(part)] = part
+        first += len(part)
+    return joined
+
+
+def _punctual(light: Light, origin: NDArray, radius: float, dtype: np.dtype) -> tuple[NDArray[np.void], float]:
+    """Return a light's record and its power in W, for a sun that on a disc of the scene's `radius`."""
+    record = np.zeros(1, dtype)
+    record["color"] = np.asarray(light.color, np.float64) * light.intensity
+    luminance = float(np.asarray(light.color, np.float64) @ REC709_LUMINANCE * light.intensity)
+    if isinstance(light, DirectionalLight):
+        record["kind"], record["edge1"] = KIND_SUN, light_direction(light)
+        return record, luminance * np.pi * radius**2
+    record["position"] = np.asarray(light.position, np.float64) - origin
+    if isinstance(light, PointLight):
+        record["kind"] = KIND_POINT
+        return record, luminance * 4 * np.pi
+    assert isinstance(light, SpotLight)
+    record["kind"], record["edge1"] = KIND_SPOT, light_direction(light)
+    record["edge2"] = (*spot_falloff(light), 0.0)
+    inner, outer = np.cos(light.inner_cone_angle), np.cos(light.outer_cone_angle)
+    # The squared fall-off has the mean 1/3 over the ring between the cones.
+    return record, luminance * 2 * np.pi * ((1 - inner) + (inner - outer) / 3)
+
+
+def spot_falloff(light: SpotLight) -> tuple[float, float]:
+    """Return scale and offset of the fall-off saturate(cosine * scale + offset)^2, as KHR_lights_punctual has them."""
+    inner, outer = float(np.cos(light.inner_cone_angle)), float(np.cos(light.outer_cone_angle))
+    scale = 1.0 / max(0.001, inner - outer)
+    return scale, -outer * scale
+
+
+def light_direction(light: DirectionalLight | SpotLight) -> NDArray[np.float64]:
+    """Return the unit direction in which the light travels. Raises GiError if it has none."""
+    v = np.asarray(light.direction, np.float64)
+    length = np.linalg.norm(v)
+    if v.shape != (3,) or not 0 < length < np.inf:
+        raise GiError(f"light {light.name!r}: its direction must be three finite numbers, not all of them zero")
+    return v / length
+
+
+def _triangle_records(part: EmittingPart, dtype: np.dtype) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    """Return the light records and areas in m2 of emitting triangles."""
+    edge1, edge2 = part.corners[:, 1] - part.corners[:, 0], part.corners[:, 2] - part.corners[:, 0]
+    records = np.zeros(len(part.triangles), dtype)
+    records["kind"] = KIND_TRIANGLE
+    records["position"], records["edge1"], records["edge2"] = part.corners[:, 0], edge1, edge2
+    records["triangle"], records["color"], records["sides"] = part.triangles, part.material.emission, part.sides
+    return records, np.linalg.norm(np.cross(edge1, edge2), axis=1) / 2
