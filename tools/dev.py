@@ -1,13 +1,16 @@
-"""Set the project up on a bare machine, then render the Cornell box or run the tests; standard library only.
+"""Set the project up on a bare machine, then do one of these; standard library only.
 
     python3 tools/dev.py render [wgpu-gi render arguments]   # a picture: out.png
     python3 tools/dev.py view [wgpu-gi view arguments]       # a window
+    python3 tools/dev.py notebook [jupyter lab arguments]    # JupyterLab with a copy of the example: example.ipynb
+    python3 tools/dev.py bench [wgpu-gi bench arguments]     # error and time of every technique
+    python3 tools/dev.py lint                                # ruff, mypy, check_wgsl.py
     python3 tools/dev.py test [pytest arguments]             # the test suite
-    python3 tools/dev.py setup                               # only the set-up
+    python3 tools/dev.py setup                               # only the set-up, for all of these
 
-Set-up makes `.venv` beside this folder, installs the package into it, and sees to a Vulkan driver; for the tests also
-to Xvfb and xdotool. It is done once: a stamp in `.venv` says for which pyproject.toml and which Python. An interrupted
-set-up is started again from nothing.
+The set-up makes `.venv` beside this folder, installs the package into it, and finds or installs a Vulkan driver; the
+tests also need Xvfb and xdotool. A stamp in `.venv` records the Python, the pyproject.toml and the extras that are
+installed, so the next run skips the set-up. After an interrupted set-up the next run starts from an empty `.venv`.
 """
 
 from __future__ import annotations
@@ -29,9 +32,10 @@ STAMP = VENV / "wgpu_gi-setup"
 INCOMPLETE = "incomplete"
 BIN = VENV / ("Scripts" if os.name == "nt" else "bin")
 PYTHON = BIN / ("python.exe" if os.name == "nt" else "python")
-EXTRAS = ("", "[viewer]", "[dev]")  # each includes those before it
+DEV = ("dev", "viewer", "lab", "bench")  # extras; the first includes the others
+EXAMPLE = ROOT / "tests" / "notebook" / "example.ipynb"
 DRIVER_PACKAGES = ("mesa-vulkan-drivers", "libvulkan1")
-DISPLAY_TOOLS = {"Xvfb": "xvfb", "xdotool": "xdotool"}  # of the tests of the window; in which package each is
+DISPLAY_TOOLS = {"Xvfb": "xvfb", "xdotool": "xdotool"}  # command: Debian package
 
 
 class SetupError(Exception):
@@ -44,21 +48,10 @@ def main() -> int:
     # Mesa complains once per device if this is not set.
     os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())
     try:
-        if verb == "render":
-            set_up("")
-            return run_tool([BIN / "wgpu-gi", "render", "-o", "out.png", *arguments])
-        if verb == "view":
-            set_up("[viewer]")
-            return run_tool([BIN / "wgpu-gi", "view", *arguments])
-        if verb == "test":
-            set_up("[dev]")
-            ensure_display_tools()
-            # Two at a time: compiling shaders, the most of it, keeps one core busy.
-            return run_tool([PYTHON, "-m", "pytest", "-n", "2", "--dist", "worksteal", *arguments], folder=ROOT)
-        if verb == "setup":
-            set_up("[dev]")
-            ensure_display_tools()
-            return 0
+        if verb in VERBS:
+            extras, action = VERBS[verb]
+            set_up(extras)
+            return action(arguments)
         if verb == "_vulkan":
             return 0 if count_vulkan_devices() > 0 else 1
     except SetupError as error:
@@ -71,34 +64,107 @@ def main() -> int:
     return 2
 
 
-def set_up(extras: str) -> None:
-    """Bring `.venv` and the driver to what `pyproject.toml` asks for; nothing to do if the stamp says so."""
+def render(arguments: list[str]) -> int:
+    """Render a picture to out.png, unless the arguments name another file."""
+    return run_tool([BIN / "wgpu-gi", "render", "-o", "out.png", *arguments])
+
+
+def view(arguments: list[str]) -> int:
+    """Open the window."""
+    return run_tool([BIN / "wgpu-gi", "view", *arguments])
+
+
+def notebook(arguments: list[str]) -> int:
+    """Open JupyterLab with a copy of the example in the current folder; a copy that is there already stays as it is."""
+    copy = Path("example.ipynb")
+    if not copy.exists():
+        shutil.copyfile(EXAMPLE, copy)
+    # Jupyter refuses to start for root, which is the usual user of a container. It serves this machine only.
+    root = ["--allow-root"] if os.name != "nt" and os.geteuid() == 0 else []
+    return run_tool([PYTHON, "-m", "jupyterlab", *root, copy, *arguments])
+
+
+def bench(arguments: list[str]) -> int:
+    """Measure error and time."""
+    return run_tool([BIN / "wgpu-gi", "bench", *arguments])
+
+
+def lint(arguments: list[str]) -> int:
+    """Run all linters, also after one has complained; return 1 if any has."""
+    if arguments:
+        raise SetupError(f"lint takes no arguments, not {' '.join(arguments)}")
+    linters: list[list] = [
+        ["-m", "ruff", "check"],
+        ["-m", "ruff", "format", "--check"],
+        ["-m", "mypy"],
+        [ROOT / "tools" / "check_wgsl.py"],
+    ]
+    codes = []
+    for linter in linters:
+        say(" ".join(Path(part).name if isinstance(part, Path) else part for part in linter if part != "-m"))
+        codes.append(run_tool([PYTHON, *linter], folder=ROOT))
+    return int(any(codes))
+
+
+def test(arguments: list[str]) -> int:
+    """Run the tests, two at a time: they compile many shaders, and compiling keeps one core busy."""
+    ensure_display_tools()
+    return run_tool([PYTHON, "-m", "pytest", "-n", "2", "--dist", "worksteal", *arguments], folder=ROOT)
+
+
+def setup(arguments: list[str]) -> int:
+    """Install what the tests need besides Python packages."""
+    ensure_display_tools()
+    return 0
+
+
+# The extras of pyproject.toml that a verb needs, and what it does.
+VERBS = {
+    "render": ((), render),
+    "view": (("viewer",), view),
+    "notebook": (("lab",), notebook),
+    "bench": (("bench",), bench),
+    "lint": (DEV, lint),
+    "test": (DEV, test),
+    "setup": (DEV, setup),
+}
+
+
+def set_up(extras: tuple[str, ...]) -> None:
+    """Bring `.venv` and the driver to what `pyproject.toml` asks for; do nothing if the stamp says it is done."""
     if sys.version_info < (3, 10):  # noqa: UP036 - this file is what tells an older Python
         raise SetupError(f"Python 3.10 or newer is needed, not {platform.python_version()}")
-    wanted = stamp_text(extras)
-    found = STAMP.read_text() if STAMP.is_file() else ""
-    if found not in map(stamp_text, EXTRAS[EXTRAS.index(extras) :]):
-        if found.partition("\n")[0] != wanted.partition("\n")[0]:
+    found = STAMP.read_text().splitlines() if STAMP.is_file() else []
+    place, content = stamp_lines()
+    installed = set(found[2].split()) if found[:2] == [place, content] else set()
+    if found[:2] != [place, content] or not installed.issuperset(extras):
+        if found[:1] != [place]:
             make_venv()
         STAMP.write_text(INCOMPLETE)
-        say(f"installing wgpu_gi{extras} and what it depends on (a minute or two)")
-        pip_install = [PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check", "-e"]
-        run_quietly([*pip_install, f".{extras}"], "pip install")
-        # meshoptimizer, of the [gltf] extra, comes as source only; the tests that need it can be skipped.
-        if extras == "[dev]" and not succeeds([*pip_install, ".[gltf]"]):
-            say("meshoptimizer could not be built (that needs a C++ compiler), so its tests will be skipped")
-        STAMP.write_text(wanted)
+        install(extras)
+        STAMP.write_text("\n".join((place, content, " ".join(sorted(installed.union(extras))), "")))
     ensure_vulkan()
 
 
-def stamp_text(extras: str) -> str:
-    """Return what a finished set-up is known by: the Python and the place (first line), the requirements."""
+def install(extras: tuple[str, ...]) -> None:
+    """Install the package, editable, with its dependencies and those of `extras`."""
+    name = f"[{','.join(extras)}]" if extras else ""
+    say(f"installing wgpu_gi{name} and what it depends on (a minute or two)")
+    pip_install = [PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check", "-e"]
+    run_quietly([*pip_install, f".{name}"], "pip install")
+    # meshoptimizer, of the [gltf] extra, comes as source only; without it the tests that need it are skipped.
+    if "dev" in extras and not succeeds([*pip_install, ".[gltf]"]):
+        say("meshoptimizer could not be built (that needs a C++ compiler), so its tests will be skipped")
+
+
+def stamp_lines() -> tuple[str, str]:
+    """Return the first lines of a finished set-up's stamp: the Python and the folder; the hash of pyproject.toml."""
     content = hashlib.sha256((ROOT / "pyproject.toml").read_bytes()).hexdigest()
-    return f"{platform.python_version()} {sys.base_prefix} {ROOT}\n{content}\n{extras}\n"
+    return f"{platform.python_version()} {sys.base_prefix} {ROOT}", content
 
 
 def make_venv() -> None:
-    """Make an empty virtual environment, marked as incomplete from its first moment."""
+    """Make an empty virtual environment, marked as incomplete from the start."""
     if importlib.util.find_spec("ensurepip") is None:  # Debian keeps it in a package of its own
         apt_install("python3-venv")
         if not succeeds([sys.executable, "-c", "import ensurepip"]):
@@ -114,7 +180,7 @@ def make_venv() -> None:
 
 
 def ensure_vulkan() -> None:
-    """See that some Vulkan device answers; on Debian and Ubuntu install Mesa's, which runs on the CPU, if none does."""
+    """Check that a Vulkan device answers; if none does, install Mesa's CPU driver on Debian and Ubuntu."""
     if sys.platform != "linux" or has_vulkan_device():
         return
     apt_install(*DRIVER_PACKAGES)
@@ -126,7 +192,7 @@ def ensure_vulkan() -> None:
 
 
 def ensure_display_tools() -> None:
-    """See that there is what tests open windows with: a display that no one sees, a mouse that no one moves."""
+    """Check for a virtual display and simulated input, which the tests of the window need; install them if possible."""
     if sys.platform != "linux":
         return
     missing = [package for tool, package in DISPLAY_TOOLS.items() if shutil.which(tool) is None]
@@ -140,7 +206,7 @@ def ensure_display_tools() -> None:
 
 
 def has_vulkan_device() -> bool:
-    """Ask in a process of its own, which sees libraries installed a moment ago and may die of a broken driver."""
+    """Count devices in a new process, which finds libraries installed since this one started and may crash."""
     return succeeds([sys.executable, Path(__file__).resolve(), "_vulkan"])
 
 
@@ -161,7 +227,7 @@ def count_vulkan_devices() -> int:
 
 
 def apt_install(*packages: str) -> None:
-    """Install Debian packages where that needs no question: as root, or with sudo that asks for no password."""
+    """Install Debian packages as root, or with sudo if it asks for no password; else do nothing."""
     if shutil.which("apt-get") is None:
         return
     prefix = [] if os.geteuid() == 0 else ["sudo", "-n"]
@@ -169,12 +235,12 @@ def apt_install(*packages: str) -> None:
         return
     say(f"installing {' '.join(packages)} with apt-get")
     apt = [*prefix, "env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "-q", "-y"]
-    succeeds([*apt, "update"])  # fails if any source does; whether the ones that matter are there shows below
+    succeeds([*apt, "update"])  # it also fails for sources that are not needed here, so its result says little
     run_quietly([*apt, "install", "--no-install-recommends", *packages], "apt-get install")
 
 
 def run_tool(command: list, folder: Path | None = None) -> int:
-    """Run what the user asked for in the foreground; on Ctrl-C let it end in its own way."""
+    """Run a command in the foreground; leave Ctrl-C to it; return its exit code."""
     process = subprocess.Popen([str(part) for part in command], cwd=folder)
     while True:
         try:
@@ -194,7 +260,7 @@ def run_quietly(command: list, what: str) -> None:
 
 
 def succeeds(command: list) -> bool:
-    """Run a command in silence; return whether it exited with 0."""
+    """Run a command without showing its output; return whether it exited with 0."""
     command = [str(part) for part in command]
     return subprocess.run(command, cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True, check=False).returncode == 0
 
