@@ -18,6 +18,7 @@ from .gpu.describe import Row, table
 from .gpu.device import open_device
 from .gpu.graph import Graph
 from .gpu.handles import Texture
+from .gpu.wgsl.load import refresh
 from .options import TECHNIQUES, CameraSettings, Settings, check_size, frames_ahead, picture_count, pixel_offset
 from .pictures.picture import Picture
 from .pictures.tables import Table
@@ -114,7 +115,8 @@ class Renderer:
         self._extra_runs = 0
 
     def reload(self) -> None:
-        """Let the next step declare the frame anew, from the shader files as they are then."""
+        """Let the next step declare the frame from the shader files as they are now."""
+        refresh()
         self._declared = self._inputs = None
 
     @property

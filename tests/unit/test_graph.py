@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import weakref
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.describe import table
 from wgpu_gi.gpu.execute import next_chunk
 from wgpu_gi.gpu.graph import Graph
+from wgpu_gi.gpu.wgsl.load import refresh
 
 HEAD = """
 struct View { offset: vec4f }
@@ -196,12 +199,14 @@ def test_dispatches_share_a_pass_between_clears_and_draws(graph):
     c = read(graph, b, "c", "copy")
     graph.compute("add", "add.wgsl", over=total, reads=reads, writes={"total": total}, clear=[total])
     graph.compute("sum", "sum.wgsl", over=other, writes={"total": other}, params=params)
+    # `total` is cleared when the frame begins, and once more after the pass that wrote it.
+    graph.compute("more", "add.wgsl", over=total, reads=reads, writes={"total": total}, clear=[total])
     graph.compile([c, depth, total, other])
-    assert ran(graph) == ["fill a", "b", "draw", "c", "add", "sum"]
+    assert ran(graph) == ["fill a", "b", "draw", "c", "add", "sum", "more"]
     recorded = [
         entry[0] for entry in graph.device.gpu.log if entry[0] in ("compute pass", "targets", "clear", "submit")
     ]
-    assert recorded == ["compute pass", "targets", "compute pass", "clear", "compute pass", "submit"]
+    assert recorded == ["clear", "compute pass", "targets", "compute pass", "clear", "compute pass", "submit"]
 
 
 def test_group_counts_are_rounded_up(graph):
@@ -393,7 +398,142 @@ def test_changed_shader_file_is_run_again(graph, tmp_path):
     (tmp_path / "look.wgsl").write_text(SHADERS["look"] + "// changed\n")
     os.utime(tmp_path / "look.wgsl", ns=(1, 1))
     chain(graph)
+    assert ran(graph) == []  # files are looked at when asked
+    assert refresh() and not refresh()
+    chain(graph)
     assert ran(graph) == ["b", "c"]
+
+
+# Redeclaration: what stays the same costs next to nothing, and what does not is checked.
+
+
+def made(g, kind):
+    """Return the labels of the objects of a kind that the device has made so far."""
+    return [entry[1] for entry in g.device.gpu.log if entry[0] == kind]
+
+
+def test_same_arguments_give_the_same_pass_with_new_params(graph):
+    chain(graph)
+    graph.run()
+    passes = dict(graph.passes)
+    chain(graph, gain=2.0, settle=3)
+    assert all(graph.passes[name] is p for name, p in passes.items())
+    graph.run()
+    assert params_of(graph, "fill a")[0] == 2.0 and graph.passes["b"].settle == 3
+    chain(graph, size=(17, 16))
+    assert not any(graph.passes[name] is p for name, p in passes.items())
+
+
+def test_no_file_is_touched_by_a_redeclaration(graph, monkeypatch):
+    chain(graph)
+    graph.run()
+
+    def forbidden(path, *_, **__):
+        raise AssertionError(f"{path} is looked at")
+
+    for name in ("os.stat", "os.lstat", "os.open", "os.scandir", "builtins.open"):
+        monkeypatch.setattr(name, forbidden)
+    chain(graph, gain=2.0)
+    graph.run()
+    chain(graph, gain=2.0, size=(17, 16))
+    graph.run()
+
+
+def test_params_and_sizes_compile_no_pipeline(graph):
+    chain(graph)
+    graph.run()
+    before = made(graph, "create_compute_pipeline")
+    assert len(before) == 3
+    for gain, side in ((2.0, 16), (2.0, 17), (3.0, 40)):
+        chain(graph, gain=gain, size=(side, side))
+        graph.run()
+    assert made(graph, "create_compute_pipeline") == before
+
+
+def copies(g, *sizes):
+    """Declare a pass with a pipeline of its own for each size of a workgroup."""
+    g.begin((8, 8))
+    a = fill(g)
+    out = [read(g, a, f"copy {size}", "copy", constants={"SIZE": size}) for size in sizes]
+    g.compile(out)
+    g.run()
+
+
+def test_pipelines_that_nothing_declares_are_freed_but_for_the_last_ones(graph, monkeypatch):
+    monkeypatch.setattr("wgpu_gi.gpu.pipelines.KEPT", 2)
+    copies(graph, 1, 2, 3)
+    alive = {size: weakref.ref(graph.passes[f"copy {size}"].pipeline) for size in (1, 2, 3)}
+    copies(graph, 3)
+    assert all(pipeline() is not None for pipeline in alive.values())
+    compiled = len(made(graph, "create_compute_pipeline"))
+    copies(graph, 1)  # one of the last two, and 3 takes its place
+    assert len(made(graph, "create_compute_pipeline")) == compiled
+    copies(graph, 4)
+    assert alive[2]() is None and alive[1]() is not None and alive[3]() is not None
+    copies(graph, 2)
+    assert made(graph, "create_compute_pipeline")[-2:] == ["copy 4", "copy 2"]
+    graph.release()
+    assert len(graph.device.pipelines._pipelines) == 2
+
+
+def test_a_pipeline_that_another_graph_uses_stays(graph, monkeypatch):
+    monkeypatch.setattr("wgpu_gi.gpu.pipelines.KEPT", 0)
+    other = Graph(graph.device, graph.shader_root)
+    copies(other, 1)
+    copies(graph, 1)
+    pipeline = graph.passes["copy 1"].pipeline
+    assert other.passes["copy 1"].pipeline is pipeline
+    other.release()
+    copies(graph, 1, 2)
+    assert graph.passes["copy 1"].pipeline is pipeline
+    assert made(graph, "create_compute_pipeline").count("copy 1") == 1
+
+
+def test_a_shared_buffer_that_is_replaced_is_checked(graph):
+    def declare(size):
+        graph.begin((8, 8))
+        buffer = SimpleNamespace(map_state="unmapped", size=size, label="points")
+        total = graph.buffer("total", dtype=VEC4, count=10)
+        reads = {"points": graph.share("points", buffer)}
+        graph.compute("add", "add.wgsl", over=total, reads=reads, writes={"total": total})
+        graph.compile([total])
+
+    declare(160)
+    declare(320)
+    with pytest.raises(GiError, match="buffer 'points' has 8 bytes, but"):
+        declare(8)
+
+
+def test_a_uniform_of_another_type_is_checked(graph):
+    chain(graph)
+    graph.uniform("view", np.zeros((), [("offset", "f4", (8,))]))
+    with pytest.raises(GiError, match="shared uniform 'view' has the fields"):
+        chain(graph)
+
+
+def test_params_that_change_in_place_are_seen(graph):
+    gain = np.array(1.0)
+    chain(graph, gain=gain)
+    graph.run()
+    gain[...] = 2.0
+    chain(graph, gain=gain)
+    assert ran(graph) == ["fill a", "b", "c"] and params_of(graph, "fill a")[0] == 2.0
+    with pytest.raises(GiError, match="params gain is nan, which is not finite"):
+        chain(graph, gain=np.nan)
+    with pytest.raises(GiError, match="there is no field 'gian'"):
+        graph.begin((16, 16))
+        out = graph.texture("a", "rgba16float")
+        graph.compute("fill a", "fill.wgsl", over=out, writes={"out": out}, params={"gian": 1.0, "width": 1})
+
+
+def test_passes_with_the_same_uniforms_share_a_bind_group(graph):
+    graph.begin((16, 16))
+    a = fill(graph)
+    b = read(graph, a, "b")
+    c = read(graph, b, "c")
+    graph.compile([c])
+    graph.run()
+    assert made(graph, "create_bind_group") == ["fill a", "uniforms", "b", "c"]
 
 
 def test_params_buffers_go_with_their_passes(graph):

@@ -9,7 +9,7 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.messages import compiler_message
-from wgpu_gi.gpu.wgsl.load import load
+from wgpu_gi.gpu.wgsl.load import load, refresh
 from wgpu_gi.gpu.wgsl.tokens import evaluate, tokenize
 
 
@@ -62,12 +62,22 @@ def test_import_must_be_quoted(shader):
         shader("#import a.wgsl")
 
 
-def test_cached_until_a_file_changes(shader, tmp_path):
+def test_read_again_when_asked_after_a_file_changed(shader, tmp_path):
     first = shader('#import "a.wgsl"', a="const A = 1;")
     assert load("main.wgsl", root=tmp_path) is first
     (tmp_path / "a.wgsl").write_text("const A = 2;")
     os.utime(tmp_path / "a.wgsl", ns=(1, 1))
-    assert load("main.wgsl", root=tmp_path).constants["A"] == 2
+    assert load("main.wgsl", root=tmp_path) is first
+    # A shader read after the change does not hide it from those read before.
+    assert load("a.wgsl", root=tmp_path).constants["A"] == 2
+    assert refresh() and load("main.wgsl", root=tmp_path).constants["A"] == 2
+    assert not refresh()
+
+
+def test_a_file_written_with_the_same_text_gives_the_same_source(shader, tmp_path):
+    first = shader('#import "a.wgsl"', a="const A = 1;")
+    os.utime(tmp_path / "a.wgsl", ns=(1, 1))
+    assert refresh() and load("main.wgsl", root=tmp_path) is first
 
 
 # Layout: the examples of the WGSL specification, section 14.4, and what padding does.

@@ -53,15 +53,16 @@ def shared_uniforms(
     return found
 
 
-def params_block(
-    where: str, source: ShaderSource, used: dict[str, Binding], values: Mapping[str, Any]
-) -> tuple[np.ndarray | None, Binding | None]:
-    """Fill the `params` struct by name; special fields are left zero. Return it and its binding."""
+def params_binding(where: str, used: Mapping[str, Binding], values: Mapping[str, Any]) -> Binding | None:
+    """Return the binding of the uniform struct `params`, None if the entry points use none and no values are given."""
     binding = next((b for b in used.values() if b.group == 1 and is_params(b)), None)
-    if binding is None:
-        if values:
-            raise GiError(f"{where}: params {names_of(values)} given, but its entry point uses no uniform `params`")
-        return None, None
+    if binding is None and values:
+        raise GiError(f"{where}: params {names_of(values)} given, but its entry point uses no uniform `params`")
+    return binding
+
+
+def params_block(where: str, source: ShaderSource, binding: Binding, values: Mapping[str, Any]) -> np.ndarray:
+    """Fill the `params` struct by name; special fields are left zero."""
     dtype = source.layout(binding.type).dtype
     fields = [n for n in dtype.names or () if not n.startswith("_")]
     ours = [n for n in fields if n not in SPECIAL_PARAMS]
@@ -84,7 +85,7 @@ def params_block(
             block[name] = value
         except (TypeError, ValueError) as error:
             raise GiError(f"{where}: params {name} cannot be {value!r}: {error}") from error
-    return block, binding
+    return block
 
 
 def override_values(

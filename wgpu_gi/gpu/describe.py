@@ -1,4 +1,4 @@
-"""The plan: which passes ran, which were kept or culled, and why, with times and sizes."""
+"""The plan: which passes ran, were kept or were culled, and why, with times and sizes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..pictures.tables import Table
 from .passes import Pass
+from .schedule import Stale
 from .timing import Timing
 
 
@@ -25,21 +26,22 @@ class Row:
     bytes: int
 
 
-def plan(planned: Mapping[str, Pass | str], last_run: Mapping[str, str], timing: Timing) -> list[Row]:
-    """Describe what each declared pass did in the last run, in the order of declaration.
+def plan(planned: Mapping[str, Pass | str], last_run: Mapping[str, Stale], timing: Timing) -> list[Row]:
+    """Describe what each declared pass did in a run, in the order of declaration.
 
-    `planned` gives each pass, or the reason why it was not declared; `last_run` why each pass that ran did.
+    `planned` gives each pass, or the reason why it was not declared; `last_run` the passes that ran, and why.
     """
     return [_row(name, what, last_run.get(name), timing) for name, what in planned.items()]
 
 
-def _row(name: str, what: Pass | str, reason: str | None, timing: Timing) -> Row:
+def _row(name: str, what: Pass | str, stale: Stale | None, timing: Timing) -> Row:
     if isinstance(what, str):
         return Row(name, "culled", what, None, None, 0)
     if not what.active:
         return Row(name, "culled", what.culled_because or "the graph is not compiled", None, None, 0)
-    state = "ran"
-    if reason is None:
+    if stale is not None:
+        state, reason = "ran", stale.reason
+    else:
         state, reason = "kept", f"inputs unchanged: {', '.join(_inputs(what)) or 'it has none'}"
     return Row(name, state, reason, timing.median(name), timing.p95(name), what.bytes)
 

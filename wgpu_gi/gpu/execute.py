@@ -1,10 +1,11 @@
-"""Runs the stale passes of a graph: history swap, bind groups, recording, submission, and split passes."""
+"""Runs the stale passes of a graph: swaps histories, binds, records and submits; split passes chunk by chunk."""
 
 from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from operator import attrgetter
 from typing import Any
 
 import wgpu
@@ -15,7 +16,7 @@ from .device import Device
 from .handles import Buffer, Resource, Shared, Texture
 from .messages import reason
 from .passes import Pass, RasterState, Use
-from .schedule import Stale, inputs
+from .schedule import Stale
 from .timing import Timing
 from .watch import check_written
 
@@ -24,7 +25,8 @@ from .watch import check_written
 CHUNK_SECONDS = (0.1, 0.2, 0.3)
 CHUNK_STEP = (0.25, 8.0)  # bounds on the change from part to part; the first run includes compilation by the driver
 
-_serials = itertools.count(1)
+_BOUND = attrgetter("bound")
+_stamps = itertools.count(1)
 
 
 def run(
@@ -35,20 +37,27 @@ def run(
     check: bool,
     on_chunk: Callable[[float], None] | None,
 ) -> None:
-    """Run the stale passes of `order`; `timing` measures each of them."""
+    """Run the stale passes of `order`; `timing` measures each of them.
+
+    `check` reads back what each pass writes and raises GiError at the first bad value. `on_chunk` is called with the
+    fraction that is done of a split pass. After any exception, all that was stale starts from its beginning.
+    """
     frame = _Frame(device, timing, check, on_chunk)
     if timing is not None:
         timing.begin()
     try:
         for resource in {r for p in stale for r in p.written if r.history}:
-            resource.flip ^= 1
+            resource.swap()
+        if timing is None:
+            # A clear ends the compute pass: do all that can be done before the first one begins.
+            frame.clear(r for p in order if p.clear_first and p in stale for r in p.clear_first)
         for p in order:
             if p in stale:
                 _prepare(device, p, stale[p])
                 frame.run(p)
         frame.submit()
     except BaseException:
-        # Half a frame is on the GPU: what was to run must run again, from its beginning.
+        # Half a frame is on the GPU.
         for p in stale:
             p.state.restart()
         raise
@@ -57,7 +66,7 @@ def run(
 
 
 class _Frame:
-    """One encoder, submitted once, unless a split pass, a measurement or a check comes between."""
+    """One command encoder, submitted once, unless a split pass, a measurement or a check comes between."""
 
     def __init__(
         self, device: Device, timing: Timing | None, check: bool, on_chunk: Callable[[float], None] | None
@@ -68,7 +77,9 @@ class _Frame:
         self.check = check
         self.on_chunk = on_chunk
         self.encoder: Any = None
-        self.dispatches: Any = None  # the compute pass of wgpu that is open: one takes as many dispatches as follow
+        self.compute: Any = None  # the compute pass encoder that is open: it takes all dispatches up to a clear or draw
+        self.pipeline: Any = None  # what is set on it
+        self.shared: Any = None  # its bind group 0
 
     def run(self, p: Pass) -> None:
         """Record a pass, or run it at once where it must be alone."""
@@ -78,6 +89,7 @@ class _Frame:
             self.submit()
             self.device.wait()
         started = time.perf_counter()
+        self.clear(p.clear_late if timing is None else p.clear)
         if p.split:
             self.run_split(p)
         else:
@@ -96,13 +108,18 @@ class _Frame:
             check_written(self.gpu, p)
 
     def begin(self) -> Any:
-        """Return the encoder, with no pass open."""
+        """Return the command encoder, with no pass open."""
         if self.encoder is None:
             self.encoder = self.gpu.create_command_encoder(label="frame")
-        if self.dispatches is not None:
-            self.dispatches.end()
-            self.dispatches = None
+        if self.compute is not None:
+            self.compute.end()
+            self.compute = None
         return self.encoder
+
+    def clear(self, resources: Iterable[Resource]) -> None:
+        """Zero the contents of buffers."""
+        for resource in resources:
+            self.begin().clear_buffer(resource.object())
 
     def submit(self) -> None:
         """Send what is recorded. Raises GiError for what only the driver finds wrong."""
@@ -114,17 +131,21 @@ class _Frame:
         except (wgpu.GPUError, RuntimeError) as error:
             raise GiError(f"the GPU refused the frame: {reason(error)}") from error
 
-    def record_compute(self, p: Pass, groups: tuple[int, int, int] | None, stamps: Any, clear: bool = True) -> None:
-        """Record a dispatch."""
-        for resource in p.clear if clear else ():
-            self.begin().clear_buffer(resource.object())
-        if self.dispatches is None or stamps:
+    def record_compute(self, p: Pass, groups: tuple[int, int, int] | None, stamps: Any = None) -> None:
+        """Record a dispatch; what is set already is not set again, since each call of wgpu-py takes about 1 us."""
+        if self.compute is None or stamps:
             more = {"timestamp_writes": stamps} if stamps else {}
-            self.dispatches = self.begin().begin_compute_pass(label="compute", **more)
-        compute = self.dispatches
-        compute.set_pipeline(p.pipeline)
-        for index, group in enumerate(_bind_groups(self.device, p)):
-            compute.set_bind_group(index, group)
+            self.compute = self.begin().begin_compute_pass(label="compute", **more)
+            self.pipeline = self.shared = None
+        compute = self.compute
+        if p.pipeline is not self.pipeline:
+            self.pipeline = p.pipeline
+            compute.set_pipeline(p.pipeline)
+        shared, own = _bind_groups(self.device, p)
+        if shared is not None and shared is not self.shared:
+            self.shared = shared
+            compute.set_bind_group(0, shared)
+        compute.set_bind_group(1, own)
         if p.indirect is not None:
             compute.dispatch_workgroups_indirect(p.indirect.object(), 0)
         elif groups is not None:
@@ -134,6 +155,7 @@ class _Frame:
 
     def record_raster(self, p: Pass, raster: RasterState, stamps: Any) -> None:
         """Record a render pass."""
+        # Describe the attachments.
         load = "load" if raster.load else "clear"
         colors = [
             {
@@ -149,6 +171,7 @@ class _Frame:
             depth = {"view": _bound(raster.depth), "depth_read_only": not raster.depth_write}
             if raster.depth_write:
                 depth |= {"depth_load_op": load, "depth_store_op": "store", "depth_clear_value": raster.clear_depth}
+        # Draw.
         encoder = self.begin().begin_render_pass(
             label=p.name,
             color_attachments=colors,
@@ -157,7 +180,8 @@ class _Frame:
         )
         encoder.set_pipeline(p.pipeline)
         for index, group in enumerate(_bind_groups(self.device, p)):
-            encoder.set_bind_group(index, group)
+            if group is not None:
+                encoder.set_bind_group(index, group)
         if raster.index is not None:
             encoder.set_index_buffer(raster.index.view.resource.object(raster.index.view.previous), "uint32")
         if callable(raster.draw):
@@ -177,7 +201,7 @@ class _Frame:
             count = min(p.state.chunk, total - first, MAX_GROUPS)
             _write_params(self.device, p, first)
             started = time.perf_counter()
-            self.record_compute(p, (count, y, z), None, clear=first == 0)
+            self.record_compute(p, (count, y, z))
             self.submit()
             self.device.wait()
             p.state.chunk = next_chunk(p.state.chunk, count, time.perf_counter() - started)
@@ -200,8 +224,8 @@ def _prepare(device: Device, p: Pass, why: Stale) -> None:
     state = p.state
     if why.kind != "repeated":
         state.settle_index = state.settle_index + 1 if why.kind == "settling" else 0
-        state.serial = next(_serials)
-    state.seen = inputs(p)
+        state.stamp = next(_stamps)
+    state.seen = p.inputs()
     state.runs += 1
     _write_params(device, p, 0)
 
@@ -226,28 +250,39 @@ def _write_params(device: Device, p: Pass, first_workgroup: int) -> None:
 
 
 def _bind_groups(device: Device, p: Pass) -> tuple[Any, Any]:
-    """Return the groups of shared uniforms and of the rest, made anew only for resources that are."""
-    key = (*[r.generation for r in p.resources], *[r.flip for r in p.resources if r.history])
+    """Return the groups of shared uniforms (None without any) and of the rest; made where a resource is bound anew."""
+    key = tuple(map(_BOUND, p.resources))
     found = p.state.bind_groups.get(key)
     if found is not None:
         return found
     if len(p.state.bind_groups) >= 8:  # a few combinations of swapped histories; more are of resources that are gone
         p.state.bind_groups.clear()
-    shared = [{"binding": b.number, "resource": _whole(u.gpu)} for b, u in p.uniforms]
+    assert p.layouts is not None
     own = [{"binding": u.binding.number, "resource": _bound(u)} for u in p.uses if u.binding is not None]
     own += [{"binding": b.number, "resource": s.gpu} for b, s in p.samplers]
     if p.params_binding is not None:
         own.append({"binding": p.params_binding.number, "resource": _whole(p.state.params_buffer)})
-    layouts = device.pipelines.layouts(p)
     try:
-        groups = tuple(
-            device.gpu.create_bind_group(label=p.name, layout=layout, entries=entries)
-            for layout, entries in zip(layouts, (shared, own), strict=True)
+        groups = (
+            _shared_group(device, p, p.layouts[0]),
+            device.gpu.create_bind_group(label=p.name, layout=p.layouts[1], entries=own),
         )
     except (wgpu.GPUError, RuntimeError) as error:
         raise GiError(f"{p.where}: {reason(error)}") from error
-    p.state.bind_groups[key] = (groups[0], groups[1])
-    return groups[0], groups[1]
+    p.state.bind_groups[key] = groups
+    return groups
+
+
+def _shared_group(device: Device, p: Pass, layout: Any) -> Any:
+    """Return bind group 0, the same object for all passes that bind the same uniforms; None if a pass binds none."""
+    if not p.uniforms:
+        return None
+    key = (layout, *((b.number, u) for b, u in p.uniforms))
+    groups = p.uniforms[0][1].groups
+    if key not in groups:
+        entries = [{"binding": b.number, "resource": _whole(u.gpu)} for b, u in p.uniforms]
+        groups[key] = device.gpu.create_bind_group(label="uniforms", layout=layout, entries=entries)
+    return groups[key]
 
 
 def _bound(use: Use) -> Any:

@@ -6,7 +6,7 @@ and `run` each frame. A pass runs only if an output needs it and one of its inpu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,9 @@ import wgpu
 from ..errors import GiError
 from . import describe, execute, schedule, transfer
 from .declare_passes import PassDeclarations
-from .handles import Buffer, Handle, Resource, Shared, Texture
+from .handles import Buffer, Handle, Resource, Shared, Texture, View
 from .passes import Pass
+from .wgsl.load import refresh
 
 # Uses that are always allowed: reading back, clearing, and a reader that is declared later, which must not cost the
 # contents. All other uses come from the passes.
@@ -33,13 +34,15 @@ class Graph(PassDeclarations):
 
     def __init__(self, device: Any, shader_root: Path | str | None = None) -> None:
         super().__init__(device, shader_root)
+        refresh()  # a new graph sees shader files as they are now; later changes are seen when `refresh` is called
         self.order: list[Pass] = []  # the active passes
-        self.last_run: dict[str, str] = {}  # why each pass that ran last time ran
+        self.last_run: dict[str, schedule.Stale] = {}  # the passes that ran last time, and why
+        self._linked: tuple | None = None  # the passes and outputs of the last `compile`
 
     def begin(self, size: tuple[int, int] = (1, 1)) -> None:
-        """Start a declaration for a viewport of `size` (width, height) pixels.
+        """Start a declaration for a viewport of `size` (width, height) pixels. Raises GiError for an empty viewport.
 
-        What is declared as before, by name, keeps its contents and its state; the rest goes at `compile`.
+        What is declared as before, by name, keeps its contents and its state; `compile` frees the rest.
         """
         if min(size) < 1:
             raise GiError(f"a viewport of {size[0]} x {size[1]} pixels has none; give at least 1 x 1")
@@ -57,26 +60,49 @@ class Graph(PassDeclarations):
 
         Raises GiError for a resource that is read before any pass writes it, and for shaders that do not compile.
         """
-        wanted = [self._find(output) for output in outputs]
-        schedule.link(list(self.passes.values()), wanted)
-        for name, resource in self._old_resources.items():
-            if self.resources.get(name) is not resource:
-                resource.release()
-        for old in self._old_passes.values():
-            if old.name not in self.passes or self.passes[old.name].state is not old.state:
-                old.state.release()
-        self._old_resources, self._old_passes = {}, {}
-        self.order = [p for p in self.passes.values() if p.active]
+        wanted = tuple(self._find(output) for output in outputs)
+        passes = tuple(self.passes.values())
+        if (passes, wanted) != self._linked:
+            self._link(passes, wanted)
+        self.order = [p for p in passes if p.active]
+        self._free_old()
+        self._declaring = False
+
+    def _link(self, passes: tuple[Pass, ...], wanted: tuple[View, ...]) -> None:
+        """Find the active passes, allocate what they use, and make their pipelines."""
+        self._linked = None
+        schedule.link(passes, wanted)
+        active = [p for p in passes if p.active]
+        # Free first what is gone, so that old and new contents do not add up.
+        self._free_resources()
         usage: dict[Resource, int] = {}
-        for p in self.order:
+        for p in active:
             for use in p.uses:
                 usage[use.view.resource] = usage.get(use.view.resource, ALWAYS[type(use.view.resource)]) | use.usage
         for resource, flags in usage.items():
             resource.allocate(self.device.gpu, flags)
-        for p in self.order:
+        for p in active:
             if p.pipeline is None:
-                p.pipeline = self.device.pipelines.of(p)
-        self._declaring = False
+                p.pipeline, p.layouts = self.device.pipelines.of(p)
+        self._linked = (passes, wanted)
+
+    def _free_resources(self) -> None:
+        """Free the resources of earlier declarations that are declared no more."""
+        for name, resource in self._old_resources.items():
+            if self.resources.get(name) is not resource:
+                resource.release()
+        self._old_resources = {}
+
+    def _free_old(self) -> None:
+        """Free what earlier declarations leave behind: resources, states of passes, pipelines."""
+        self._free_resources()
+        gone = [p for name, p in self._old_passes.items() if self.passes.get(name) is not p]
+        kept = {p.state for p in self.passes.values()}
+        for p in gone:
+            if p.state not in kept:
+                p.state.release()
+        self.device.pipelines.retire(gone, self.order)
+        self._old_passes = {}
 
     def run(
         self,
@@ -96,7 +122,7 @@ class Graph(PassDeclarations):
         if self._declaring:
             raise GiError("the graph is declared but not compiled; call compile(outputs) before run")
         stale = schedule.stale_passes(self.order, force)
-        self.last_run = {p.name: why.reason for p, why in stale.items()}
+        self.last_run = {p.name: why for p, why in stale.items()}
         if stale:
             execute.run(self.device, self.order, stale, self.timing if timings else None, check, on_chunk)
         return bool(stale)
@@ -125,19 +151,25 @@ class Graph(PassDeclarations):
         level = mip if view.mip is None else view.mip
         return transfer.read_back(self.device.gpu, view, level)
 
-    def plan(self) -> list[describe.Row]:
-        """Return what each pass did in the last run, and why; `describe.table` prints it."""
-        return describe.plan(self.planned, self.last_run, self.timing)
+    def plan(self, ran: Mapping[str, schedule.Stale] | None = None) -> list[describe.Row]:
+        """Return what each pass did in the last run, or in the one whose `last_run` was `ran`.
+
+        `describe.table` prints it.
+        """
+        return describe.plan(self.planned, self.last_run if ran is None else ran, self.timing)
 
     def release(self) -> None:
-        """Destroy all that the graph allocated; shared resources stay. It can be declared anew."""
+        """Destroy all that the graph allocated, except shared resources. A new declaration may follow."""
         for resource in (self._old_resources | self.resources).values():
             resource.release()
         for neutral in self._neutrals.values():
             neutral.object().destroy()
-        for p in (self._old_passes | self.passes).values():
+        passes = [*self._old_passes.values(), *self.passes.values()]
+        for p in passes:
             p.state.release()
+        self.device.pipelines.retire(passes)
         for uniform in self.uniforms.values():
+            uniform.groups.clear()
             uniform.gpu.destroy()
         for known in (
             self.resources,
@@ -149,4 +181,4 @@ class Graph(PassDeclarations):
             self.uniforms,
         ):
             known.clear()
-        self.order = []
+        self.order, self._linked = [], None

@@ -1,7 +1,7 @@
-"""What a declaration hands around: textures, buffers, shared resources, uniforms and samplers, and views of them.
+"""The handles of a declaration: textures, buffers, shared resources, uniforms and samplers, and views of them.
 
-A handle is a name and a size until `Graph.compile`, which allocates what the passes use. The same declaration by the
-same name gives the same handle again, with its contents.
+A handle is a name and a size until `Graph.compile`, which allocates what the passes use. A resource that is declared
+again with the same name and shape keeps its handle and its contents.
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ VIEW_DIMENSIONS = {
 
 
 class Resource:
-    """Something that passes read and write. `gpu` holds the wgpu object, with history two, and is empty until used.
+    """Something that passes read and write. `gpu` holds its wgpu object, or two with history; it is empty until used.
 
-    `generation` grows with each allocation; contents before it are lost. `flip` tells which of two is the current one.
+    `stamp` is another value after each allocation and each change by an owner outside the graph: a pass whose input has
+    another stamp than at its last run is stale. `bound` is another value for each wgpu object that `object` returns: a
+    bind group holds as long as it is the same.
     """
 
     name: str
@@ -41,8 +43,8 @@ class Resource:
         self.name = name
         self.gpu: list[Any] = []
         self.usage = 0
-        self.generation = 0
-        self.flip = 0
+        self.stamp: Any = 0
+        self.bound = 0  # twice the number of allocations, plus the index of the current object
 
     @property
     def previous(self) -> View:
@@ -59,7 +61,11 @@ class Resource:
         """Return the wgpu texture or buffer. Raises GiError if no pass that runs uses it."""
         if not self.gpu:
             raise GiError(f"{self.name!r} holds nothing: no pass that an output needs uses it")
-        return self.gpu[(self.flip + previous) % len(self.gpu)]
+        return self.gpu[(self.bound ^ previous) & 1]
+
+    def swap(self) -> None:
+        """Exchange current and previous contents; needs history."""
+        self.bound ^= 1
 
     def allocate(self, device: Any, usage: int) -> None:
         """Make the wgpu objects, unless there are some that allow `usage`."""
@@ -67,7 +73,8 @@ class Resource:
             return
         self.release()
         self.usage |= usage
-        self.generation += 1
+        self.stamp += 1
+        self.bound += 2
         try:
             self.gpu = [self.create(device, label) for label in self.labels()]
         except (wgpu.GPUError, RuntimeError) as error:
@@ -90,11 +97,6 @@ class Resource:
         self.gpu = []
 
     @property
-    def spec(self) -> tuple:
-        """All that, when changed, makes it another resource."""
-        raise NotImplementedError
-
-    @property
     def bytes(self) -> int:
         """Bytes of video memory, with history."""
         return 0
@@ -104,7 +106,10 @@ Slot = tuple[Resource, int]
 
 
 class Texture(Resource):
-    """A texture of `size` (width, height) pixels; `layers` is the depth of a 3d texture."""
+    """A texture of `size` (width, height) pixels; `layers` is the depth of a 3d texture.
+
+    `spec` is all that makes it another resource when changed: its kind, format, size and so on.
+    """
 
     def __init__(
         self,
@@ -123,12 +128,8 @@ class Texture(Resource):
         self.mips = mips
         self.history = history
         self.dimension = dimension
+        self.spec = ("texture", format.name, size, layers, mips, history, dimension)
         self._views: dict[tuple, Any] = {}
-
-    @property
-    def spec(self) -> tuple:
-        """Format, size and so on."""
-        return ("texture", self.format.name, self.size, self.layers, self.mips, self.history, self.dimension)
 
     @property
     def bytes(self) -> int:
@@ -170,7 +171,7 @@ class Texture(Resource):
 
     def view(self, view: View, dimension: str) -> Any:
         """Return the wgpu view of a part of it, as the shader's `dimension` ("2d", "2d-array" ...) wants it."""
-        key = (view.mip, view.layer, dimension, (self.flip + view.previous) % len(self.labels()))
+        key = (view.mip, view.layer, dimension, (self.bound ^ view.previous) & 1)
         found = self._views.get(key)
         if found is None:
             layers = {} if dimension == "3d" else {"array_layer_count": 1 if dimension == "2d" else self.layers}
@@ -189,7 +190,8 @@ class Texture(Resource):
 class Buffer(Resource):
     """A buffer of `count` elements of a numpy dtype, structured or not.
 
-    With one element per pixel, row by row, `width` are the pixels of a row; else it is 0.
+    With one element per pixel, row by row, `width` is the number of pixels in a row; else it is 0. `spec` as for
+    textures.
     """
 
     def __init__(self, name: str, dtype: np.dtype, count: int, history: bool = False, width: int = 0) -> None:
@@ -198,11 +200,7 @@ class Buffer(Resource):
         self.count = count
         self.history = history
         self.width = width
-
-    @property
-    def spec(self) -> tuple:
-        """Element type, count and so on."""
-        return ("buffer", self.dtype, self.count, self.history, self.width)
+        self.spec = ("buffer", dtype, count, history, width)
 
     @property
     def size_bytes(self) -> int:
@@ -225,24 +223,23 @@ class Shared(Resource):
     def __init__(self, name: str, resource: Any, version: Any) -> None:
         super().__init__(name)
         self._views: dict[str, Any] = {}
+        self.is_buffer = _is_buffer(resource)
         self.set(resource, version)
 
     def set(self, resource: Any, version: Any) -> None:
-        """Exchange the wgpu object or its version."""
+        """Exchange the wgpu object, for one of the same kind, or its version."""
         if not self.gpu or self.gpu[0] is not resource:
             self._views.clear()
-            self.generation += 1
-        self.gpu = [resource]
-        self.version = version
-        self.is_buffer = hasattr(resource, "map_state")
-        texture = resource if hasattr(resource, "create_view") else getattr(resource, "texture", None)
-        self.format = None if self.is_buffer or texture is None else FORMATS.get(texture.format)
-        self.texture = texture
+            self.bound += 2
+            self.gpu = [resource]
+            texture = resource if hasattr(resource, "create_view") else getattr(resource, "texture", None)
+            self.format = None if self.is_buffer or texture is None else FORMATS.get(texture.format)
+            self.texture = texture
+        self.stamp = (self.bound, version)
 
-    @property
-    def spec(self) -> tuple:
-        """Its kind; who owns it decides on the rest."""
-        return ("shared", self.is_buffer)
+    def can_be(self, resource: Any) -> bool:
+        """True if a wgpu object is of the same kind, buffer or texture, so that `set` takes it."""
+        return self.is_buffer == _is_buffer(resource)
 
     def allocate(self, device: Any, usage: int) -> None:
         """Do nothing: its owner has allocated it."""
@@ -259,6 +256,10 @@ class Shared(Resource):
             aspect = "depth-only" if self.format is not None and self.format.is_depth else "all"
             self._views[dimension] = item.create_view(label=self.name, dimension=dimension, aspect=aspect)
         return self._views[dimension]
+
+
+def _is_buffer(resource: Any) -> bool:
+    return hasattr(resource, "map_state")
 
 
 @dataclass(frozen=True)
@@ -291,7 +292,7 @@ class Sampler:
 
 
 class Uniform:
-    """A shared uniform (bind group 0), versioned by its bytes."""
+    """A shared uniform (bind group 0); `stamp` grows whenever its bytes become others."""
 
     def __init__(self, name: str, dtype: np.dtype, device: Any) -> None:
         self.name = name
@@ -300,7 +301,8 @@ class Uniform:
         usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
         self.gpu = device.create_buffer(label=f"uniform {name}", size=size, usage=usage)
         self.data = b""
-        self.version = 0
+        self.stamp = 0
+        self.groups: dict[tuple, Any] = {}  # bind groups 0 of which it is the first uniform
 
 
 Handle = Texture | Buffer | Shared | View

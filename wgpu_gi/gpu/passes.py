@@ -1,19 +1,22 @@
-"""A declared pass: what it binds, what it depends on, and what is remembered of its last run."""
+"""A declared pass: what it binds, what it depends on, and the state that it keeps from run to run."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from .handles import Buffer, Resource, Sampler, Slot, Uniform, View
+from .handles import Buffer, Resource, Sampler, Shared, Slot, Uniform, View
 from .wgsl.load import ShaderSource
 from .wgsl.module import Binding, EntryPoint
 
-# Filled in by the executor where the params struct has them.
+_STAMP = attrgetter("stamp")
+
+# The executor fills these in where the params struct has them.
 SPECIAL_PARAMS = ("settle_index", "first_workgroup")
 
 
@@ -54,15 +57,15 @@ class RasterState:
 
 @dataclass(eq=False)
 class PassState:
-    """What is remembered of a pass from frame to frame, as long as its declaration stays the same."""
+    """What a pass keeps from frame to frame, as long as its declaration stays the same but for its params."""
 
-    seen: tuple | None = None  # the versions of all inputs at its last run; None: it has not run
-    serial: int = 0  # grows with each run that may have changed what it writes
+    seen: tuple | None = None  # `Pass.inputs` at its last run; None: it has not run
+    stamp: int = 0  # of its last run that may have changed what it writes
     settle_index: int = 0
     runs: int = 0
     params_buffer: Any = None
     params_on_gpu: bytes = b""
-    bind_groups: dict[tuple, tuple] = field(default_factory=dict)
+    bind_groups: dict[tuple, tuple] = field(default_factory=dict)  # groups 0 and 1 by what the resources are bound to
     chunk: int = 64  # workgroups along x of the next chunk of a split pass
 
     def restart(self) -> None:
@@ -71,7 +74,8 @@ class PassState:
         self.settle_index = 0
 
     def release(self) -> None:
-        """Destroy its buffer."""
+        """Destroy its buffer and drop its bind groups."""
+        self.bind_groups.clear()
         if self.params_buffer is not None:
             self.params_buffer.destroy()
         self.params_buffer, self.params_on_gpu = None, b""
@@ -79,7 +83,10 @@ class PassState:
 
 @dataclass(eq=False)
 class Pass:
-    """A compute or raster pass as declared. `settle` and the values in `params` may change without a rebuild."""
+    """A compute or raster pass as declared.
+
+    A redeclaration with the same arguments gives the same pass; only `settle` and the values in `params` may be others.
+    """
 
     name: str
     source: ShaderSource
@@ -96,13 +103,28 @@ class Pass:
     split: bool = False
     clear: tuple[Resource, ...] = ()
     raster: RasterState | None = None
+    arguments: tuple = ()  # of the declaration, without params and settle
+    param_arguments: tuple = ()
+    shared_bound: tuple[int, ...] = ()  # `bound` of its shared resources when it was checked
     state: PassState = field(default_factory=PassState)
-    pipeline: Any = None
     # Found by Graph.compile.
+    pipeline: Any = None
+    layouts: tuple[Any, Any] | None = None  # of bind groups 0 and 1
     active: bool = False
-    producers: dict[Pass, tuple[str, ...]] = field(default_factory=dict)  # earlier ones, and the inputs each writes
+    producers: dict[Pass, tuple[str, ...]] = field(default_factory=dict)  # earlier passes, and the inputs each writes
     fellows: tuple[Pass, ...] = ()  # run whenever this one runs
     culled_because: str = ""
+    clear_first: tuple[Resource, ...] = ()  # of `clear`: those that no pass before it touches
+    clear_late: tuple[Resource, ...] = ()  # of `clear`: the others
+    stamped: tuple[Uniform | Resource | PassState, ...] = ()  # all that it depends on
+
+    def __post_init__(self) -> None:
+        self.set_params(self.params)
+
+    def set_params(self, params: np.ndarray | None) -> None:
+        """Give it another params struct, its special fields zero."""
+        self.params = params
+        self.params_bytes = b"" if params is None else params.tobytes()
 
     @property
     def where(self) -> str:
@@ -113,6 +135,11 @@ class Pass:
     def resources(self) -> tuple[Resource, ...]:
         """The resource of each use."""
         return tuple(use.view.resource for use in self.uses)
+
+    @cached_property
+    def shared(self) -> tuple[Shared, ...]:
+        """The resources among them that someone else owns."""
+        return tuple(r for r in self.resources if isinstance(r, Shared))
 
     @cached_property
     def written(self) -> tuple[Resource, ...]:
@@ -130,11 +157,6 @@ class Pass:
         return frozenset(s for u in self.uses if u.writes for s in u.view.slots())
 
     @cached_property
-    def params_bytes(self) -> bytes:
-        """The params struct, its special fields zero."""
-        return b"" if self.params is None else self.params.tobytes()
-
-    @cached_property
     def special_params(self) -> tuple[str, ...]:
         """The fields of the params struct that the executor fills in."""
         names = () if self.params is None else self.params.dtype.names or ()
@@ -144,6 +166,10 @@ class Pass:
     def reads_history(self) -> bool:
         """True if it reads previous contents."""
         return any(use.view.previous for use in self.uses)
+
+    def inputs(self) -> tuple:
+        """Return its params and the stamps of all it depends on; it is stale if they differ from `state.seen`."""
+        return (self.params_bytes, *map(_STAMP, self.stamped))
 
     @property
     def progresses(self) -> bool:
@@ -158,7 +184,7 @@ class Pass:
         return np.frombuffer(self.state.seen[0], self.params.dtype).reshape(())
 
     def go_on_with(self, name: str) -> None:
-        """Say, of a pass that has run, that all it has done is the same for the new value of a field of its params."""
+        """Keep the results of a pass that has run although a field of its params is new, because they do not change."""
         before = self.params_before
         assert before is not None and self.params is not None and self.state.seen is not None
         as_if = before.copy()
@@ -166,7 +192,7 @@ class Pass:
         self.state.seen = (as_if.tobytes(), *self.state.seen[1:])
 
     def signature(self) -> tuple:
-        """All that must stay the same for its contents and its run state to stay valid."""
+        """Return all that must stay the same for its contents and its state to stay valid."""
         return (
             self.source,
             tuple(e.name for e in self.entries),

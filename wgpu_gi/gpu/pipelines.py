@@ -1,14 +1,17 @@
-"""Source + formats + constants -> pipeline, cached; what the compiler finds wrong is a GiError with file and line."""
+"""Makes and caches pipelines; an error that the compiler finds in a shader is a GiError with file and line."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import wgpu
 
 from ..errors import GiError
 from .messages import compiler_message, reason
 from .passes import Pass, RasterState, Use
+from .wgsl.load import ShaderSource
 from .wgsl.module import Binding
 
 STAGES = {
@@ -18,48 +21,63 @@ STAGES = {
 }
 
 
+KEPT = 64  # pipelines that no pass uses: as many as the largest technique has, so that going back compiles none
+
+
 class Pipelines:
     """All shader modules, bind group layouts and pipelines of a device, for all its graphs.
 
-    They stay: a slider may come back, and drivers return little of the memory of what is dropped.
+    A pipeline lives as long as a pass uses it, or as it is among the last `KEPT` that passes gave up; a shader module
+    as long as its source.
     """
 
     def __init__(self, gpu: Any) -> None:
         self.gpu = gpu
-        self._modules: dict[str, Any] = {}
+        self._modules: WeakKeyDictionary[ShaderSource, Any] = WeakKeyDictionary()
         self._layouts: dict[tuple, Any] = {}
-        self._pipelines: dict[tuple, Any] = {}
+        self._pipelines: WeakValueDictionary[tuple, Any] = WeakValueDictionary()
+        self._retired: dict[Any, None] = {}  # the longest unused first
 
-    def of(self, p: Pass) -> Any:
-        """Return the pipeline of a pass. Raises GiError with file and line if the shader does not compile."""
+    def of(self, p: Pass) -> tuple[Any, tuple[Any, Any]]:
+        """Return the pipeline of a pass, and the layouts of its bind groups 0 (shared uniforms) and 1.
+
+        Raises GiError with file and line if the shader does not compile.
+        """
         groups = (self._entries(p, 0), self._entries(p, 1))
         key = (p.source.text, tuple(e.name for e in p.entries), tuple(sorted(p.constants.items())), groups)
         key += (_target_key(p.raster),) if p.raster else ()
+        layouts = (self._layout(p.name, groups[0]), self._layout(p.name, groups[1]))
         found = self._pipelines.get(key)
         if found is None:
             module = self._module(p)
             try:
-                layout = self.gpu.create_pipeline_layout(
-                    label=p.name, bind_group_layouts=[self._layout(p.name, g) for g in groups]
-                )
+                layout = self.gpu.create_pipeline_layout(label=p.name, bind_group_layouts=list(layouts))
                 found = self._raster(p, module, layout) if p.raster else self._compute(p, module, layout)
             except (wgpu.GPUError, RuntimeError) as error:
                 raise GiError(f"{p.where}: {compiler_message(error, p.source)}") from error
             self._pipelines[key] = found
-        return found
+        self._retired.pop(found, None)
+        return found, layouts
 
-    def layouts(self, p: Pass) -> tuple[Any, Any]:
-        """Return the layouts of bind groups 0 (shared uniforms) and 1."""
-        return self._layout(p.name, self._entries(p, 0)), self._layout(p.name, self._entries(p, 1))
+    def retire(self, gone: Iterable[Pass], staying: Iterable[Pass] = ()) -> None:
+        """Take the pipelines of passes that are gone, except those that passes still use."""
+        used = {p.pipeline for p in staying}
+        for p in gone:
+            if p.pipeline is not None and p.pipeline not in used:
+                self._retired.pop(p.pipeline, None)
+                self._retired[p.pipeline] = None
+            p.pipeline = None
+        while len(self._retired) > KEPT:
+            del self._retired[next(iter(self._retired))]
 
     def _module(self, p: Pass) -> Any:
-        found = self._modules.get(p.source.text)
+        found = self._modules.get(p.source)
         if found is None:
             try:
                 found = self.gpu.create_shader_module(label=p.source.path, code=p.source.text)
             except (wgpu.GPUError, RuntimeError) as error:
                 raise GiError(f"{p.where}: {compiler_message(error, p.source)}") from error
-            self._modules[p.source.text] = found
+            self._modules[p.source] = found
         return found
 
     def _compute(self, p: Pass, module: Any, layout: Any) -> Any:

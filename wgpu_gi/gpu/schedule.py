@@ -2,29 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Iterable, Sequence
+from typing import Literal, NamedTuple
 
 from ..errors import GiError
-from .handles import Shared, Slot, View
+from .handles import Resource, Shared, Slot, View
 from .passes import Pass
 
 
-@dataclass(frozen=True)
-class Stale:
+class Stale(NamedTuple):
     """Why a pass runs.
 
-    "changed": an input is new, so progress starts again. "settling": it goes on as declared. "repeated": with the same
-    inputs as before, since another pass needs what it overwrites; what it writes does not count as new.
+    "changed": an input is new, so progress starts from its beginning. "settling": progress goes on as declared.
+    "repeated": the inputs are as before, but another pass needs what this one overwrites; its results do not count as
+    new. `why` is the reason in words, or a function that returns it: reasons are put into words only when asked for.
     """
 
     kind: Literal["changed", "settling", "repeated"]
-    reason: str
+    why: str | Callable[[], str]
+
+    @property
+    def reason(self) -> str:
+        """The reason in words."""
+        return self.why if isinstance(self.why, str) else self.why()
 
 
-def link(passes: list[Pass], outputs: Iterable[View]) -> None:
-    """Set `active`, `producers` and `fellows` of each pass. Raises GiError where something is read but not written."""
+def link(passes: Sequence[Pass], outputs: Iterable[View]) -> None:
+    """Find which passes are active, and what each depends on.
+
+    Raises GiError for a resource that is read before any pass writes it.
+    """
     writers: dict[Slot, list[Pass]] = {}
     for p in passes:
         for slot in p.written_slots:
@@ -33,16 +40,23 @@ def link(passes: list[Pass], outputs: Iterable[View]) -> None:
     for p in passes:
         _check_reads(p, writers, place)
     _cull(passes, outputs, writers, place)
+    touched: set[Resource] = set()
     for p in passes:
         if not p.active:
             continue
         reads, writes = p.read_slots, p.written_slots
+        # Its producers are the earlier writers of what it reads or overwrites.
         sources = {q for s in reads | writes for q in writers.get(s, ()) if place[q] < place[p]}
         p.producers = {q: _names_from(p, q) for q in passes if q in sources}
-        # What p reads is gone if a later pass has written over it: then all of its writers must run again.
+        p.stamped = (*(uniform for _, uniform in p.uniforms), *p.resources, *(q.state for q in p.producers))
+        # If a later pass overwrites what it reads, all writers must run whenever it runs.
         overwritten = {s for s in reads if any(q.active and place[q] > place[p] for q in writers.get(s, ()))}
         others = {q for s in writes | overwritten for q in writers.get(s, ()) if q.active and q is not p}
         p.fellows = tuple(q for q in passes if q in others)
+        # What no earlier pass touches can be cleared when the frame begins; a split pass has submissions of its own.
+        p.clear_first = tuple(r for r in p.clear if r not in touched and not p.split)
+        p.clear_late = tuple(r for r in p.clear if r not in p.clear_first)
+        touched.update(p.resources)
 
 
 def _check_reads(p: Pass, writers: dict[Slot, list[Pass]], place: dict[Pass, int]) -> None:
@@ -59,7 +73,9 @@ def _check_reads(p: Pass, writers: dict[Slot, list[Pass]], place: dict[Pass, int
             )
 
 
-def _cull(passes: list[Pass], outputs: Iterable[View], writers: dict[Slot, list[Pass]], place: dict[Pass, int]) -> None:
+def _cull(
+    passes: Sequence[Pass], outputs: Iterable[View], writers: dict[Slot, list[Pass]], place: dict[Pass, int]
+) -> None:
     """Mark the passes that `outputs` need: writers of what is read, also earlier ones (clear before splat)."""
     needed: list[Pass] = []
     for view in outputs:
@@ -82,20 +98,10 @@ def _cull(passes: list[Pass], outputs: Iterable[View], writers: dict[Slot, list[
             p.culled_because = "no output needs " + ", ".join(r.name for r in p.written)
 
 
-def inputs(p: Pass) -> tuple:
-    """Return the versions of all that a pass depends on."""
-    return (
-        p.params_bytes,
-        *[uniform.version for _, uniform in p.uniforms],
-        *[(r.generation, r.version) if isinstance(r, Shared) else r.generation for r in p.resources],
-        *[q.state.serial for q in p.producers],
-    )
-
-
 def stale_passes(order: list[Pass], force: bool = False) -> dict[Pass, Stale]:
     """Return the passes that must run, and why; `order` are the active passes as declared."""
     stale: dict[Pass, Stale] = {}
-    renewed: set[Pass] = set()  # these will write something new
+    renewed: set[Pass] = set()  # those that will write something new
     for p in order:
         found = _own_reason(p, renewed, force)
         if found is not None:
@@ -113,22 +119,27 @@ def stale_passes(order: list[Pass], force: bool = False) -> dict[Pass, Stale]:
 
 
 def _own_reason(p: Pass, renewed: set[Pass], force: bool) -> Stale | None:
-    state = p.state
-    if state.seen is None:
+    """Return why a pass must run whatever later passes need; `renewed` are earlier passes with new results."""
+    state, before = p.state, p.state.seen
+    if before is None:
         return Stale("changed", "first run")
-    if not renewed.isdisjoint(p.producers):
-        names = [name for q, written in p.producers.items() if q in renewed for name in written]
-        return Stale("changed", f"input changed: {', '.join(dict.fromkeys(names))}")
-    now = inputs(p)
-    if now != state.seen:
-        return Stale("changed", f"input changed: {', '.join(_differences(p, now, state.seen))}")
+    producers = p.producers
+    if not renewed.isdisjoint(producers):
+        return Stale("changed", lambda: _changed(n for q, names in producers.items() if q in renewed for n in names))
+    now = p.inputs()
+    if now != before:
+        return Stale("changed", lambda: _changed(_differences(p, now, before)))
     if state.settle_index + 1 < p.settle:
         return Stale("settling", f"settling: run {state.settle_index + 2} of {p.settle}")
     if force:
-        # What has settled for good would find nothing left to do: it starts again.
+        # A pass that has settled has nothing left to do: it starts from its beginning.
         settled = p.settle > 1 and not p.reads_history
         return Stale("changed" if settled else "settling" if p.progresses else "repeated", "forced")
     return None
+
+
+def _changed(names: Iterable[str]) -> str:
+    return f"input changed: {', '.join(dict.fromkeys(names))}"
 
 
 def _names_from(p: Pass, producer: Pass) -> tuple[str, ...]:
@@ -142,11 +153,11 @@ def _differences(p: Pass, now: tuple, before: tuple) -> list[str]:
     names = _input_names(p)
     if len(now) != len(before):
         return ["the passes before it"]
-    return list(dict.fromkeys(n for n, a, b in zip(names, now, before, strict=True) if a != b))
+    return [n for n, a, b in zip(names, now, before, strict=True) if a != b]
 
 
 def _input_names(p: Pass) -> list[str]:
-    """Return the names that go with `inputs`."""
+    """Return the names that go with `Pass.inputs`."""
     return [
         "params",
         *[uniform.name for _, uniform in p.uniforms],

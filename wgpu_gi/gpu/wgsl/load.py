@@ -1,4 +1,4 @@
-"""Loads WGSL: `#import` pastes files, a line map leads back, and declarations are reflected by name.
+"""Loads WGSL: pastes the files that `#import` names, maps lines back to files, and reflects declarations by name.
 
 `#import "common/brdf.wgsl"` on a line of its own pastes that file there, once, depth first; paths are relative to the
 shader root. There are no templates and no conditionals.
@@ -21,7 +21,7 @@ from .tokens import ParseError
 
 @dataclass(eq=False)
 class ShaderSource:
-    """A shader with all that it imports, and what it declares. Equal sources are the same object."""
+    """A shader with all that it imports, and what it declares. A source is the same object until its text changes."""
 
     path: str
     text: str
@@ -74,34 +74,50 @@ class ShaderSource:
         return self._layouts[kind]
 
 
-_cache: dict[tuple[str, Path | None], tuple[ShaderSource, dict[Path, int]]] = {}
+_Key = tuple[str, Path | None]
+_loaded: dict[_Key, tuple[ShaderSource, frozenset[Path]]] = {}  # with the files it comes from
+_outdated: dict[_Key, ShaderSource] = {}  # sources of which a file has changed
+_times: dict[Path, int] = {}  # when each file had been written when it was read
 
 
 def load(path: str, root: Path | str | None = None) -> ShaderSource:
     """Return the shader `path` of the package's `wgsl` folder; files under `root`, if given, come first.
 
-    Cached until a file of it changes. Raises GiError with file and line for a missing import, an import cycle, or a
-    declaration that cannot be read.
+    A shader is read once; after that no file is touched until `refresh`. Raises GiError with file and line for a
+    missing import, an import cycle, or a declaration that cannot be read.
     """
-    root = Path(root) if root is not None else None
-    cached = _cache.get((path, root))
-    if cached is not None and all(_mtime(file) == at for file, at in cached[1].items()):
-        return cached[0]
+    key = (path, Path(root) if root is not None else None)
+    known = _loaded.get(key)
+    if known is not None:
+        return known[0]
     files: dict[Path, int] = {}
     pasted: list[tuple[str, str, int]] = []
-    _paste(path, root, [], files, pasted, "")
+    _paste(path, key[1], [], files, pasted, "")
     text = "\n".join(line for line, _, _ in pasted) + "\n"
-    lines = [(file, number) for _, file, number in pasted]
-    if cached is not None and cached[0].text == text:
-        source = cached[0]
-    else:
-        source = ShaderSource(path, text, lines, Module())
+    source = _outdated.get(key)
+    if source is None or source.text != text:
+        source = ShaderSource(path, text, [(file, number) for _, file, number in pasted], Module())
         try:
             source.module = parse(text)
         except ParseError as error:
             raise GiError(f"{source.where(error.line)}: {error}") from error
-    _cache[path, root] = (source, files)
+    for file, time in files.items():
+        _times.setdefault(file, time)  # that of the first shader read: `refresh` then renews all of them
+    _loaded[key] = (source, frozenset(files))
+    _outdated.pop(key, None)
     return source
+
+
+def refresh() -> bool:
+    """Return True if a file of a loaded shader has changed; `load` then reads that shader again."""
+    changed = {file for file, time in _times.items() if _mtime(file) != time}
+    for key, (source, files) in list(_loaded.items()):
+        if not files.isdisjoint(changed):
+            _outdated[key] = source
+            del _loaded[key]
+    for file in changed:
+        del _times[file]
+    return bool(changed)
 
 
 def _paste(
