@@ -61,6 +61,7 @@ def declare_clusters(graph: Graph, culling: str, gbuffer: Gbuffer, vpls: Vpls, i
         over=(words, -(-count // _CLUSTERS)),
         reads={"bounds": bounds, "vpl_table": vpls.table},
         writes={"lists": lists},
-        constants={"INTERLEAVE": interleave, "VPLS": vpls.count, "SLICES": slices},
+        params={"vpl_count": vpls.count},
+        constants={"INTERLEAVE": interleave, "SLICES": slices},
     )
     return Clusters({"lists": lists}, {"CULLED": True, "SLICES": slices})

@@ -15,7 +15,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
 from ..shared.scene_inputs import SceneInputs
-from .gather import Gathered, near_constants
+from .gather import Gathered, near_reach
 
 SHADER = "many_light/gather/compensate.wgsl"
 SIDE = 4  # of the squares whose pixels share a set of others; as blurs have it at least
@@ -50,12 +50,12 @@ def declare_compensation(
             "bound_sums": gathered.bound_sums,
         },
         writes={"irradiance": irradiance},
-        params={"seed": seed},
+        params={"seed": seed, "near_reach": near_reach(gathered.near)},
         constants={
             **scene.constants(SHADER),
             "INTERLEAVE": SIDE,
             "FURTHER": bounces != 1,
-            **near_constants(gathered.near),
+            "NEAR": gathered.near is not None,
         },
     )
     return replace(gathered, irradiance=irradiance)

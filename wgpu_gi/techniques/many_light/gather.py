@@ -59,9 +59,9 @@ class Near:
     reach: float
 
 
-def near_constants(near: Near | None) -> dict[str, float]:
-    """Return those of `many_light/gather/near.wgsl`."""
-    return {"NEAR": near is not None, "NEAR_REACH": near.reach if near is not None else 1.0}
+def near_reach(near: Near | None) -> float:
+    """Return the reach of the near field; without one, nothing reads it."""
+    return near.reach if near is not None else 0.0
 
 
 @dataclass
@@ -121,18 +121,22 @@ def declare_gather(
                 **(maps.reads if maps is not None else {}),
             },
             writes=layers,
-            params={"first": first} if exact else {"seed": seed} if sampled else None,
+            params={
+                "vpl_count": vpls.count,
+                "first_word": first,
+                "seed": seed,
+                "near_reach": near_reach(near),
+            },
             constants={
                 **scene.constants(shader),
                 **clusters.constants,
                 **(maps.constants if maps is not None else {}),
                 "INTERLEAVE": n,
-                "VPLS": vpls.count,
                 "ADDED": exact,
-                **({"RAYS": settings.rays} if sampled else {}),
                 "BOUNDED": settings.clamping == "disc",
                 "COMPENSATED": compensated,
-                **near_constants(near),
+                **({"RAYS": settings.rays} if sampled else {}),
+                "NEAR": near is not None,
             },
             clear=[layers[name] for name in ("irradiance", "glossy", "bound_sums")] if exact and not first else (),
         )

@@ -96,11 +96,11 @@ def declare_ism(graph: Graph, settings: IsmSettings, scene: SceneInputs, points:
     rays = vpls.count * side**2
     near_count, drawn_count = 1 if single else 3 * rays, width * height if single or per_map else 1
     _check_size(graph, settings, vpls, (width, height), near_count * FOUR_FLOATS.itemsize, drawn_count * 4)
-    constants: dict[str, float] = {"ISM_RESOLUTION": settings.resolution, "ISM_COLUMNS": across}
+    constants: dict[str, float] = {"ISM_RESOLUTION": settings.resolution}
     drawn = graph.buffer("ism/drawn", dtype=np.uint32, count=drawn_count)
     near = graph.buffer("ism/near_points", dtype=FOUR_FLOATS, count=near_count)
     if per_map:
-        _declare_points(graph, settings, per_map, points, vpls, drawn, constants)
+        _declare_points(graph, settings, per_map, points, vpls, drawn, width, constants)
     else:
         graph.skip("ism/points", "ism.points is 0")
     shader = "many_light/ism/rays.wgsl"
@@ -110,13 +110,8 @@ def declare_ism(graph: Graph, settings: IsmSettings, scene: SceneInputs, points:
         over=vpls.count * side,
         reads={**scene.surfaces, "vpl_table": vpls.table},
         writes={"near_points": near, "drawn": drawn, "hits": graph.buffer("ism/hits", dtype=FOUR_WORDS, count=rays)},
-        constants={
-            **scene.constants(shader),
-            **constants,
-            "CELL": settings.cell,
-            "VPLS": vpls.count,
-            "SINGLE": single,
-        },
+        params={"vpl_count": vpls.count, "atlas_width": width},
+        constants={**scene.constants(shader), **constants, "CELL": settings.cell, "SINGLE": single},
         clear=[drawn] if single and not per_map else [],
     )
     atlas = graph.texture("ism/atlas", "r32uint", size=(width, height))
@@ -154,6 +149,7 @@ def _declare_points(
     points: Points,
     vpls: Vpls,
     drawn: Buffer,
+    atlas_width: int,
     constants: dict[str, float],
 ) -> None:
     """Declare the drawing of points of all surfaces, as discs or as single texels."""
@@ -163,12 +159,13 @@ def _declare_points(
         over=(per_map, vpls.count),
         reads={"points": points.buffer, "vpl_table": vpls.table},
         writes={"drawn": drawn},
-        constants={
-            **constants,
-            "PER_MAP": per_map,
-            "FOOTPRINT": 0.0 if settings.mode == "pull-push" else settings.footprint,
-            "GROW": settings.grow,
+        params={
+            "per_map": per_map,
+            "atlas_width": atlas_width,
+            "footprint": 0.0 if settings.mode == "pull-push" else settings.footprint,
+            "grow": settings.grow,
         },
+        constants=constants,
         clear=[drawn],
     )
 
@@ -189,13 +186,8 @@ def _declare_pull_push(
         over=(atlas.size[0], atlas.size[1] // TILE),
         reads={"drawn": drawn, "points": points.buffer},
         writes={"atlas": atlas},
-        constants={
-            **constants,
-            "SPACING": settings.cell,
-            "PER_MAP": per_map,
-            "REACH": settings.reach,
-            "INTERVAL": settings.interval,
-        },
+        params={"per_map": per_map, "reach": settings.reach, "interval": settings.interval},
+        constants={**constants, "SPACING": settings.cell},
     )
 
 

@@ -46,7 +46,7 @@ def declare_vpl_view(graph: Graph, vpls: Vpls) -> dict[str, Buffer]:
         over=vpls.count,
         reads={"vpl_table": vpls.table},
         writes={"picture": picture},
-        constants={"VPLS": vpls.count},
+        params={"vpl_count": vpls.count},
         clear=[picture],
     )
     return {"vpl/flux": picture}
@@ -65,7 +65,8 @@ def declare_list_view(
         over=graph.size,
         reads={"lists": clusters.reads["lists"], "distance": gbuffer.distance},
         writes={"picture": picture},
-        constants={"INTERLEAVE": settings.interleave, "VPLS": vpls.count, "SLICES": clusters.constants["SLICES"]},
+        params={"vpl_count": vpls.count},
+        constants={"INTERLEAVE": settings.interleave, "SLICES": clusters.constants["SLICES"]},
     )
     return {"gather/lists": picture}
 

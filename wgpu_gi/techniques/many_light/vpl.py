@@ -83,7 +83,7 @@ def declare_walk(
         reads={**scene.surfaces, **scene.lights, "points": points.buffer, "ambient_albedo": albedo},
         writes={"walk": walk},
         params={"paths": settings.paths, "sky_paths": sky_paths, "seed": seed},
-        constants={**scene.constants(shader), "VERTICES": vertices},
+        constants=scene.constants(shader),
     )
     return walk, count
 
@@ -145,6 +145,6 @@ def declare_vpls(
         over=count,
         reads={"drawn": drawn},
         writes={"vpls": table},
-        constants={"COUNT": count, "STRIDE": -(-count // OVERLAP_LIGHTS)},
+        params={"count": count, "stride": -(-count // OVERLAP_LIGHTS)},
     )
     return Vpls(table, count)

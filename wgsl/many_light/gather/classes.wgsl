@@ -2,10 +2,17 @@
 // Sets of them are bits: word w of a class has those of its slots number 32 w to 32 w + 31.
 #import "common/interleave.wgsl"
 
-override VPLS: u32 = 1024u;     // slots of the table
+fn words_per_class(vpl_count: u32) -> u32 {
+    return (vpl_count + 32u * class_count() - 1u) / (32u * class_count());
+}
 
-fn words_per_class() -> u32 {
-    return (VPLS + 32u * class_count() - 1u) / (32u * class_count());
+// Returns how many words hold the slots of one class: those of a few classes may be one less.
+fn words_of_class(vpl_count: u32, class_number: u32) -> u32 {
+    return (slots_of_class(vpl_count, class_number) + 31u) / 32u;
+}
+
+fn slots_of_class(vpl_count: u32, class_number: u32) -> u32 {
+    return (vpl_count + class_count() - 1u - class_number) / class_count();
 }
 
 fn slot_of(class_number: u32, number: u32) -> u32 {
@@ -13,8 +20,8 @@ fn slot_of(class_number: u32, number: u32) -> u32 {
 }
 
 // Returns the bits of those slots of a word that there are.
-fn slots_of_word(class_number: u32, word: u32) -> u32 {
-    let slots = (VPLS + class_count() - 1u - class_number) / class_count();
+fn slots_of_word(vpl_count: u32, class_number: u32, word: u32) -> u32 {
+    let slots = slots_of_class(vpl_count, class_number);
     let left = select(0u, slots - 32u * word, slots > 32u * word);
     return select((1u << (left & 31u)) - 1u, 0xffffffffu, left >= 32u);
 }

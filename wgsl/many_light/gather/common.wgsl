@@ -22,6 +22,15 @@ override COMPENSATED: bool = false;  // what the bound takes is found later, by 
 @group(1) @binding(15) var<storage, read_write> bound_sums: array<vec2f>;  // of `Bounds`
 @group(1) @binding(16) var near_shares: texture_2d<f32>;                   // of VPLs, as `many_light/near/shares.wgsl` has them
 
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    vpl_count: u32,   // slots of the table
+    first_word: u32,  // of each class, of `exact.wgsl`
+    seed: u32,        // of `sampled.wgsl`
+    near_reach: f32,  // of the near field, heights of the picture
+}
+
 // The mean bound of the VPLs that light a pixel is `bounds` / `weights`, m2: weighed by how much of their light it takes.
 struct Bounds {
     bounds: vec4f,   // of four pixels
@@ -43,7 +52,7 @@ fn list_of(pixel: vec2u, class_number: u32) -> u32 {
         let slices = Slicing(lists[2u * tile], lists[2u * tile + 1u]);
         cluster = tile * SLICES + slice_of(slices, load_distance(inside));
     }
-    return first_list(view.size) + (cluster * class_count() + class_number) * words_per_class();
+    return first_list(view.size) + (cluster * class_count() + class_number) * words_per_class(params.vpl_count);
 }
 
 // Returns where the lists of a thread's four pixels begin.
@@ -60,8 +69,8 @@ fn lists_of(place: Place) -> vec4u {
 fn load_four(pixel: vec2u) -> Four {
     let step = vec2u(0u, INTERLEAVE);
     return Four(
-        load_receiver(pixel), load_receiver(pixel + step), load_receiver(pixel + 2u * step),
-        load_receiver(pixel + 3u * step));
+        load_receiver(pixel, params.near_reach), load_receiver(pixel + step, params.near_reach),
+        load_receiver(pixel + 2u * step, params.near_reach), load_receiver(pixel + 3u * step, params.near_reach));
 }
 
 // Returns what the bound of the geometry term adds to the squared distance, m2.

@@ -25,6 +25,7 @@ override FURTHER: bool = true;  // light of more than one bounce is gathered: VP
 
 struct Params {
     seed: u32,
+    near_reach: f32,  // of the near field, heights of the picture
 }
 
 const SQUARE: u32 = 16u;            // pixels that share a set: INTERLEAVE^2
@@ -84,7 +85,7 @@ fn lost_light(at: Seen, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
         reflected *= passed_share(brdf, way, to_eye);
     }
     if (NEAR) {
-        let reach = reach_at_depth(at.position.z, NEAR_REACH);
+        let reach = reach_at_depth(at.position.z, params.near_reach);
         term *= 1.0 - share_inside(vec2f(y) + 0.5, vec2f(view.size)) * share_within(reach, sqrt(squared));
     }
     return reflected * term;

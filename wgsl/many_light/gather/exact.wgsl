@@ -5,14 +5,6 @@
 #import "many_light/gather/gather.wgsl"
 #import "many_light/gather/sight.wgsl"
 
-@group(1) @binding(19) var<uniform> params: Params;
-
-struct Params {
-    // Of the words of each class. A pass takes one: drivers may cut the loops of an invocation and of those that run in
-    // step with it at 65535 iterations (llvmpipe of Mesa 22), and each VPL takes four rays of about a hundred.
-    first: u32,
-}
-
 fn visibility(slot: u32, vpl: Vpl, at: Four) -> vec4f {
     return vec4f(
         see_two(sight_of(at.a, vpl), sight_of(at.b, vpl)), see_two(sight_of(at.c, vpl), sight_of(at.d, vpl)));
@@ -20,5 +12,7 @@ fn visibility(slot: u32, vpl: Vpl, at: Four) -> vec4f {
 
 @compute @workgroup_size(GROUP_X, GROUP_Y)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
-    gather(group, thread, params.first, 1u);
+    // A pass takes one word of each class: drivers may cut the loops of an invocation and of those that run in step with
+    // it at 65535 iterations (llvmpipe of Mesa 22), and each VPL takes four rays of about a hundred.
+    gather(place_of(group, thread), params.first_word, 1u);
 }

@@ -10,8 +10,7 @@
 // on CPUs. There, workgroup memory and its barriers would cost more than they save (llvmpipe: 39 ms against 25).
 #import "many_light/gather/common.wgsl"
 
-fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
-    let place = place_of(group, thread);
+fn gather(place: Place, first_word: u32, word_count: u32) {
     let step = vec2u(0u, INTERLEAVE);
     if (any(place.pixel >= view.size)) {
         return;
@@ -30,7 +29,7 @@ fn gather(group: vec3u, thread: vec3u, first_word: u32, word_count: u32) {
     var bounds = Bounds(vec4f(0.0), vec4f(0.0));
     for (var k = 0u; k < word_count; k += 1u) {
         let word = first_word + k;
-        var bits = slots_of_word(place.class_number, word);
+        var bits = slots_of_word(params.vpl_count, place.class_number, word);
         if (CULLED) {
             bits = lists[begin.x + word] | lists[begin.y + word] | lists[begin.z + word] | lists[begin.w + word];
         }

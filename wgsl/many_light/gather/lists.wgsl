@@ -11,6 +11,12 @@
 @group(1) @binding(11) var<storage, read_write> lists: array<u32>;
 @group(1) @binding(12) var<storage, read> bounds: array<vec4f>;
 
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    vpl_count: u32,
+}
+
 const CLUSTERS: u32 = 4u;  // of a thread
 // Of the coordinates: rounding between here and the gathering pass. Chosen.
 const ROUNDING: f32 = 1e-5;
@@ -40,19 +46,19 @@ fn reaches(vpl: Vpl, box: Box) -> bool {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let words = words_per_class() * class_count();
+    let words = words_per_class(params.vpl_count) * class_count();
     let cluster = id.y * CLUSTERS;
     if (id.x >= words) {
         return;
     }
-    let class_number = id.x / words_per_class();
-    let word = id.x % words_per_class();
+    let class_number = id.x / words_per_class(params.vpl_count);
+    let word = id.x % words_per_class(params.vpl_count);
     let a = load_box(cluster);
     let b = load_box(cluster + 1u);
     let c = load_box(cluster + 2u);
     let d = load_box(cluster + 3u);
     var found = vec4u(0u);
-    var bits = slots_of_word(class_number, word);
+    var bits = slots_of_word(params.vpl_count, class_number, word);
     // Without a surface, there is nothing to find.
     bits = select(0u, bits, max(max(a.half.x, b.half.x), max(c.half.x, d.half.x)) >= 0.0);
     while (bits != 0u) {

@@ -2,8 +2,7 @@
 // count, so that both together are all of it.
 #import "ssdo/reach.wgsl"
 
-override NEAR: bool = false;       // there is a near field
-override NEAR_REACH: f32 = 0.1;    // its reach, heights of the picture
+override NEAR: bool = false;  // there is a near field
 
 // Returns how much of a VPL's light comes by VPLs, not by the near field. `shown` as `many_light/near/shares.wgsl` has it.
 fn far_share(shown: f32, squared: f32, reach: f32) -> f32 {

@@ -11,5 +11,6 @@ fn visibility(slot: u32, vpl: Vpl, at: Four) -> vec4f {
 
 @compute @workgroup_size(GROUP_X, GROUP_Y)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
-    gather(group, thread, 0u, words_per_class());
+    let place = place_of(group, thread);
+    gather(place, 0u, words_of_class(params.vpl_count, place.class_number));
 }

@@ -20,7 +20,7 @@ struct Four {
     d: Receiver,
 }
 
-fn load_receiver(pixel: vec2u) -> Receiver {
+fn load_receiver(pixel: vec2u, near_reach: f32) -> Receiver {
     // Beyond the picture: the last pixel, whose result is dropped.
     let inside = min(pixel, view.size - 1u);
     let surface = load_surface(inside);
@@ -30,5 +30,5 @@ fn load_receiver(pixel: vec2u) -> Receiver {
     return Receiver(
         ray.origin + ray.direction * seen, select(vec3f(0.0), surface.normal, lit),
         select(0.0, plane_depth(ray, seen), lit), gbuffer_brdf(surface), -ray.direction,
-        reach_at(ray, seen, NEAR_REACH));
+        reach_at(ray, seen, near_reach));
 }

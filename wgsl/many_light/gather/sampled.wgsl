@@ -13,12 +13,6 @@
 
 override RAYS: u32 = 1u;  // K, of each pixel
 
-@group(1) @binding(19) var<uniform> params: Params;
-
-struct Params {
-    seed: u32,
-}
-
 // The weights of a class are summed in so many runs of words at most: only one of them is gone through again to find
 // the VPL drawn. Chosen.
 const RUNS: u32 = 16u;
@@ -63,9 +57,9 @@ fn draw(at: Receiver, begin: u32, class_number: u32, run: u32, wanted: f32) -> u
     var sum = 0.0;
     var slot = class_number;
     let words = run_words();
-    let end = min((run + 1u) * words, words_per_class());
+    let end = min((run + 1u) * words, words_per_class(params.vpl_count));
     for (var word = run * words; word < end && sum <= wanted; word += 1u) {
-        var bits = slots_of_word(class_number, word);
+        var bits = slots_of_word(params.vpl_count, class_number, word);
         if (CULLED) {
             bits = lists[begin + word];
         }
@@ -81,7 +75,7 @@ fn draw(at: Receiver, begin: u32, class_number: u32, run: u32, wanted: f32) -> u
 }
 
 fn run_words() -> u32 {
-    return (words_per_class() + RUNS - 1u) / RUNS;
+    return (words_per_class(params.vpl_count) + RUNS - 1u) / RUNS;
 }
 
 @compute @workgroup_size(GROUP_X, GROUP_Y)
@@ -101,9 +95,9 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     var bounds = Bounds(vec4f(0.0), vec4f(0.0));
     for (var run = 0u; run < RUNS; run += 1u) {
         var sum = vec4f(0.0);
-        let end = min((run + 1u) * words, words_per_class());
+        let end = min((run + 1u) * words, words_per_class(params.vpl_count));
         for (var word = run * words; word < end; word += 1u) {
-            var bits = slots_of_word(class_number, word);
+            var bits = slots_of_word(params.vpl_count, class_number, word);
             if (CULLED) {
                 bits = lists[begin.x + word] | lists[begin.y + word] | lists[begin.z + word] | lists[begin.w + word];
             }

@@ -87,7 +87,7 @@ fn quarter_of(p: Points, w: vec3f, distances: vec4f, corner: u32) -> Quarter {
 fn store(at: vec2u, texel: u32) {
     var nearest = texel;
     if (DRAWN) {
-        nearest = max(texel, drawn[at.y * ISM_COLUMNS * ISM_RESOLUTION + at.x]);
+        nearest = max(texel, drawn[at.y * textureDimensions(atlas).x + at.x]);
     }
     textureStore(atlas, at, vec4u(nearest));
 }
@@ -111,7 +111,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (is_below_horizon(vec2f(corner) + 0.5 * f32(CELL), 0.75 * f32(CELL))) {
         return;
     }
-    let to = map_corner(slot) + corner;
+    let to = map_corner(slot, textureDimensions(atlas).x) + corner;
     let side = cells + 1u;
     let first = 3u * (slot * side * side + cell.y * side + cell.x);
     let row = 3u * side;

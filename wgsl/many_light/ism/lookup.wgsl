@@ -20,7 +20,7 @@ struct VplMap {
 }
 
 fn vpl_map(slot: u32, vpl: Vpl) -> VplMap {
-    return VplMap(vpl.position, frame_from_normal(vpl.normal), map_corner(slot));
+    return VplMap(vpl.position, frame_from_normal(vpl.normal), map_corner(slot, textureDimensions(ism_atlas).x));
 }
 
 // Returns 1 where a surface sees the VPL and 0 where something stands between. `normal` is unit, of the side that is

@@ -7,7 +7,6 @@
 #import "many_light/vpl/table.wgsl"
 
 override ISM_RESOLUTION: u32 = 64u;  // texels on a side of a map
-override ISM_COLUMNS: u32 = 32u;     // maps side by side in the atlas
 
 // Codes of distances: 2048 to a doubling of the square, so 0.02 % of a distance each; 16 doublings of a distance, up to
 // the scene's diameter.
@@ -136,7 +135,8 @@ fn texel_code(texel: u32, offset: vec2f) -> f32 {
     return f32(texel >> 16u) + SLOPE_STEP * dot(texel_slopes(texel), offset);
 }
 
-// Returns the corner of a slot's map in the atlas, texels.
-fn map_corner(slot: u32) -> vec2u {
-    return vec2u(slot % ISM_COLUMNS, slot / ISM_COLUMNS) * ISM_RESOLUTION;
+// Returns the corner of a slot's map in an atlas that is so many texels wide.
+fn map_corner(slot: u32, atlas_width: u32) -> vec2u {
+    let columns = atlas_width / ISM_RESOLUTION;
+    return vec2u(slot % columns, slot / columns) * ISM_RESOLUTION;
 }

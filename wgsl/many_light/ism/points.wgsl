@@ -8,19 +8,24 @@
 
 @group(1) @binding(11) var<storage, read_write> drawn: array<atomic<u32>>;
 
-override PER_MAP: u32 = 1024u;
-override FOOTPRINT: f32 = 3.0;  // texels to which a disc is cut off around its centre; 0: draw single texels
-override GROW: f32 = 1.0;     // radius of a disc over that of its share of the area
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    per_map: u32,      // points of a map
+    atlas_width: u32,  // texels
+    footprint: f32,    // texels to which a disc is cut off around its centre; 0: draw single texels
+    grow: f32,         // radius of a disc over that of its share of the area
+}
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let slot = id.y;
-    if (id.x >= PER_MAP) {
+    if (id.x >= params.per_map) {
         return;
     }
     let vpl = load_vpl(slot);
     let count = point_count();
-    let point = load_point((slot * PER_MAP + id.x) % count);
+    let point = load_point((slot * params.per_map + id.x) % count);
     let frame = frame_from_normal(vpl.normal);
     let v = (point.position - vpl.position) * frame;
     let distance = length(v);
@@ -31,13 +36,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let m = normal / facing;
-    let radius = GROW * point.radius * sqrt(f32(count) / f32(PER_MAP));
+    let radius = params.grow * point.radius * sqrt(f32(count) / f32(params.per_map));
     let place = (hemisphere_encode(v / distance) * 0.5 + 0.5) * f32(ISM_RESOLUTION);
     // A texel spans 2.5 / resolution on average: sqrt(2 pi).
-    let reach = min(radius / distance * (f32(ISM_RESOLUTION) / 2.5), FOOTPRINT);
+    let reach = min(radius / distance * (f32(ISM_RESOLUTION) / 2.5), params.footprint);
     let low = vec2u(max(place - reach, vec2f(0.0)));
     let high = vec2u(min(place + reach, vec2f(f32(ISM_RESOLUTION) - 1.0)));
-    let corner = map_corner(slot);
+    let corner = map_corner(slot, params.atlas_width);
     let home = vec2u(min(place, vec2f(f32(ISM_RESOLUTION) - 1.0)));
     for (var y = low.y; y <= high.y; y += 1u) {
         for (var x = low.x; x <= high.x; x += 1u) {
@@ -45,7 +50,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let off = w / dot(m, w) - v;
             if (dot(off, off) <= radius * radius || all(vec2u(x, y) == home)) {
                 let texel = plane_texel(w, m);
-                let index = (corner.y + y) * ISM_COLUMNS * ISM_RESOLUTION + corner.x + x;
+                let index = (corner.y + y) * params.atlas_width + corner.x + x;
                 if (texel > atomicLoad(&drawn[index])) {
                     atomicMax(&drawn[index], texel);
                 }

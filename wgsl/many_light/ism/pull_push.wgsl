@@ -16,8 +16,13 @@
 @group(1) @binding(11) var<storage, read> drawn: array<u32>;
 @group(1) @binding(12) var atlas: texture_storage_2d<r32uint, write>;
 
-override REACH: f32 = 1.0;     // how far a point reaches, over its radius
-override INTERVAL: f32 = 1.2;  // depth interval, over a point's radius
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    per_map: u32,   // points of all surfaces in a map
+    reach: f32,     // how far a point reaches, over its radius
+    interval: f32,  // depth interval, over a point's radius
+}
 
 const TILE: u32 = 64u;
 // By how much a plane may be nearer than it was, a texel away: half a step of the slopes.
@@ -31,7 +36,7 @@ var<workgroup> blocks: array<u32, 1024>;
 var<workgroup> coarse: array<u32, 256>;
 
 fn load_drawn(tile: vec2u, at: vec2u) -> u32 {
-    return drawn[(tile.y + at.y) * ISM_COLUMNS * ISM_RESOLUTION + tile.x + at.x];
+    return drawn[(tile.y + at.y) * textureDimensions(atlas).x + tile.x + at.x];
 }
 
 fn drawn_element(tile: vec2u, at: vec2u) -> u32 {
@@ -60,9 +65,9 @@ fn point_of(tile: vec2u, element: u32) -> Point {
     let plane = texel_plane(tile_direction(tile, place), distance, texel_slopes(texel));
     // The plane's distance from the light is 1 / |m|: over the point's, that is the cosine.
     let cosine = inverseSqrt(max(dot(plane, plane), 1e-37)) / distance;
-    let radius = point_radius(distance);
-    let reach = min(REACH * radius * sqrt(cosine), RAY_RADIUS * f32(SPACING));
-    let depth = INTERVAL * min(radius, RAY_RADIUS * f32(SPACING)) * (2.5 / f32(ISM_RESOLUTION));
+    let radius = point_radius(distance, params.per_map);
+    let reach = min(params.reach * radius * sqrt(cosine), RAY_RADIUS * f32(SPACING));
+    let depth = params.interval * min(radius, RAY_RADIUS * f32(SPACING)) * (2.5 / f32(ISM_RESOLUTION));
     return Point(plane, place, select(-1.0, reach, element != 0u), depth);
 }
 

@@ -15,7 +15,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let cell = unpack_open_cell(open_cells[number]);
-    let to = map_corner(cell.slot) + cell.corner + vec2u(0u, id.x % open_rows() * BLOCK);
+    let to = map_corner(cell.slot, textureDimensions(atlas).x) + cell.corner + vec2u(0u, id.x % open_rows() * BLOCK);
     for (var k = 0u; k < open_rows(); k += 1u) {
         let texels = blocks[id.x * open_rows() + k];
         let at = to + vec2u(k * BLOCK, 0u);

@@ -9,15 +9,21 @@
 @group(1) @binding(13) var<storage, read_write> drawn: array<atomic<u32>>;
 
 override CELL: u32 = 4u;       // texels between rays
-override VPLS: u32 = 1024u;
 override SINGLE: bool = true;  // draw each point as a single texel
+
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    vpl_count: u32,
+    atlas_width: u32,  // texels
+}
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let side = ISM_RESOLUTION / CELL + 1u;
     let slot = id.x / side;
     let row = id.x % side;
-    if (slot >= VPLS) {
+    if (slot >= params.vpl_count) {
         return;
     }
     let vpl = load_vpl(slot);
@@ -35,9 +41,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         if (SINGLE) {
             // Of what meets nothing, a texel at the far end.
             let place = ray_texel(vec2u(k, row) * CELL);
-            let at = map_corner(slot) + place;
+            let at = map_corner(slot, params.atlas_width) + place;
             let texel = max(plane_texel(map_direction(vec2f(place) + 0.5), facet.plane), 1u << 16u);
-            atomicMax(&drawn[at.y * ISM_COLUMNS * ISM_RESOLUTION + at.x], texel);
+            atomicMax(&drawn[at.y * params.atlas_width + at.x], texel);
             continue;
         }
         let out = 3u * (first + k);

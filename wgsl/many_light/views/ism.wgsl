@@ -29,7 +29,7 @@ fn nearness(at: vec2u, size: vec2u) -> f32 {
         let side = ISM_RESOLUTION / max(CELL, 1u) + 1u;
         let map = at / ISM_RESOLUTION;
         let ray = inside / max(CELL, 1u);
-        let distance = near_points[3u * (((map.y * ISM_COLUMNS + map.x) * side + ray.y) * side + ray.x)].w;
+        let distance = near_points[3u * (((map.y * (size.x / ISM_RESOLUTION) + map.x) * side + ray.y) * side + ray.x)].w;
         found = max(found, select(0.0, 1.0 / distance, distance > 0.0));
     }
     return found;

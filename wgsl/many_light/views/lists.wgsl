@@ -6,6 +6,11 @@
 
 @group(1) @binding(11) var<storage, read> lists: array<u32>;
 @group(1) @binding(12) var<storage, read_write> picture: array<vec4f>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    vpl_count: u32,
+}
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -21,8 +26,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         if (SLICES > 1u) {
             cluster = tile * SLICES + slice_of(Slicing(lists[2u * tile], lists[2u * tile + 1u]), seen);
         }
-        let first = first_list(view.size) + (cluster * class_count() + class_of(pixel, sequence.index)) * words_per_class();
-        for (var word = 0u; word < words_per_class(); word += 1u) {
+        let class_number = class_of(pixel, sequence.index);
+        let first = first_list(view.size) + (cluster * class_count() + class_number) * words_per_class(params.vpl_count);
+        for (var word = 0u; word < words_of_class(params.vpl_count, class_number); word += 1u) {
             count += countOneBits(lists[first + word]);
         }
     }

@@ -3,13 +3,16 @@
 #import "scene/info.wgsl"
 #import "many_light/vpl/table.wgsl"
 
-override VPLS: u32 = 1024u;
-
 @group(1) @binding(11) var<storage, read_write> picture: array<vec4f>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    vpl_count: u32,
+}
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (id.x >= VPLS) {
+    if (id.x >= params.vpl_count) {
         return;
     }
     let v = load_vpl(id.x);

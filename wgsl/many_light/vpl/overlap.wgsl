@@ -13,8 +13,12 @@
 @group(1) @binding(11) var drawn: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(12) var vpls: texture_storage_2d<rgba32uint, write>;
 
-override COUNT: u32 = 2048u;  // of VPLs
-override STRIDE: u32 = 4u;    // of those that count
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    count: u32,   // of VPLs
+    stride: u32,  // of those that count
+}
 
 const GROUP: u32 = 64u;
 // Area of a disc that looks for others, over its own. Closer to the truth than 4, with a thousand lights in one place
@@ -31,15 +35,16 @@ fn load_drawn(slot: u32) -> Vpl {
 }
 
 @compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32) {
-    let slot = min(id.x, COUNT - 1u);
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32,
+    @builtin(num_workgroups) groups: vec3u) {
+    let slot = min(id.x, params.count - 1u);
     var v = load_drawn(slot);
     var covered = 0.0;
-    for (var first = 0u; first < COUNT; first += GROUP * STRIDE) {
-        let other = first + thread * STRIDE;
+    for (var first = 0u; first < groups.x * GROUP; first += GROUP * params.stride) {
+        let other = first + thread * params.stride;
         workgroupBarrier();
-        let o = load_drawn(min(other, COUNT - 1u));
-        let radius = select(0.0, f32(STRIDE) * WIDENED * INV_PI * o.area, other < COUNT);
+        let o = load_drawn(min(other, params.count - 1u));
+        let radius = select(0.0, f32(params.stride) * WIDENED * INV_PI * o.area, other < params.count);
         discs[thread] = vec4f(o.position, radius);
         normals[thread] = o.normal;
         workgroupBarrier();
@@ -50,7 +55,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
         }
     }
     v.area /= max(covered, 1.0);
-    if (id.x < COUNT) {
+    if (id.x < params.count) {
         textureStore(vpls, vpl_texel(2u * slot), pack_vpl_place(v));
         textureStore(vpls, vpl_texel(2u * slot + 1u), pack_vpl_light(v));
     }

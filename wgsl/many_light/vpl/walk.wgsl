@@ -12,8 +12,6 @@
 @group(1) @binding(12) var<storage, read_write> walk: array<vec4u>;  // candidates, by vertex, then by path
 @group(1) @binding(19) var<uniform> params: Params;
 
-override VERTICES: u32 = 8u;  // of a path at most
-
 struct Params {
     paths: u32,
     sky_paths: u32,
@@ -74,6 +72,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var v = Vpl(vec3f(0.0), vec3f(0.0, 0.0, 1.0), vec3f(0.0), 0.0);
     // Of later vertices the density is not known: each stands for an equal part of a sphere around the scene. Chosen.
     let later_area = 4.0 * PI * scene.radius * scene.radius / f32(params.paths);
+    let vertices = arrayLength(&walk) / (2u * params.paths);  // of a path at most
     var vertex = 0u;
     var ray = Ray(vec3f(0.0), vec3f(0.0));
     var flux = vec3f(0.0);     // of the ray in flight
@@ -102,7 +101,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         store(path, vertex, first);
         vertex += 1u;
     }
-    while (vertex < VERTICES) {
+    while (vertex < vertices) {
         let brightest = max3(v.flux);
         if (brightest <= 0.0) {
             break;
@@ -128,7 +127,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         vertex += 1u;
     }
     v.flux = vec3f(0.0);
-    for (; vertex < VERTICES; vertex += 1u) {
+    for (; vertex < vertices; vertex += 1u) {
         store(path, vertex, v);
     }
 }
