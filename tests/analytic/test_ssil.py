@@ -228,19 +228,22 @@ def test_a_thin_sheet_seen_edge_on_hides():
     assert found[1] <= 0.1 * found[0]
 
 
-def test_pixels_that_no_coarse_pixel_stands_for_gather_by_themselves():
-    """Edges of boxes: without that, they take the light of what is beside them. Others stay as they are."""
+def test_unrepresented_pixels_gather_at_full_resolution():
+    """At the edges of boxes, upsampling would mix in light of other surfaces; all other pixels keep their values."""
     found = {}
-    for text in ("ssil.lone=true", "ssil.lone=false", "ssil.start=full"):
+    for text in ("ssil.unrepresented=true", "ssil.unrepresented=false", "ssil.start=full"):
         texts = ("ssil.start=quarter", "ssil.visibility=exact", text)
         renderer = rendered(SCENES["cornell-point"](), *texts, size=(96, 54), frames=16)
         found[text] = renderer.read_back("indirect").mean(-1)
-        if text == "ssil.lone=true":
-            count = renderer.graph.read_back("ssil/lone_groups").ravel()[3]
-            lone = np.zeros((54, 96), bool)
-            lone.ravel()[renderer.graph.read_back("ssil/lone").ravel()[:count]] = True
-    assert 0.001 < lone.mean() < 0.2
+        if text == "ssil.unrepresented=true":
+            count = renderer.graph.read_back("ssil/unrepresented_groups").ravel()[3]
+            missed = np.zeros((54, 96), bool)
+            missed.ravel()[renderer.graph.read_back("ssil/unrepresented").ravel()[:count]] = True
+    assert 0.001 < missed.mean() < 0.2
     truth = found["ssil.start=full"]
-    off = [np.abs(found[f"ssil.lone={on}"] - truth)[lone].mean() / truth[lone].mean() for on in ("true", "false")]
+    off = [
+        np.abs(found[f"ssil.unrepresented={on}"] - truth)[missed].mean() / truth[missed].mean()
+        for on in ("true", "false")
+    ]
     assert off[0] <= 0.6 * off[1], off
-    assert np.array_equal(found["ssil.lone=true"][~lone], found["ssil.lone=false"][~lone])
+    assert np.array_equal(found["ssil.unrepresented=true"][~missed], found["ssil.unrepresented=false"][~missed])

@@ -11,11 +11,11 @@
 #import "shared/gbuffer/tiles.wgsl"
 #import "ssdo/hit.wgsl"
 #import "ssdo/grid.wgsl"
-#import "ssdo/rest.wgsl"
+#import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
 
 override DIRECTIONS: u32 = 1u;
-override REFLECTED: bool = false;   // of the list: radiance
+override REFLECTED: bool = false;   // unrepresented pixels get radiance
 override WEIGHT: f32 = 1.0;         // of a direction at most
 override SENDER_STRIDE: u32 = 2u;  // of the grid of sources other than the picture
 
@@ -82,12 +82,12 @@ fn coarse(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-// For each pixel of the list: irradiance, or with REFLECTED the radiance rho E / pi, W/(m2 sr).
-@compute @workgroup_size(REST_GROUP)
+// For each unrepresented pixel: irradiance, or with REFLECTED the radiance rho E / pi, W/(m2 sr).
+@compute @workgroup_size(LIST_GROUP)
 fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let count = rest_count();
-    for (var slot = id.x; slot < count; slot += groups.x * REST_GROUP) {
-        let index = rest[slot];
+    let count = unrepresented_count();
+    for (var slot = id.x; slot < count; slot += groups.x * LIST_GROUP) {
+        let index = unrepresented[slot];
         let pixel = vec2u(index % view.size.x, index / view.size.x);
         let factor = select(vec3f(1.0), gbuffer_brdf(load_surface(pixel)).diffuse * INV_PI, REFLECTED);
         irradiance[index] = vec4f(gather(pixel, slot) * factor, 1.0);

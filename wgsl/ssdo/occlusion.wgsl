@@ -19,7 +19,7 @@
 #import "shared/denoise/plane.wgsl"
 #import "ssdo/march.wgsl"
 #import "ssdo/grid.wgsl"
-#import "ssdo/rest.wgsl"
+#import "shared/upsample/unrepresented.wgsl"
 
 override DIRECTIONS: u32 = 1u;
 override INTERLEAVE: u32 = 4u;      // n
@@ -27,8 +27,8 @@ override DIRECTIONAL: bool = true;  // else V = mean of V(w_k): ambient occlusio
 override OUTWARD: bool = false;     // light the counter-clockwise side of surfaces, not the one that is seen
 override BY_PICTURE: bool = false;  // draw by the picture, too
 override HITS: bool = true;         // keep the surfaces
-override REST: bool = false;        // of listed pixels, and for these only
-override SHARE: bool = true;        // of the list: keep V
+override UNREPRESENTED: bool = false;  // find it for unrepresented pixels only
+override SHARE: bool = true;           // keep V of unrepresented pixels
 override LOBE: u32 = 2u;            // which of the environment's maps
 
 @group(1) @binding(11) var<storage, read_write> occlusion: array<vec4f>;
@@ -128,7 +128,7 @@ fn find_light(pixel: vec2u, slot: u32, class_number: u32) {
         }
     }
     let depth = plane_depth(ray, seen);
-    if (REST) {
+    if (UNREPRESENTED) {
         let share = select(arriving / f32(DIRECTIONS), arriving / max(whole, vec3f(1e-30)), BY_PICTURE);
         if (SHARE) {
             occlusion[pixel.y * view.size.x + pixel.x] = vec4f(share, depth);
@@ -164,12 +164,12 @@ fn coarse(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-// For each pixel of the list.
-@compute @workgroup_size(REST_GROUP)
+// For each unrepresented pixel.
+@compute @workgroup_size(LIST_GROUP)
 fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let count = rest_count();
-    for (var slot = id.x; slot < count; slot += groups.x * REST_GROUP) {
-        let index = rest[slot];
+    let count = unrepresented_count();
+    for (var slot = id.x; slot < count; slot += groups.x * LIST_GROUP) {
+        let index = unrepresented[slot];
         find_light(
             vec2u(index % view.size.x, index / view.size.x), slot, hash(index) % (INTERLEAVE * INTERLEAVE));
     }

@@ -8,15 +8,20 @@
 #import "deferred/direct/lighting.wgsl"
 #import "deferred/environment/ambient.wgsl"
 #import "ssdo/grid.wgsl"
-#import "ssdo/taps.wgsl"
+#import "shared/upsample/gbuffer_surface.wgsl"
+#import "shared/upsample/once.wgsl"
 
 override OUTWARD: bool = false;  // light the counter-clockwise side, not the one that is seen
 
-@group(1) @binding(11) var<storage, read_write> senders: array<vec4u>;
+@group(1) @binding(12) var<storage, read_write> senders: array<vec4u>;
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
     first: u32,  // sender of the source
+}
+
+fn coarse_surface(pixel: vec2u) -> GuideSurface {
+    return gbuffer_guide_surface(pixel * COARSE_STRIDE, OUTWARD);
 }
 
 @compute @workgroup_size(8, 8)
@@ -36,12 +41,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let albedo = select(vec3f(0.0), gbuffer_brdf(surface).diffuse, lit);
     var irradiance = ambient_irradiance(normal);
     if (HAS_ENVIRONMENT) {
-        let first = pixel / COARSE;
-        let f = vec2f(pixel - first * COARSE) / f32(COARSE);
-        let taps = load_taps(first);
-        let weights = weights_of(taps, pixel, plane_depth(ray, seen), to_view(normal), f);
-        let sum = mat4x3f(taps.a.light.rgb, taps.b.light.rgb, taps.c.light.rgb, taps.d.light.rgb) * weights;
-        irradiance *= sum / max(dot(weights, vec4f(1.0)), 1e-30);
+        let size = (view.size + COARSE_STRIDE - 1u) / COARSE_STRIDE;
+        let own = GuideSurface(position - view.position, normal, lit);
+        let per_metre = pixels_per_metre(own.position) / f32(COARSE_STRIDE);
+        irradiance *= upsampled_once(pixel, own, size, per_metre);
     }
     let count = load_light_count();
     for (var number = 0u; number < count; number += 1u) {

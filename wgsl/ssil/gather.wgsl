@@ -12,6 +12,7 @@
 #import "ssil/classes.wgsl"
 #import "ssil/place.wgsl"
 #import "common/light_code.wgsl"
+#import "shared/upsample/unrepresented.wgsl"
 
 override FINEST: bool = true;    // the disc, else the ring
 override LEVEL: u32 = 1u;        // of the samples, above that of the pixels that gather
@@ -29,12 +30,7 @@ override BOUND_SHARE: f32 = 0.25;
 
 @group(1) @binding(15) var<storage, read> peak: array<u32>;  // brightest light, and what counts as none; bits of floats
 
-// Those that gather; of the pixels of the picture that no pixel of the first level stands for, those listed.
-@group(1) @binding(19) var receivers: texture_2d<u32>;
-@group(1) @binding(17) var<storage, read> lone: array<u32>;         // by their index
-@group(1) @binding(18) var<storage, read> lone_groups: array<u32>;  // x, y, z workgroups; pixels
-
-const LONE_GROUP: u32 = 64u;
+@group(1) @binding(19) var receivers: texture_2d<u32>;  // surfels of the pixels that gather
 
 // Returns the pixel that a sample of the pattern lies at.
 fn place_of(start: Place, entry: vec2u) -> vec2i {
@@ -129,11 +125,11 @@ fn gather(group: vec3u, thread: vec3u) {
     irradiance[index] = vec4f(irradiance_at(pixel, own, quarter_of(first, sequence.index)), 1.0);
 }
 
-// Adds to the irradiance of listed pixels of the picture what they get from this level.
-fn gather_lone(thread: u32, threads: u32) {
-    let count = select(lone_groups[3], 0u, peak[0] <= peak[1]);
+// Adds to the irradiance of unrepresented pixels what they get from this level.
+fn gather_unrepresented(thread: u32, threads: u32) {
+    let count = select(unrepresented_count(), 0u, peak[0] <= peak[1]);
     for (var slot = thread; slot < count; slot += threads) {
-        let index = lone[slot];
+        let index = unrepresented[slot];
         let pixel = vec2u(index % view.size.x, index / view.size.x);
         let part = pixel.x / SIDE + pixel.y / SIDE + sequence.index + (sequence.index >> 2u);  // not as patterns come
         let got = irradiance_at(pixel, textureLoad(receivers, pixel, 0), part);

@@ -12,7 +12,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     gather(group, thread);
 }
 
-@compute @workgroup_size(LONE_GROUP)
+@compute @workgroup_size(LIST_GROUP)
 fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    gather_lone(id.x, groups.x * LONE_GROUP);
+    gather_unrepresented(id.x, groups.x * LIST_GROUP);
 }

@@ -1,26 +1,34 @@
 // One invocation brings irradiance to a pixel of the picture, and with REFLECTED turns it into indirect = rho / pi E,
-// W/(m2 sr). In: G-buffer; surfels and irradiance of the level that the gathering starts at, irradiance of lone pixels.
+// W/(m2 sr). In: G-buffer; irradiance of the level that the gathering starts at, its upsampling guide, irradiance of
+// unrepresented pixels.
 #import "shared/gbuffer/load.wgsl"
 #import "common/coat.wgsl"
-#import "ssil/upsample.wgsl"
+#import "shared/upsample/read.wgsl"
+#import "shared/upsample/unrepresented.wgsl"
 
-override SQUARE: u32 = 2u;
-override UPSAMPLED: bool = false;  // the irradiance is that of the picture's pixels already
+override UPSAMPLED: bool = false;  // `coarse` has the irradiance of each pixel of the picture
+override HAS_GLOSSY: bool = false;
 override REFLECTED: bool = true;
 
-@group(1) @binding(13) var surfels: texture_storage_2d<rgba32uint, read>;
+@group(1) @binding(13) var<storage, read> coarse_glossy: array<vec4f>;
 @group(1) @binding(14) var<storage, read_write> full: array<vec4f>;
+@group(1) @binding(15) var<storage, read> unrepresented_irradiance: array<vec4f>;
 
-// Pixels that no pixel of the first level stands for: these have an irradiance of their own.
-@group(1) @binding(15) var<storage, read> lone: array<u32>;                // by their index
-@group(1) @binding(16) var<storage, read> lone_groups: array<u32>;         // x, y, z workgroups; pixels
-@group(1) @binding(18) var<storage, read> lone_irradiance: array<vec4f>;
-
-const LONE_GROUP: u32 = 64u;
+// Returns what coats reflect at a pixel, over their tint.
+fn glossy_at(pixel: vec2u, weights: vec4f) -> vec3f {
+    if (!HAS_GLOSSY) {
+        return vec3f(0.0);
+    }
+    let taps = coarse_taps(pixel);
+    let light = mat4x3f(
+        coarse_glossy[tap_index(taps, 0u)].rgb, coarse_glossy[tap_index(taps, 1u)].rgb,
+        coarse_glossy[tap_index(taps, 2u)].rgb, coarse_glossy[tap_index(taps, 3u)].rgb);
+    return light * weights;
+}
 
 // Returns what a pixel gets, or reflects.
-fn lit(pixel: vec2u, surface: GbufferSurface, found: Upsampled) -> vec4f {
-    var light = found.irradiance;
+fn lit(pixel: vec2u, surface: GbufferSurface, irradiance: vec3f, glossy: vec3f) -> vec4f {
+    var light = irradiance;
     if (REFLECTED) {
         let brdf = gbuffer_brdf(surface);
         light *= brdf.diffuse * INV_PI;
@@ -28,7 +36,7 @@ fn lit(pixel: vec2u, surface: GbufferSurface, found: Upsampled) -> vec4f {
             // What the coat lets through: Schlick's term in the mean over the hemisphere, by the cosine, is 1 / 21.
             light *= select(vec3f(1.0), (1.0 - brdf.f0) * (20.0 / 21.0), brdf.glossy);
             let tint = coat_tint(brdf, surface.normal, -pixel_ray(pixel).direction);
-            light += select(vec3f(0.0), found.glossy * tint, brdf.glossy);
+            light += select(vec3f(0.0), glossy * tint, brdf.glossy);
         }
     }
     return vec4f(light, 1.0);
@@ -40,34 +48,35 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let index = id.y * view.size.x + id.x;
-    let texel = textureLoad(surfels, id.xy);
     let surface = load_surface(id.xy);
-    if (is_empty(texel) || (surface.flags & GBUFFER_UNLIT) != 0u) {
+    if (load_distance(id.xy) <= 0.0 || (surface.flags & GBUFFER_UNLIT) != 0u) {
         full[index] = vec4f(0.0);
         return;
     }
-    var found = Upsampled(vec3f(0.0), vec3f(0.0));
-    if (SQUARE > 1u && !(UPSAMPLED && !HAS_GLOSSY)) {
-        found = upsample(id.xy, texel, f32(SQUARE));
-    } else if (HAS_GLOSSY) {
-        found.glossy = coarse_glossy[index].rgb;
+    var weights = vec4f(1.0, 0.0, 0.0, 0.0);
+    if (COARSE_STRIDE > 1u && (HAS_GLOSSY || !UPSAMPLED)) {
+        weights = load_guide(id.xy);
     }
-    if (UPSAMPLED || SQUARE == 1u) {
-        found.irradiance = coarse[index].rgb;
+    var irradiance = vec3f(0.0);
+    if (UPSAMPLED || COARSE_STRIDE == 1u) {
+        irradiance = coarse[index].rgb;
+    } else {
+        irradiance = upsampled(id.xy, weights);
     }
-    full[index] = lit(id.xy, surface, found);
+    full[index] = lit(id.xy, surface, irradiance, glossy_at(id.xy, weights));
 }
 
-@compute @workgroup_size(LONE_GROUP)
+// For each unrepresented pixel.
+@compute @workgroup_size(LIST_GROUP)
 fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    for (var slot = id.x; slot < lone_groups[3]; slot += groups.x * LONE_GROUP) {
-        let index = lone[slot];
+    let count = unrepresented_count();
+    for (var slot = id.x; slot < count; slot += groups.x * LIST_GROUP) {
+        let index = unrepresented[slot];
         let pixel = vec2u(index % view.size.x, index / view.size.x);
         let surface = load_surface(pixel);
         if ((surface.flags & GBUFFER_UNLIT) == 0u) {
-            var found = upsample(pixel, textureLoad(surfels, pixel), f32(SQUARE));
-            found.irradiance = lone_irradiance[slot].rgb;
-            full[index] = lit(pixel, surface, found);
+            full[index] = lit(
+                pixel, surface, unrepresented_irradiance[slot].rgb, glossy_at(pixel, load_guide(pixel)));
         }
     }
 }

@@ -24,11 +24,6 @@ fn facing_area(position: vec3f, facing: vec4f) -> f32 {
     return side * side;
 }
 
-// Returns how many pixels of the whole picture a metre takes up that faces the camera.
-fn pixels_per_metre(position: vec3f) -> f32 {
-    return inverseSqrt(max(facing_area(position, facing_side()), 1e-37));
-}
-
 // Normals take 12 bits for each octahedral coordinate, 0 and 1 exactly. Areas are floats in 8 bits, of the facing
 // pixel's: they are off by 6 % at most, which only moves the bound of near light.
 fn pack_surfel(s: Surfel, facing: vec4f) -> vec4u {

@@ -15,8 +15,9 @@ from ..deferred.environment import Ambient
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import FOUR_FLOATS, SURFACE, Gbuffer
 from ..shared.scene_inputs import SceneInputs
-from ..ssdo.bounce import declare_reflected, declare_rest_reflected, declare_upsampling
-from ..ssdo.search import INTERLEAVE, Asked, declare_rest, declare_search
+from ..shared.upsample import declare_upsampling
+from ..ssdo.bounce import declare_reflected, declare_unrepresented_reflected
+from ..ssdo.search import INTERLEAVE, Asked, declare_search, declare_unrepresented
 from ..ssdo.senders import declare_shown
 from ..ssdo.sources import Sources, SsdoSettings
 from .gather import Gathered, Near
@@ -59,15 +60,15 @@ def declare_near(
     dark = Ambient(ambient.reads, dict.fromkeys(ambient.features, False))
     asked = Asked(graph, settings, scene, sources, dark, seed, reach=settings.near_reach)
     search = declare_search(asked)
-    declare_rest(asked, search, None)
+    declare_unrepresented(asked, search, None)
     senders = graph.buffer("ssdo/senders", dtype=SURFACE, count=width * height)
     declare_shown(graph, scene, gbuffer, direct, senders, gathered.irradiance if bounces != 1 else None)
     near = declare_reflected(graph, settings, scene, sources, search, senders)
-    if search.stride > 1:
+    if search.guide is not None:
         radius = INTERLEAVE if settings.blur else 1
         near = declare_blur(graph, "ssdo/near", gbuffer, near, search.normals, radius, stride=search.stride)
-        near = declare_upsampling(graph, scene, "ssdo/near", gbuffer, near, search, reflected=False)
-        declare_rest_reflected(graph, settings, scene, sources, search, senders, near, reflected=False)
+        near = declare_upsampling(graph, scene, "ssdo/near", gbuffer, near, search.guide, reflected=False)
+        declare_unrepresented_reflected(graph, settings, scene, sources, search, senders, near, reflected=False)
     irradiance = graph.buffer("ssdo/both", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     graph.compute(
         "ssdo/add",

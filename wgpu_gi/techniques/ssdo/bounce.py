@@ -17,13 +17,14 @@ from ..shared.denoise import declare_blur
 from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from ..shared.temporal import TemporalSettings, declare_accumulate
+from ..shared.upsample import declare_upsampling
 from .search import (
     INTERLEAVE,
     SENDER_STRIDE,
     Asked,
     Search,
-    declare_rest,
     declare_search,
+    declare_unrepresented,
     grid_of,
     grid_reads,
     over_grid,
@@ -73,10 +74,10 @@ def declare_occlusion(
     search = declare_search(asked)
     if not ambient.features["HAS_ENVIRONMENT"]:
         graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")
-        declare_rest(asked, search, None)
+        declare_unrepresented(asked, search, None)
         return Occlusion(None, search)
     share = _declare_average(graph, "ssdo/share", settings, scene, gbuffer, search.light, search, frames)
-    declare_rest(asked, search, share)
+    declare_unrepresented(asked, search, share)
     return Occlusion(history.declare(graph, scene, gbuffer, share, "ssdo/share"), search)
 
 
@@ -98,7 +99,7 @@ def declare_bounce(
     irradiance = declare_reflected(graph, settings, scene, sources, search, senders)
     name, reflected = "ssdo/bounce", history.settings.frames == 1
     light = _declare_average(graph, name, settings, scene, gbuffer, irradiance, search, reflected=reflected)
-    declare_rest_reflected(graph, settings, scene, sources, search, senders, light, reflected=reflected)
+    declare_unrepresented_reflected(graph, settings, scene, sources, search, senders, light, reflected=reflected)
     if reflected:
         return light
     return _declare_reflection(graph, scene, gbuffer, history.declare(graph, scene, gbuffer, light, name))
@@ -149,7 +150,7 @@ def declare_reflected(
     return irradiance
 
 
-def declare_rest_reflected(
+def declare_unrepresented_reflected(
     graph: Graph,
     settings: SsdoSettings,
     scene: SceneInputs,
@@ -160,20 +161,20 @@ def declare_rest_reflected(
     *,
     reflected: bool,
 ) -> None:
-    """Declare the same for the pixels that the grid does not stand for, into light of all."""
-    if search.rest is None:
+    """Declare the light that unrepresented pixels get, or with `reflected` reflect, into that of all pixels, `fine`."""
+    if search.guide is None or search.unrepresented_hits is None:
         return
     graph.compute(
-        "ssdo/rest_bounce",
+        "ssdo/unrepresented_bounce",
         "ssdo/bounce.wgsl",
-        indirect=search.rest.groups,
+        indirect=search.guide.groups,
         entry="listed",
         reads={
             "surfaces": sources.gbuffer(0).surfaces,
             "found": graph.neutral("buffer"),
-            "hits": search.rest.hits,
+            "hits": search.unrepresented_hits,
             "senders": senders,
-            **search.rest.listed,
+            **search.guide.list_reads,
         },
         writes={"irradiance": fine},
         constants={**_bounce_constants(settings, scene, sources, search), "REFLECTED": reflected},
@@ -222,30 +223,5 @@ def _declare_average(
     )
     if search.stride == 1:
         return blurred
-    return declare_upsampling(graph, scene, name, gbuffer, blurred, search, reflected=reflected)
-
-
-def declare_upsampling(
-    graph: Graph,
-    scene: SceneInputs,
-    name: str,
-    gbuffer: Gbuffer,
-    coarse: Buffer,
-    search: Search,
-    *,
-    reflected: bool,
-) -> Buffer:
-    """Declare light of the grid for all pixels; `reflected`: as radiance."""
-    assert search.rest is not None
-    width, height = graph.size
-    fine = graph.buffer(f"{name}/fine", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
-    shader = "ssdo/upsample.wgsl"
-    graph.compute(
-        f"{name}/upsample",
-        shader,
-        over=grid_of(graph, search.stride),
-        reads={"surfaces": gbuffer.surfaces, "coarse": coarse, "guide": search.rest.guide},
-        writes={"fine": fine},
-        constants={**scene.constants(shader), "REFLECTED": reflected},
-    )
-    return fine
+    assert search.guide is not None
+    return declare_upsampling(graph, scene, name, gbuffer, blurred, search.guide, reflected=reflected)

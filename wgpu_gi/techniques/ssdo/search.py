@@ -14,6 +14,7 @@ from ...gpu.wgsl.load import load
 from ..deferred.environment import Ambient
 from ..shared.gbuffer import FOUR_FLOATS
 from ..shared.scene_inputs import SceneInputs
+from ..shared.upsample import Guide, declare_guide
 from .sources import Sources, SsdoSettings
 
 # Sources other than the picture are lit at one pixel in so many in each row and column; chosen.
@@ -34,7 +35,8 @@ class Search:
 
     light: the share of the environment that arrives, (r, g, b, depth of `shared/denoise/plane.wgsl`). normals: packed
     as there. hits: what each direction meets and the way there, packed by `ssdo/hit.wgsl`, of the picture itself only.
-    sent: what `light` is over, once both are averaged; None if it is a share already. rest: of other pixels.
+    sent: what `light` is over, once both are averaged; None if it is a share already. guide: how the grid's pixels
+    count for others. unrepresented_hits: what the directions of pixels meet that the grid does not represent.
     """
 
     stride: int
@@ -42,24 +44,8 @@ class Search:
     normals: Buffer
     hits: Buffer
     sent: Buffer | None
-    rest: Rest | None = None
-
-
-@dataclass
-class Rest:
-    """Pixels beside the grid. guide: how its pixels count for each of them. Those that none stands for: a list,
-    workgroups for it, and what their directions meet.
-    """
-
-    guide: Buffer
-    pixels: Buffer
-    groups: Buffer
-    hits: Buffer
-
-    @property
-    def listed(self) -> dict[str, Any]:
-        """What passes over the list read."""
-        return {"rest": self.pixels, "rest_groups": self.groups}
+    guide: Guide | None = None
+    unrepresented_hits: Buffer | None = None
 
 
 def stride_of(settings: SsdoSettings) -> int:
@@ -155,59 +141,39 @@ def declare_search(asked: Asked) -> Search:
         clear=[found.light, sent],
     )
     if number == 0 and stride > 1:
-        found.rest = _declare_guide(asked, found)
+        guide = _declare_guide(asked, stride)
+        room = guide.room * asked.directions
+        found.guide = guide
+        found.unrepresented_hits = graph.buffer("ssdo/unrepresented_hits", dtype=TWO_WORDS, count=room)
     return found
 
 
-def declare_rest(asked: Asked, search: Search, share: Buffer | None) -> None:
-    """Declare what directions meet from the rest; it goes to the `share` of the environment of all pixels, if any."""
-    rest, graph = search.rest, asked.graph
-    if rest is None:
+def _declare_guide(asked: Asked, stride: int) -> Guide:
+    gbuffer, constants = asked.sources.gbuffer(0), asked.scene.constants("ssdo/guide.wgsl")
+    reads = {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance}
+    return declare_guide(asked.graph, "ssdo", reads, stride=stride, centred=False, constants=constants)
+
+
+def declare_unrepresented(asked: Asked, search: Search, share: Buffer | None) -> None:
+    """Declare what directions meet from unrepresented pixels; the `share` of the environment gets theirs, if given."""
+    guide, graph = search.guide, asked.graph
+    if guide is None or search.unrepresented_hits is None:
         return
     nothing = {
-        name: graph.buffer(f"ssdo/rest_{name}", dtype=dtype, count=1)
+        name: graph.buffer(f"ssdo/unrepresented_{name}", dtype=dtype, count=1)
         for name, dtype in (("occlusion", FOUR_FLOATS), ("normals", np.uint32), ("sent", FOUR_FLOATS))
     }
     arguments = asked.arguments(search.stride)
-    arguments["constants"] |= {"REST": True, "SHARE": share is not None}
+    arguments["constants"] |= {"UNREPRESENTED": True, "SHARE": share is not None}
     gbuffer = asked.sources.gbuffer(0)
-    arguments["reads"] |= {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance, **rest.listed}
+    arguments["reads"] |= {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance, **guide.list_reads}
     graph.compute(
-        "ssdo/rest",
-        indirect=rest.groups,
+        "ssdo/unrepresented",
+        indirect=guide.groups,
         entry="listed",
         **arguments,
-        writes={**nothing, "hits": rest.hits} | ({"occlusion": share} if share is not None else {}),
+        writes={**nothing, "hits": search.unrepresented_hits} | ({"occlusion": share} if share is not None else {}),
     )
-
-
-def _declare_guide(asked: Asked, search: Search) -> Rest:
-    """Declare how the grid's pixels count for all others, and the list of those that none stands for."""
-    graph, gbuffer, shader = asked.graph, asked.sources.gbuffer(0), "ssdo/guide.wgsl"
-    width, height = graph.size
-    # Which of them come first is left to chance, so there is room for all.
-    room = max(width * height - search.light.count, 1)
-    rest = Rest(
-        graph.buffer("ssdo/guide", dtype=np.uint32, count=width * height, width=width),
-        graph.buffer("ssdo/rest_pixels", dtype=np.uint32, count=room),
-        graph.buffer("ssdo/rest_groups", dtype=np.uint32, count=4),
-        graph.buffer("ssdo/rest_hits", dtype=TWO_WORDS, count=room * asked.directions),
-    )
-    graph.compute(
-        "ssdo/guide",
-        shader,
-        over=grid_of(graph, search.stride),
-        reads={
-            "surfaces": gbuffer.surfaces,
-            "distance": gbuffer.distance,
-            "coarse": search.light,
-            "coarse_normals": search.normals,
-        },
-        writes={"guide": rest.guide, "rest": rest.pixels, "rest_groups": rest.groups},
-        constants={"COARSE": search.stride},
-        clear=[rest.groups],
-    )
-    return rest
 
 
 def _allocate(asked: Asked, name: str, stride: int) -> Search:

@@ -30,7 +30,7 @@ def declare_senders(
     declare_shown(graph, scene, sources.layers[0], direct, senders)
     for number in range(1, sources.count):
         first = width * height + further * (number - 1)
-        sky: dict[str, Handle] = {"coarse": graph.neutral("buffer"), "coarse_normals": graph.neutral("buffer")}
+        sky: dict[str, Handle] = {"coarse": graph.neutral("buffer")}
         if ambient.features["HAS_ENVIRONMENT"]:
             sky = _declare_sky(graph, settings, scene, sources, ambient, seed, number)
         _declare_further(graph, scene, sources, number, atlas, ambient, sky, senders, first)
@@ -95,7 +95,7 @@ def _declare_further(
             **ambient.constants(shader),
             "OUTWARD": sources.is_outward(number),
             "STRIDE": SENDER_STRIDE,
-            "COARSE": SKY_STRIDE,
+            "COARSE_STRIDE": SKY_STRIDE,
         },
         uniforms={"view": sources.view_of(number)},
     )
@@ -110,7 +110,7 @@ def _declare_sky(
     seed: int,
     number: int,
 ) -> dict[str, Handle]:
-    """Declare the share of the environment's light that another source gets, as `wgsl/ssdo/taps.wgsl` reads it."""
+    """Declare the share of the environment's light that another source gets, at every SKY_STRIDE-th pixel."""
     found = declare_search(Asked(graph, settings, scene, sources, ambient, seed, number))
     share = declare_blur(
         graph,
@@ -122,4 +122,4 @@ def _declare_sky(
         stride=found.stride,
         view=sources.view_of(number),
     )
-    return {"coarse": share, "coarse_normals": found.normals}
+    return {"coarse": share}

@@ -1,7 +1,7 @@
 """The end of SSIL: light of the first level that it gathers at, brought to all pixels of the picture and reflected.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: pixels
-that no pixel of the first level stands for gather by themselves; what coats reflect is not averaged over frames, since
+that no pixel of the first level represents gather by themselves; what coats reflect is not averaged over frames, since
 it changes with the view: the factor of eq. 6 is 0 for them.
 """
 
@@ -9,46 +9,39 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from ..shared.temporal import TemporalSettings, declare_accumulate
-from .levels import Levels, level_buffer
+from ..shared.upsample import Guide, declare_guide
+from .levels import Levels
 
 
 @dataclass(frozen=True)
-class Lone:
-    """Pixels of the picture that none of the first level stands for: their indices, and workgroups for them.
+class Fine:
+    """How pixels of the picture get light of the first level; `irradiance` of unrepresented ones, W/m2, in list order.
 
-    `irradiance` is of each in the list, W/m2.
+    None: they get no light of their own.
     """
 
-    pixels: Buffer
-    groups: Buffer
-    irradiance: Buffer
+    guide: Guide
+    irradiance: Buffer | None
 
 
-def declare_lone(graph: Graph, levels: Levels, wanted: bool) -> Lone | None:
-    """Declare the list of lone pixels; None where there are none, or they are not `wanted`."""
-    if not wanted or levels.first == 0:
-        graph.skip("ssil/lone", "gathering starts at full resolution" if wanted else "ssil.lone is off")
+def declare_fine(graph: Graph, levels: Levels, unrepresented: bool) -> Fine | None:
+    """Declare the upsampling from the first level to the picture; None where the first level is the picture."""
+    if not unrepresented or levels.first == 0:
+        reason = "gathering starts at full resolution" if unrepresented else "ssil.unrepresented is off"
+        graph.skip("ssil/unrepresented", reason)
+    if levels.first == 0:
         return None
-    width, height = graph.size
-    pixels = graph.buffer("ssil/lone", dtype=np.uint32, count=width * height)
-    groups = graph.buffer("ssil/lone_groups", dtype=np.uint32, count=4)
-    graph.compute(
-        "ssil/lone",
-        "ssil/lone.wgsl",
-        over=levels.surfels[0],
-        reads={"surfels": levels.surfels[0], "coarse_surfels": levels.surfels[levels.first]},
-        writes={"lone": pixels, "lone_groups": groups},
-        constants={"SQUARE": 1 << levels.first},
-        clear=[groups],
-    )
-    return Lone(pixels, groups, level_buffer(graph, "ssil/lone_irradiance", graph.size))
+    reads = {"surfels": levels.surfels[0], "coarse_surfels": levels.surfels[levels.first]}
+    guide = declare_guide(graph, "ssil", reads, stride=1 << levels.first, centred=True)
+    if not unrepresented:
+        return Fine(guide, None)
+    irradiance = graph.buffer("ssil/unrepresented_irradiance", dtype=FOUR_FLOATS, count=guide.room, nonnegative=True)
+    return Fine(guide, irradiance)
 
 
 def declare_last(
@@ -60,15 +53,15 @@ def declare_last(
     levels: Levels,
     irradiance: Buffer,
     glossy: Buffer | None,
-    lone: Lone | None,
+    fine: Fine | None,
 ) -> Buffer:
     """Declare the light that pixels of the picture reflect: of the irradiance, and of `glossy`, of the first level."""
     if temporal.frames == 1:
         graph.skip("temporal/accumulate", "temporal.frames is 1")
-        return _declare_full(graph, scene, gbuffer, levels, irradiance, "indirect", glossy, lone, {})
-    full = _declare_full(graph, scene, gbuffer, levels, irradiance, "irradiance", None, lone, {"REFLECTED": False})
+        return _declare_full(graph, scene, gbuffer, levels, irradiance, "indirect", glossy, fine, {})
+    full = _declare_full(graph, scene, gbuffer, levels, irradiance, "irradiance", None, fine, {"REFLECTED": False})
     mean = declare_accumulate(graph, temporal, scene, gbuffer, motion, full).averaged
-    return _declare_full(graph, scene, gbuffer, levels, mean, "indirect", glossy, None, {"UPSAMPLED": True})
+    return _declare_full(graph, scene, gbuffer, levels, mean, "indirect", glossy, fine, {"UPSAMPLED": True})
 
 
 def _declare_full(
@@ -79,7 +72,7 @@ def _declare_full(
     coarse: Buffer,
     name: str,
     glossy: Buffer | None,
-    lone: Lone | None,
+    fine: Fine | None,
     variant: dict[str, bool],
 ) -> Buffer:
     """Declare what pixels of the picture get, or reflect, of the light of the first level."""
@@ -88,30 +81,25 @@ def _declare_full(
     shader = "ssil/last.wgsl"
     reads = {
         "surfaces": gbuffer.surfaces,
-        "surfels": levels.surfels[0],
-        "coarse_surfels": levels.surfels[levels.first],
+        "distance": gbuffer.distance,
+        "guide": graph.neutral("buffer") if fine is None else fine.guide.weights,
         "coarse": coarse,
         "coarse_glossy": graph.neutral("buffer") if glossy is None else glossy,
     }
     constants: dict[str, float] = {
         **scene.constants(shader),
-        "SQUARE": 1 << levels.first,
+        **({"COARSE_STRIDE": 1} if fine is None else fine.guide.constants),
         "HAS_GLOSSY": glossy is not None,
         **variant,
     }
     graph.compute(f"ssil/{name}", shader, over=(width, height), reads=reads, writes={"full": full}, constants=constants)
-    if lone is not None:
+    if fine is not None and fine.irradiance is not None and not variant.get("UPSAMPLED"):
         graph.compute(
-            f"ssil/{name}_lone",
+            f"ssil/{name}_unrepresented",
             shader,
             entry="listed",
-            indirect=lone.groups,
-            reads={
-                **reads,
-                "lone": lone.pixels,
-                "lone_groups": lone.groups,
-                "lone_irradiance": lone.irradiance,
-            },
+            indirect=fine.guide.groups,
+            reads={**reads, **fine.guide.list_reads, "unrepresented_irradiance": fine.irradiance},
             writes={"full": full},
             constants=constants,
         )

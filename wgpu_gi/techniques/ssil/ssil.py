@@ -22,7 +22,7 @@ from ...settings import setting
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from ..shared.temporal import TemporalSettings
-from .full import Lone, declare_last, declare_lone
+from .full import Fine, declare_fine, declare_last
 from .glossy import declare_glossy
 from .levels import (
     Levels,
@@ -37,7 +37,7 @@ from .voxels import Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
 MOST_BOUNCES = 16
-LONE_SHARE = 4  # lone pixels, which are few, take a share of their samples in a frame. Chosen
+UNREPRESENTED_SHARE = 4  # unrepresented pixels take a share of their samples in a frame, one in so many. Chosen
 ADD_ROW = int(load("ssil/add.wgsl").constants["ROW"])
 _SIDE, _CLASSES = (int(load("ssil/classes.wgsl").constants[name]) for name in ("SIDE", "CLASSES"))
 
@@ -75,8 +75,8 @@ class SsilSettings:
     form_factor: str = setting(
         "disc", "Form factor of a sample: a disc of its area, bounded, or the plain one.", choices=("disc", "plain")
     )
-    lone: bool = setting(
-        True, "Gather for pixels by themselves that no pixel of the resolution of the start stands for."
+    unrepresented: bool = setting(
+        True, "Gather at full resolution for pixels whose surface no pixel of the start's resolution shows."
     )
     glossy_samples: int = setting(
         16,
@@ -106,7 +106,7 @@ class _Gathering:
     last: int  # the coarsest level that any sample can lie at
     pattern: Buffer
     voxels: Voxels | None
-    lone: Lone | None
+    fine: Fine | None
     kept: Buffer | None  # where the irradiance goes round to the next frame, it
 
 
@@ -152,11 +152,11 @@ def declare_ssil(
     else:
         given = "one bounce" if count == 1 else "a number of bounces is given"
         graph.skip("ssil/again", given if settings.amortised else "ssil.amortised is off")
-    lone = declare_lone(graph, levels, settings.lone)
+    fine = declare_fine(graph, levels, settings.unrepresented)
     last = _last_level(settings, levels)
     for k in range(last + 1, levels.gathered.stop):
         graph.skip(f"ssil/gather_{k}", "its ring begins beyond the picture")
-    gathering = _Gathering(settings, scene, levels, last, pattern, voxels, lone, kept)
+    gathering = _Gathering(settings, scene, levels, last, pattern, voxels, fine, kept)
     lights = declare_light_levels(graph, levels, light, "")
     total = got = _declare_bounce(graph, gathering, lights, peak, "")
     if settings.visible_bounces == "first":
@@ -174,7 +174,7 @@ def declare_ssil(
         total = _declare_sum(graph, total, got, suffix)
     radius = _radius(settings, levels)
     glossy = declare_glossy(graph, scene, gbuffer, levels, voxels, lights, settings.glossy_samples, radius, seed)
-    return declare_last(graph, temporal, scene, gbuffer, motion, levels, total, glossy, lone)
+    return declare_last(graph, temporal, scene, gbuffer, motion, levels, total, glossy, fine)
 
 
 def default_radius(size: tuple[int, int], levels: int) -> float:
@@ -236,10 +236,9 @@ def _declare_bounce(graph: Graph, gathering: _Gathering, lights: list[Buffer], p
                 "disc": disc,
                 "ring": ring,
                 "coarse": combined or ring,
-                "coarse_glossy": graph.neutral("buffer"),
             },
             writes={"combined": finer},
-            constants={"HAS_DISC": finest, "HAS_COARSE": combined is not None},
+            constants={"HAS_DISC": finest, "HAS_COARSE": combined is not None, "COARSE_CENTRED": True},
         )
         combined = finer
     assert combined is not None
@@ -257,9 +256,9 @@ def _declare_gather(
 ) -> Buffer:
     """Declare the irradiance of pixels of the level `receivers` by the disc or ring of level `k`.
 
-    That of lone pixels is added to.
+    That of unrepresented pixels is added to.
     """
-    settings, levels, voxels, lone = gathering.settings, gathering.levels, gathering.voxels, gathering.lone
+    settings, levels, voxels, fine = gathering.settings, gathering.levels, gathering.voxels, gathering.fine
     width, height = levels.surfels[receivers].size
     irradiance = level_buffer(graph, f"ssil/irradiance_{k}{suffix}", (width, height))
     shader = f"ssil/gather_{settings.visibility}.wgsl"
@@ -293,16 +292,16 @@ def _declare_gather(
             "TAKEN": max(settings.samples >> 2 * (k - receivers), 1),
         },
     )
-    if lone is not None:
+    if fine is not None and fine.irradiance is not None:
         graph.compute(
-            f"ssil/lone_{k}{suffix}",
+            f"ssil/unrepresented_{k}{suffix}",
             shader,
             entry="listed",
-            indirect=lone.groups,
-            reads={**reads, "lone": lone.pixels, "lone_groups": lone.groups, "receivers": levels.surfels[0]},
-            writes={"irradiance": lone.irradiance},
-            constants={**constants, "LEVEL": k, "TAKEN": max(settings.samples // LONE_SHARE, 1)},
-            clear=[] if suffix or k < gathering.last else [lone.irradiance],
+            indirect=fine.guide.groups,
+            reads={**reads, **fine.guide.list_reads, "receivers": levels.surfels[0]},
+            writes={"irradiance": fine.irradiance},
+            constants={**constants, "LEVEL": k, "TAKEN": max(settings.samples // UNREPRESENTED_SHARE, 1)},
+            clear=[] if suffix or k < gathering.last else [fine.irradiance],
         )
     return irradiance
 

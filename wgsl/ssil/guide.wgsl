@@ -1,0 +1,20 @@
+// One invocation finds the upsampling weights of a pixel from the level that gathering starts at, whose surfaces are
+// surfels. Out: the guide and the unrepresented pixels of `shared/upsample/guide.wgsl`.
+#import "shared/upsample/guide.wgsl"
+#import "ssil/guide_surface.wgsl"
+
+@group(1) @binding(14) var surfels: texture_storage_2d<rgba32uint, read>;
+@group(1) @binding(15) var coarse_surfels: texture_storage_2d<rgba32uint, read>;
+
+fn fine_surface(pixel: vec2u) -> GuideSurface {
+    return surfel_guide_surface(textureLoad(surfels, pixel));
+}
+
+fn coarse_surface(pixel: vec2u) -> GuideSurface {
+    return surfel_guide_surface(textureLoad(coarse_surfels, pixel));
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    find_guide(id.xy);
+}

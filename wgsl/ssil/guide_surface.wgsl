@@ -1,0 +1,7 @@
+// A surfel as joint bilateral upsampling compares it.
+#import "shared/upsample/weights.wgsl"
+#import "ssil/surfel.wgsl"
+
+fn surfel_guide_surface(texel: vec4u) -> GuideSurface {
+    return GuideSurface(surfel_position(texel), surfel_normal(texel), !is_empty(texel));
+}
