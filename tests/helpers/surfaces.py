@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wgpu_gi.renderer import Renderer
-from wgpu_gi.upload.two_level_bvh import NONE
+from wgpu_gi.upload.mesh_data import NONE
 
 COATED, UNLIT = 0x40000000, 0x80000000
 

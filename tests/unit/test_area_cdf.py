@@ -12,8 +12,9 @@ from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import Instance
 from wgpu_gi.upload.area_cdf import AreaCdf
 from wgpu_gi.upload.light_table import KIND_SPOT, KIND_SUN, KIND_TRIANGLE
+from wgpu_gi.upload.mesh_data import NONE
 from wgpu_gi.upload.rsm_layout import rsm_layout
-from wgpu_gi.upload.two_level_bvh import NONE, TwoLevelBvh
+from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
 AREA_INSTANCE = load("many_light/points/sample.wgsl").struct_dtype("AreaInstance")
 RSM_LIGHT = load("many_light/rsm/trace.wgsl").struct_dtype("RsmLight")

@@ -13,7 +13,8 @@ from wgpu_gi.scene.scene import Instance
 from wgpu_gi.techniques.shared import culling
 from wgpu_gi.techniques.shared.culling import CameraDraws, ViewCulling, visible
 from wgpu_gi.upload.draw_list import Clusters, DrawList, build_draw_list
-from wgpu_gi.upload.two_level_bvh import NONE, TwoLevelBvh
+from wgpu_gi.upload.mesh_data import NONE
+from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
 VIEW = np.dtype([("clip_from_world", "<f4", (4, 4))])
 

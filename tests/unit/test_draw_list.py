@@ -20,8 +20,8 @@ from wgpu_gi.upload.draw_list import (
     fill_gaps,
     merge_draw_calls,
 )
-from wgpu_gi.upload.mesh_data import MASKED
-from wgpu_gi.upload.two_level_bvh import NONE, TwoLevelBvh
+from wgpu_gi.upload.mesh_data import MASKED, NONE
+from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
 SLACK = 4e-6  # of the coordinates: how far rounding to float32 may take a triangle out of its box
 

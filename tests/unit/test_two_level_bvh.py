@@ -11,10 +11,10 @@ from helpers.medley import at
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
-from wgpu_gi.upload import two_level_bvh
-from wgpu_gi.upload.mesh_data import COLORED, HAS_TANGENTS, MASKED, SMOOTH, octahedral_encode, prepare_meshes
+from wgpu_gi.upload import top_level
+from wgpu_gi.upload.mesh_data import COLORED, HAS_TANGENTS, MASKED, NONE, SMOOTH, octahedral_encode, prepare_meshes
 from wgpu_gi.upload.node_quantization import QuantizationGrid
-from wgpu_gi.upload.two_level_bvh import INSTANCE_FLAG, NONE, TwoLevelBvh
+from wgpu_gi.upload.two_level_bvh import INSTANCE_FLAG, TwoLevelBvh
 
 LEAF = 1 << 31
 STACK_SIZE = 64  # of wgsl/scene/geometry.wgsl
@@ -256,7 +256,7 @@ def test_a_scene_that_wanders_off_gets_a_new_origin(dtypes):
 
 
 def test_more_meshes_than_the_top_level_opens(dtypes, monkeypatch):
-    monkeypatch.setattr(two_level_bvh, "OPEN_UP_TO", 8)
+    monkeypatch.setattr(top_level, "OPEN_UP_TO", 8)
     for count in (2, 5, 20):
         instances = [Instance(sphere((3 * k, 0, 0), 1 + k % 3, 1)) for k in range(count)]
         hierarchy = TwoLevelBvh(dtypes)

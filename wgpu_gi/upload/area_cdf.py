@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance
-from .mesh_data import MeshData
-from .two_level_bvh import NONE, TwoLevelBvh
+from .mesh_data import NONE, MeshData
+from .two_level_bvh import TwoLevelBvh
 
 Corners = NDArray[np.float32]
 

@@ -1,6 +1,6 @@
-"""Bounding volume hierarchies by binned surface-area heuristic, built level by level with numpy.
+"""Bounding volume hierarchies by the binned surface area heuristic (SAH), built level by level with numpy.
 
-Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies" (binned splits), made breadth-first so that
+Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies". Departure: built breadth-first, so that
 every step is an array operation over all nodes of a level.
 """
 
@@ -12,18 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-MAX_BINS = 16  # as Wald 2007 uses; not tuned here
-MIN_BINS = 4  # near the leaves, where few items share a node; 1 M boxes: 11.7 -> 7.4 s
-MAX_LEAF = 4  # triangles a leaf may hold; 8 took longer in Sponza on llvmpipe
-NODE_COST = (
-    1.5  # of a visit, in triangle tests, to decide when to stop splitting; 0.5 to 1.5 made no difference in time
-)
-MAX_DEPTH = 40  # inner nodes on any way down; scenes of a million triangles have 23, so that only odd ones meet it
+MAX_BINS = 16  # Wald 2007, section 3
+MIN_BINS = 4  # near the leaves, where nodes hold few items; with 16 everywhere 1 M boxes take 11.7 s instead of 7.4
+MAX_LEAF = 4  # triangles in a leaf; 8 took longer to trace in Sponza on llvmpipe
+NODE_COST = 1.5  # of visiting a node, in triangle tests; from 0.5 to 1.5 it made no difference in time
+MAX_DEPTH = 40  # inner nodes on the longest path, for the traversal stack; scenes of a million triangles need 23
 
 LEAF_FLAG = np.uint32(1 << 31)  # child reference: LEAF_FLAG | (count - 1) << 28 | first item
 LEAF_COUNT_SHIFT = 28
 
-# Two boxes and two child references.
+# An inner node: the boxes of both children and references to them.
 NODE_DTYPE = np.dtype(
     [
         ("low0", np.float32, 3),
@@ -41,7 +39,7 @@ class Bvh:
     """Inner nodes in breadth-first order (root first) and the order of the items that its leaves refer to.
 
     `order` (n,) gives for each leaf slot the item's index; a leaf holds the slots first .. first + count - 1.
-    `levels` holds the first node of each level and, last, the number of nodes. A tree of one leaf has no nodes at all.
+    `levels` holds the first node of each level, and the number of nodes at its end. A tree of one leaf has no nodes.
     """
 
     nodes: NDArray[np.void]
@@ -50,7 +48,7 @@ class Bvh:
 
     @property
     def depth(self) -> int:
-        """The number of inner nodes on the longest way down."""
+        """Inner nodes on the longest path from the root."""
         return len(self.levels) - 1
 
     @property
@@ -64,7 +62,7 @@ def build_bvh(
 ) -> Bvh:
     """Build a hierarchy over boxes given by their corners, each (n, 3) float32 and finite, 1 <= n <= 2^max_depth.
 
-    Leaves hold at most `max_leaf` <= 8 items; no way down passes more than `max_depth` inner nodes.
+    Leaves hold at most `max_leaf` <= 8 items, and no path passes more than `max_depth` inner nodes.
     """
     return build_forest(low, high, [len(low)], max_leaf, max_depth)[0]
 
@@ -76,22 +74,26 @@ def build_forest(
     max_leaf: int = MAX_LEAF,
     max_depth: int = MAX_DEPTH,
 ) -> list[Bvh]:
-    """Build a hierarchy over each run of so many boxes, as `build_bvh` would; many small ones take the time of one."""
+    """Build a hierarchy over each of `counts` consecutive boxes, as `build_bvh` would, all at once.
+
+    Many small hierarchies take the time of one large one.
+    """
     items = _Items(np.arange(len(low)), *([*np.ascontiguousarray(c.T, np.float32)] for c in (low, high)))
     order = np.zeros(len(low), np.int64)
     count = np.array(counts)
     start, tree = np.cumsum(count) - count, np.arange(len(count))
     levels: list[_Level] = []
     while len(start):
-        # Halving by count brings so many items into leaves of one within the depth that is left for the children.
+        # Children must be able to reach leaves of one item by halving within the remaining depth.
         room = 2 ** max(max_depth - len(levels) - 1, 0)
         level = _split_level(items, _Nodes(tree, start, count), max_leaf, room)
         levels.append(level)
-        # The items of leaves have found their slots; those of inner nodes go on, still grouped by node.
+        # Give the items of leaves their slots; keep those of inner nodes, which are now grouped by child.
         done = np.repeat(level.leaf, count)
         slots = np.repeat(start - np.cumsum(count) + count, count) + np.arange(len(items.index))
         order[slots[done]] = items.index[done]
         items = items.take(np.flatnonzero(~done))
+        # List the children.
         inner, left = ~level.leaf, level.left_count[~level.leaf]
         start = np.stack([start[inner], start[inner] + left], 1).ravel()
         count = np.stack([left, count[inner] - left], 1).ravel()
@@ -100,9 +102,9 @@ def build_forest(
 
 
 def refit(bvh: Bvh, low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.void]:
-    """Return the nodes of `bvh` around items that have moved: the corners of their boxes, (n, 3) in leaf order."""
+    """Return the nodes of `bvh` refitted to moved items, given by the corners of their boxes, (n, 3) in leaf order."""
     nodes = bvh.nodes.copy()
-    # Children come after their parents, level by level: go up from the last level.
+    # Go up from the last level, so that children are refitted before their parents.
     for first, last in reversed(list(zip(bvh.levels[:-1], bvh.levels[1:], strict=True))):
         rows = np.arange(first, last)
         for k in ("0", "1"):
@@ -113,7 +115,7 @@ def refit(bvh: Bvh, low: NDArray[np.float32], high: NDArray[np.float32]) -> NDAr
             nodes["high" + k][inner] = np.maximum(nodes["high0"][below], nodes["high1"][below])
             start = child[leaf] & ((1 << LEAF_COUNT_SHIFT) - 1)
             extra = (child[leaf] >> LEAF_COUNT_SHIFT) & 7
-            # Slots past the end of a leaf repeat its last item.
+            # Read 8 slots of every leaf; those past its end repeat its last item.
             slots = start[:, None] + np.minimum(np.arange(8), extra[:, None])
             nodes["low" + k][rows[leaf]] = low[slots].min(1)
             nodes["high" + k][rows[leaf]] = high[slots].max(1)
@@ -162,24 +164,13 @@ def _split_level(items: _Items, level: _Nodes, max_leaf: int, room: int) -> _Lev
     node_of = np.repeat(np.arange(nodes), count)
     node_low = np.stack([np.minimum.reduceat(c, first) for c in items.low], 1)
     node_high = np.stack([np.maximum.reduceat(c, first) for c in items.high], 1)
+    best_cost, below = _best_split(items, first, node_of)
 
-    # Find the best plane among those between the bins of the axes tried.
-    centres = [(lo + hi) * np.float32(0.5) for lo, hi in zip(items.low, items.high, strict=True)]
-    bin_count = int(np.clip(len(node_of) // nodes, MIN_BINS, MAX_BINS))
-    bins = [_bin(c, first, node_of, bin_count) for c in centres]
-    best_cost = np.full(nodes, np.inf)
-    best_axis, best_bin = np.zeros(nodes, np.int64), np.full(nodes, -1)
-    for axis in range(3):
-        cost, split = _least_sah(items, bins[axis], node_of, nodes, bin_count)
-        better = cost < best_cost
-        best_cost[better], best_bin[better], best_axis[better] = cost[better], split[better], axis
-
-    # A small node stays whole where splitting costs more than testing all that is in it.
+    # Make a small node a leaf where splitting costs more than testing all of its items.
     area = _half_area((node_high - node_low).T)
     leaf = (count == 1) | ((count <= max_leaf) & (NODE_COST * area + best_cost >= count * area))
 
-    # Halve by count where no plane separates (equal centres), or where the plane might leave a child too many items.
-    below = np.choose(best_axis[node_of], bins) <= best_bin[node_of]
+    # Halve by count where no plane separates (equal centres), or where a child would get more items than it has room.
     left_count = np.add.reduceat(below.astype(np.int64), first)
     halve = (left_count == 0) | (left_count == count) | (np.maximum(left_count, count - left_count) > room)
     left_count = np.where(halve, count // 2, left_count)
@@ -197,6 +188,22 @@ def _split_level(items: _Items, level: _Nodes, max_leaf: int, room: int) -> _Lev
     return _Level(level, node_low, node_high, leaf, left_count)
 
 
+def _best_split(
+    items: _Items, first: NDArray[np.int64], node_of: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the least SAH cost of a split of each node, over all axes, and for each item whether it lies below it."""
+    nodes = len(first)
+    centres = [(lo + hi) * np.float32(0.5) for lo, hi in zip(items.low, items.high, strict=True)]
+    bin_count = int(np.clip(len(node_of) // nodes, MIN_BINS, MAX_BINS))
+    bins = [_bin(c, first, node_of, bin_count) for c in centres]
+    cost, split = np.empty((3, nodes)), np.empty((3, nodes), np.int64)
+    for axis in range(3):
+        cost[axis], split[axis] = _least_sah(items, bins[axis], node_of, nodes, bin_count)
+    axis_of = cost.argmin(0)
+    best_cost, best_bin = (np.take_along_axis(each, axis_of[None], 0)[0] for each in (cost, split))
+    return best_cost, np.choose(axis_of[node_of], bins) <= best_bin[node_of]
+
+
 def _bin(
     centres: NDArray[np.float32], first: NDArray[np.int64], node_of: NDArray[np.int64], bin_count: int
 ) -> NDArray[np.int64]:
@@ -211,44 +218,41 @@ def _bin(
 def _least_sah(
     items: _Items, bins: NDArray[np.int64], node_of: NDArray[np.int64], nodes: int, bin_count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return for every node the least SAH cost (area times count, both sides) and the last bin of its left side."""
-    # Bins come before nodes, so that sweeping over them goes through contiguous memory.
+    """Return for every node the least SAH cost along one axis and the last bin left of its plane.
+
+    The cost is the sum of area times count over both sides, with half the surface area.
+    """
+    # Gather counts and boxes by bin; bins vary slowest, so that the sweeps read contiguous memory.
     key = bins * nodes + node_of
     counts = np.bincount(key, minlength=bin_count * nodes).reshape(bin_count, nodes)
-    low = np.full((3, bin_count * nodes), np.inf, np.float32)
-    high = np.full((3, bin_count * nodes), -np.inf, np.float32)
+    low = np.full((3, bin_count, nodes), np.inf, np.float32)
+    high = np.full((3, bin_count, nodes), -np.inf, np.float32)
     for axis in range(3):
-        np.minimum.at(low[axis], key, items.low[axis])
-        np.maximum.at(high[axis], key, items.high[axis])
-    shape = (3, bin_count, nodes)
-    left = _areas_up_to(low.reshape(shape), high.reshape(shape))
-    right = _areas_up_to(low.reshape(shape)[:, ::-1], high.reshape(shape)[:, ::-1])[::-1]
-    left_count = np.cumsum(counts, 0)
-    right_count = left_count[-1] - left_count
-
-    best_cost, best_split = np.full(nodes, np.inf), np.zeros(nodes, np.int64)
-    for split in range(bin_count - 1):
-        # Sides without items have infinite boxes of no meaning; no plane may be there.
-        both = (left_count[split] > 0) & (right_count[split] > 0)
-        cost = np.where(both, left_count[split] * left[split] + right_count[split] * right[split + 1], np.inf)
-        better = cost < best_cost
-        best_cost[better], best_split[better] = cost[better], split
-    return best_cost, best_split
+        np.minimum.at(low[axis].reshape(-1), key, items.low[axis])
+        np.maximum.at(high[axis].reshape(-1), key, items.high[axis])
+    # Sweep over the bins from both sides. A plane with nothing on one side of it separates nothing.
+    right = _areas_up_to(low[:, ::-1].copy(), high[:, ::-1].copy())[::-1]
+    left = _areas_up_to(low, high)
+    left_count = np.cumsum(counts, 0)[:-1]
+    right_count = counts.sum(0) - left_count
+    both = (left_count > 0) & (right_count > 0)
+    cost = np.where(both, left_count * left[:-1] + right_count * right[1:], np.inf)
+    return cost.min(0), cost.argmin(0)
 
 
 def _areas_up_to(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return half the surface areas, (bins, nodes), of the boxes around the first 1, 2, ... bins."""
-    areas = np.zeros(low.shape[1:])
-    so_far_low, so_far_high = low[:, 0].copy(), high[:, 0].copy()
-    for b in range(low.shape[1]):
-        np.minimum(so_far_low, low[:, b], out=so_far_low)
-        np.maximum(so_far_high, high[:, b], out=so_far_high)
-        areas[b] = _half_area(so_far_high - so_far_low)
-    return areas
+    """Return half the surface areas, (bins, nodes), of the boxes around the first 1, 2, ... bins of each node.
+
+    `low` and `high` (3, bins, nodes) are those of each bin, and afterwards of the boxes so far.
+    """
+    for b in range(1, low.shape[1]):  # several times as fast as ufunc.accumulate
+        np.minimum(low[:, b], low[:, b - 1], out=low[:, b])
+        np.maximum(high[:, b], high[:, b - 1], out=high[:, b])
+    return _half_area(high - low)
 
 
 def _half_area(size: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return half the surface area of boxes of the given (3, n) size, in float64 so that no size overflows."""
+    """Return half the surface area of boxes of the given size, (3, ...), in float64 so that no size overflows."""
     x, y, z = np.maximum(size, 0).astype(np.float64)
     return x * y + y * z + z * x
 
@@ -266,7 +270,7 @@ def _pack(levels: list[_Level], order: NDArray[np.int64]) -> list[Bvh]:
     number[sequence] = np.arange(len(tree))
     number -= first[tree]
 
-    # Boxes and references of the children, at first level by level.
+    # Write boxes and references of the children level by level, then sort the nodes by tree.
     nodes = np.zeros(len(tree), NODE_DTYPE)
     level_ends = np.cumsum([len(t) for t in inner_trees]).tolist()
     for level, begin, end, next_end in zip(levels[1:], [0, *level_ends], level_ends, level_ends[1:], strict=False):
@@ -279,6 +283,7 @@ def _pack(levels: list[_Level], order: NDArray[np.int64]) -> list[Bvh]:
             nodes[f"child{k}"][begin:end] = child[k::2]
     nodes = nodes[sequence]
 
+    # Cut nodes and items apart by tree.
     on_level = np.stack([np.bincount(t, minlength=len(roots.count)) for t in inner_trees], 1)
     trees = []
     for t in range(len(roots.count)):

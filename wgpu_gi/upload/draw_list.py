@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance
-from .mesh_data import MASKED, MeshData
-from .two_level_bvh import NONE, Placement, TwoLevelBvh
+from .mesh_data import MASKED, NONE, MeshData, Placement
+from .two_level_bvh import TwoLevelBvh
 
 CLUSTER = 512  # triangles that are culled together; chosen
 MANY_INSTANCES = 8  # meshes with more instances are culled whole; chosen

@@ -1,64 +1,80 @@
-"""Tells cheaply whether a scene is as it was: what may change is compared by value, large arrays by identity."""
+"""Change detection: whether a scene differs from what it was in the last frame.
+
+Called in every frame, so it compares small values by value and large arrays by identity.
+"""
 
 from __future__ import annotations
 
+from dataclasses import fields
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from ..scene.scene import Material, Scene, Texture
+from ..scene.scene import Environment, Instance, Light, Material, Scene, Texture
+
+_material_values = attrgetter(*[f.name for f in fields(Material) if f.name != "name"])
+_texture_values = attrgetter(*[f.name for f in fields(Texture) if f.name != "image"])
+_IMMUTABLE = frozenset({bool, int, float, str, tuple, type(None)})
 
 
 class Fingerprint:
-    """Equal to another one if no part of the scene was exchanged or changed in between.
+    """Equal to another one if no part of the scene was replaced or changed between the two.
 
-    Meshes, but for their materials, and pictures count by identity: their arrays are immutable in use.
+    Meshes, apart from their materials, and images are compared by identity: their arrays are immutable once in use.
+    A fingerprint refers to the objects that it compares by identity, so that none of them is freed and its id reused.
     """
 
     def __init__(self, scene: Scene) -> None:
-        instances = scene.instances
-        meshes = {id(i.mesh): i.mesh for i in instances}
-        materials = {id(m): m for mesh in meshes.values() for m in mesh.materials}
-        # Identities are unique among living objects only: what counts by identity is kept alive.
-        self._alive: list[Any] = [*instances, *meshes.values(), *materials.values()]
-        self._matrices = b"".join([np.asarray(i.world_from_local).tobytes() for i in instances])
-        self._placed = [(id(i), id(i.mesh)) for i in instances]
-        self._used = [[id(m) for m in mesh.materials] for mesh in meshes.values()]
-        self._materials = [self._material(material) for material in materials.values()]
-        self._lights = [
-            (type(light), *[_value(value) for name, value in vars(light).items() if name != "name"])
-            for light in scene.lights
+        meshes = scene.meshes
+        materials = {id(m): m for mesh in meshes for m in mesh.materials}.values()
+        # Lists of instances, meshes and materials compare by identity, as their classes define no equality.
+        self._values: list[Any] = [
+            list(scene.instances),
+            [i.mesh for i in scene.instances],
+            _transforms(scene.instances),
+            [list(mesh.materials) for mesh in meshes],
+            [_material(m) for m in materials],
+            [_light(light) for light in scene.lights],
+            None if scene.environment is None else _environment(scene.environment),
         ]
-        environment = scene.environment
-        self._environment: tuple[Any, ...] = ()
-        if environment is not None:
-            self._alive.append(environment.image)
-            self._environment = (*environment.color, id(environment.image), environment.rotation)
+        self._image = None if scene.environment is None else scene.environment.image
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Fingerprint) and self._values() == other._values()
+        return isinstance(other, Fingerprint) and self._image is other._image and self._values == other._values
 
     __hash__ = None  # type: ignore[assignment]
 
-    def _values(self) -> list[Any]:
-        return [value for name, value in vars(self).items() if name != "_alive"]
 
-    def _material(self, material: Material) -> list[Any]:
-        values: list[Any] = [id(material)]
-        for name, value in vars(material).items():
-            if isinstance(value, Texture):
-                self._alive.append(value.image)
-                values += [id(part) if part is value.image else _copy(part) for part in vars(value).values()]
-            elif name != "name":
-                values.append(_copy(value))
-        return values
+def _transforms(instances: list[Instance]) -> bytes:
+    """Return the bytes of all transforms."""
+    try:
+        return b"".join([i.world_from_local.data for i in instances])
+    except (AttributeError, BufferError):  # lists, or arrays that are not contiguous
+        return b"".join([np.asarray(i.world_from_local).tobytes() for i in instances])
 
 
-def _copy(value: Any) -> Any:
-    """Return lists and arrays, which may be changed in place, as tuples."""
+def _material(material: Material) -> tuple[Any, ...]:
+    """Return what a material is, comparable."""
+    return _all_frozen(_material_values(material))
+
+
+def _light(light: Light) -> tuple[Any, ...]:
+    """Return what a light is, comparable."""
+    return type(light), *[_frozen(value) for name, value in vars(light).items() if name != "name"]
+
+
+def _environment(environment: Environment) -> tuple[Any, ...]:
+    """Return what an environment is apart from its image, comparable."""
+    return _frozen(environment.color), environment.rotation
+
+
+def _frozen(value: Any) -> Any:
+    """Return a value that in-place changes do not reach: lists, arrays and textures as tuples."""
+    if isinstance(value, Texture):
+        return value.image, _all_frozen(_texture_values(value))
     return tuple(value) if isinstance(value, list | np.ndarray) else value
 
 
-def _value(value: Any) -> Any:
-    """Return arrays and lists, which have no single truth or may be changed in place, as bytes."""
-    return value if value is None or isinstance(value, str | float | int) else np.asarray(value).tobytes()
+def _all_frozen(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    return tuple([value if type(value) in _IMMUTABLE else _frozen(value) for value in values])

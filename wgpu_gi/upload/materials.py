@@ -34,7 +34,7 @@ class MaterialUpload:
         """Whether any material has a texture that is looked up."""
         return any(self._images.values())
 
-    def send_pictures(self, materials: list[Material]) -> None:
+    def send_images(self, materials: list[Material]) -> None:
         """Send an atlas again if it holds other pictures than before."""
         gpu = self._resources.gpu
         for name, texture_format in (("atlas_srgb", "rgba8unorm-srgb"), ("atlas_linear", "rgba8unorm")):

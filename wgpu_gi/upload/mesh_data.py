@@ -1,6 +1,8 @@
-"""One mesh prepared for the GPU: its hierarchy in local space, and its triangles and vertices in leaf order.
+"""The bottom level of the hierarchy: each mesh's BVH in local space, its triangles and vertices in leaf order.
 
-Built once per mesh and kept while the mesh is in use; instances only place it.
+Built once per mesh and kept while the mesh is in use; instances share it. Vertex attributes are packed: directions in
+octahedral coordinates of 2 x 16 bits (Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit
+Vectors"), colours in 4 x 16 bits.
 """
 
 from __future__ import annotations
@@ -13,28 +15,52 @@ from numpy.typing import NDArray
 
 from ..errors import GiError
 from ..scene.scene import Mesh
-from .bvh import Bvh, build_forest
+from .bvh import LEAF_FLAG, Bvh, build_forest
+from .node_quantization import QuantizationGrid
 
-BATCH = 1 << 17  # triangles whose hierarchies are built together; more would not be faster, but take more memory
+BATCH = 1 << 17  # triangles whose BVHs are built together; more is not faster and takes more memory
+NONE = 0xFFFFFFFF  # no instance, or a scene without root
 SMOOTH, COLORED, MASKED, HAS_TANGENTS = 1, 2, 4, 8  # triangle flags, as wgsl/scene/geometry.wgsl
 
 
 @dataclass(eq=False)
 class MeshData:
-    """Arrays in leaf order. `corners` (m, 3, 3) float32 local; `indices` (m, 3) uint32 into `vertices`."""
+    """A mesh's arrays in leaf order: `corners` (m, 3, 3) float32, local; `indices` (m, 3) uint32 into `vertices`."""
 
     mesh: Mesh
     bvh: Bvh
     corners: NDArray[np.float32]
     indices: NDArray[np.uint32]
     material: NDArray[np.uint32]  # (m,) into mesh.materials
-    flags: NDArray[np.uint32]  # (m,) without MASKED, which may change with the material
+    flags: NDArray[np.uint32]  # (m,) without MASKED, which depends on the material's present alpha mode
     vertices: NDArray[np.void]
     bounds: NDArray[np.float32]  # (2, 3)
 
 
+@dataclass
+class Placement:
+    """Where a mesh lies in the buffers of the scene.
+
+    For a baked mesh `baked` is the number of its instance, and `tree` and `box` (2, 3) are its nodes and bounds in
+    world space, relative to the origin.
+    """
+
+    data: MeshData
+    nodes: slice
+    triangles: slice
+    vertices: slice
+    grid: QuantizationGrid  # of the nodes in local space
+    baked: int | None = None
+    tree: NDArray[np.void] | None = None
+    box: NDArray[np.float32] | None = None
+
+    def reference(self, child: int) -> int:
+        """Return a child reference of the mesh's own tree as one into the buffers of the scene."""
+        return child + (self.triangles.start if child >= int(LEAF_FLAG) else self.nodes.start)
+
+
 def prepare_meshes(meshes: list[Mesh], vertex_dtype: np.dtype) -> list[MeshData]:
-    """Build the hierarchies of meshes of at least one triangle each and put their arrays in leaf order.
+    """Build the BVHs of meshes with at least one triangle each and put their arrays in leaf order.
 
     Raises GiError for arrays that do not fit together and positions that are not finite.
     """
@@ -53,6 +79,7 @@ def prepare_meshes(meshes: list[Mesh], vertex_dtype: np.dtype) -> list[MeshData]
 
 
 def _in_leaf_order(mesh: Mesh, corners: NDArray[np.float32], bvh: Bvh, vertex_dtype: np.dtype) -> MeshData:
+    """Return the arrays of a mesh with its triangles in the order of the BVH's leaves."""
     triangles = np.asarray(mesh.triangles, np.int64)
     triangles, corners = triangles[bvh.order], np.ascontiguousarray(corners[bvh.order])
     material = np.zeros(len(triangles), np.uint32)
@@ -60,7 +87,7 @@ def _in_leaf_order(mesh: Mesh, corners: NDArray[np.float32], bvh: Bvh, vertex_dt
         material = np.asarray(mesh.material_of_triangle, np.uint32)[bvh.order]
     flags = np.zeros(len(triangles), np.uint32)
     if mesh.normals is not None:
-        # One vertex without a normal makes its triangles flat.
+        # A triangle with a vertex without normal is flat.
         has_normal = (np.asarray(mesh.normals) != 0).any(1)
         flags |= np.where(has_normal[triangles].all(1), SMOOTH, 0).astype(np.uint32)
     if mesh.tangents is not None:
@@ -76,7 +103,7 @@ def _in_leaf_order(mesh: Mesh, corners: NDArray[np.float32], bvh: Bvh, vertex_dt
 
 
 def _check(mesh: Mesh) -> None:
-    """Loaders keep to this; scenes made in code may not."""
+    """Raise GiError for arrays of the wrong shape, out-of-range indices and values that are not finite."""
     where, count = f"mesh {mesh.name!r}", len(mesh.positions)
     if np.shape(mesh.positions) != (count, 3) or np.shape(mesh.triangles) != (len(mesh.triangles), 3):
         raise GiError(f"{where}: positions must be (n, 3) and triangles (m, 3)")
@@ -97,11 +124,12 @@ def _check(mesh: Mesh) -> None:
 
 
 def _pack_vertices(mesh: Mesh, dtype: np.dtype) -> NDArray[np.void]:
+    """Return the vertex attributes as the shaders' Vertex records."""
     vertices = np.zeros(len(mesh.positions), dtype)
     if mesh.normals is not None:
         vertices["normal"] = octahedral_encode(mesh.normals)
     if mesh.tangents is not None:
-        # The lowest bit of the code tells the side of the bitangent; it costs half a step of precision.
+        # The lowest bit of the code holds the bitangent's sign, at a cost of half a quantisation step.
         code = octahedral_encode(mesh.tangents[:, :3]) & np.uint32(0xFFFFFFFE)
         vertices["tangent"] = code | (np.asarray(mesh.tangents)[:, 3] < 0)
     if mesh.colors is not None:
@@ -116,7 +144,7 @@ def _pack_vertices(mesh: Mesh, dtype: np.dtype) -> NDArray[np.void]:
 
 
 def octahedral_encode(directions: NDArray[np.float32]) -> NDArray[np.uint32]:
-    """Return (n,) codes of two snorm16 for (n, 3) directions of any length (Cigolle et al. 2014); zero gives +Z."""
+    """Return (n,) codes of two snorm16 for (n, 3) directions of any length; the zero vector encodes +Z."""
     v = np.asarray(directions, np.float64)
     total = np.abs(v).sum(1, keepdims=True)
     v = v / np.where(total > 0, total, 1)

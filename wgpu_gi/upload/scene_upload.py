@@ -1,6 +1,6 @@
-"""Sends a scene to the GPU as storage buffers, tables in textures and texture arrays, and again only what changed.
+"""Sends a scene to the GPU as buffers and textures, and later only what changed.
 
-Each resource has a version that goes up with its contents; the render graph runs what reads it.
+Each resource has a version that grows with its contents; the render graph runs the passes that read it.
 """
 
 from __future__ import annotations
@@ -13,26 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
-from ..errors import GiError
 from ..gpu.device import Device
 from ..gpu.wgsl.load import load
 from ..scene.check import check_camera, check_scene
-from ..scene.scene import Instance, Light, Material, Scene, Texture
+from ..scene.scene import Light, Material, Scene, Texture
 from .area_cdf import AreaCdf
 from .direct_lights import build_direct_lights
 from .draw_list import DrawList, RasterMesh, build_draw_list
-from .environment_cdf import environment_cdf
+from .environment import EnvironmentUpload
+from .instance_motion import InstanceMotion
 from .light_table import LightTable, build_light_table
 from .materials import MaterialUpload
 from .mesh_data import MeshData
 from .resources import GpuResources
 from .solid_meshes import SolidMeshes
 from .surface_samples import sample_surfaces
-from .texture_atlas import MAX_PAGE
 from .two_level_bvh import TwoLevelBvh
 
-TABLES = ("nodes", "triangles", "vertices")  # are textures
-NEAR = 1e-9  # near plane over the scene's radius: of reversed float depth, it does not change the relative precision
+TABLES = ("nodes", "triangles", "vertices")  # stored in textures, which llvmpipe reads faster than buffers
+NEAR = 1e-9  # near plane over the scene's radius; a near plane this close costs reversed float depth no precision
 STRUCTS = {
     "materials": "Material",
     "nodes": "Node",
@@ -55,29 +54,29 @@ class SceneUpload:
         shader = load("scene/lights.wgsl")
         self._dtypes = {name: shader.struct_dtype(struct) for name, struct in STRUCTS.items()}
         self._view_dtype = shader.struct_dtype("View")
+        self.resources = GpuResources(device.gpu, int(device.limits["max-storage-buffer-binding-size"]))
         self._hierarchy = TwoLevelBvh(self._dtypes)
-        self._environment: tuple[Any, Any] = (None, None)
+        self._geometry = 0
+        self._unsent: set[str] = set()  # arrays of the hierarchy that changed, also in an update that failed
+        self._materials = MaterialUpload(self.resources, self._dtypes["materials"], diffuse)
+        self._environment = EnvironmentUpload(self.resources)
+        self._motion = InstanceMotion()
+        # What is computed from the scene, each with what it was computed from.
         self._table: LightTable | None = None
-        self._sources: object = None
-        self._cdf: NDArray[np.float32] | None = None
-        self._raster_meshes: WeakKeyDictionary[MeshData, RasterMesh] = WeakKeyDictionary()
-        self._raster_stale = True
-        self._unsent: set[str] = set()  # arrays of the hierarchy; of an update that failed, too
-        self._geometry = 0  # grows when meshes or transforms change
+        self._table_key: object = None
         self._direct: tuple[object, NDArray] = (None, np.zeros(0))
-        self._before: list[tuple[Instance, NDArray[np.float64]]] = []  # where each was at the last call for motion
         self._samples: tuple[int, NDArray[np.float64]] | None = None
         self.solids = SolidMeshes()
         self._solid_key: tuple[int, str] | None = None
         self.draws: DrawList | None = None
-        self.resources = GpuResources(device.gpu, int(device.limits["max-storage-buffer-binding-size"]))
-        self._materials = MaterialUpload(self.resources, self._dtypes["materials"], diffuse)
+        self._raster_meshes: WeakKeyDictionary[MeshData, RasterMesh] = WeakKeyDictionary()
+        self._raster_stale = True
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))
         self.features: dict[str, bool] = {}
 
     @property
     def origin(self) -> NDArray[np.float64]:
-        """World position of the GPU's zero, metres."""
+        """World position, (3,) metres, that all positions on the GPU are relative to."""
         return self._hierarchy.origin
 
     @property
@@ -87,12 +86,12 @@ class SceneUpload:
 
     @property
     def geometry(self) -> int:
-        """Grows when meshes or transforms change."""
+        """A version that grows when meshes or transforms change."""
         return self._geometry
 
     @property
     def light_table(self) -> tuple[NDArray[np.void], int]:
-        """The records that light sampling draws from, and how many of them count."""
+        """The records that light sampling chooses from, and how many of them are lights."""
         assert self._table is not None
         return self._table.lights, self._table.count
 
@@ -105,43 +104,32 @@ class SceneUpload:
         check_scene(scene)
         scene = _without_empty(scene)
         materials = scene.materials
+        # Geometry: hierarchy, triangles, vertices and instances.
         self._hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(materials)})
         self._unsent |= self._hierarchy.changed
         self._raster_stale |= bool(self._hierarchy.changed & {"triangles", "vertices"})
         self._geometry += bool(self._hierarchy.changed)
-        self._materials.send_pictures(materials)
-        self._upload_environment(scene)
-        # Tabulating many emitters takes time, so only if one of them, or what places them, has changed.
-        sources = (_light_values(scene.lights), _emission_values(materials), self.resources["environment_cdf"][1])
-        if self._table is None or self._unsent or sources != self._sources:
-            self._table = build_light_table(scene, self._hierarchy, self._cdf, self._dtypes["lights"])
-            self._sources = sources
+        # Images, which the light table averages.
+        self._materials.send_images(materials)
+        self._environment.send(scene.environment)
+        # The light table: with many emitters it takes long, so only if a light, an emitter or a transform changed.
+        key = (_light_values(scene.lights), _emission_values(materials), self.resources["environment_cdf"][1])
+        if self._table is None or self._unsent or key != self._table_key:
+            self._table = build_light_table(scene, self._hierarchy, self._environment.cdf, self._dtypes["lights"])
+            self._table_key = key
             self.resources.records("lights", self._table.lights)
-        table = self._table
-        self._materials.send_records(materials, table.material_pdf)
+        # Materials, which hold the pdf of their emitters.
+        self._materials.send_records(materials, self._table.material_pdf)
         for name in ("nodes", "triangles", "vertices", "instances"):
             if name in self._unsent or name not in self.resources:
                 send = self.resources.table if name in TABLES else self.resources.buffer
                 send(name, getattr(self._hierarchy, name))
         self._unsent.clear()
-        self.features = {
-            "HAS_INSTANCES": self._hierarchy.has_instances,
-            "HAS_MASKS": any(m.alpha_mode == "mask" for m in materials),
-            "HAS_TEXTURES": self._materials.has_textures,
-            "HAS_EMISSION_MAPS": any(m.emission_texture for m in materials),
-            "HAS_ROUGHNESS_MAPS": not self.diffuse and any(m.metallic_roughness_texture for m in materials),
-            "HAS_NORMAL_MAPS": not self.diffuse and any(m.normal_texture for m in materials),
-            "HAS_VERTEX_COLORS": any(mesh.colors is not None for mesh in scene.meshes),
-            "HAS_COATS": not self.diffuse,
-            "HAS_EMISSION": any(max(m.emission) > 0 or m.unlit for m in materials),
-            "HAS_EMITTERS": any(max(m.emission) > 0 for m in materials),
-            "HAS_ENVIRONMENT": bool(scene.environment and max(scene.environment.color) > 0),
-            "HAS_PICTURED_ENVIRONMENT": bool(scene.environment and scene.environment.image is not None),
-        }
-        self._fill_info(scene, table.count, table.environment_pdf)
+        self.features = self._find_features(scene, materials)
+        self._fill_info(scene, self._table)
 
     def update_draws(self, scene: Scene) -> DrawList:
-        """Send what raster passes need, if it changed; call it after `update`."""
+        """Send what raster passes draw if it changed, and return it; call after `update`."""
         if self._raster_stale or self.draws is None:
             scene = _without_empty(scene)
             self.draws = build_draw_list(scene.instances, self._hierarchy, self._raster_meshes)
@@ -152,47 +140,34 @@ class SceneUpload:
         return self.draws
 
     def direct_lights(self, scene: Scene, dtype: np.dtype, samples: int, use_range: bool) -> NDArray[np.void]:
-        """Return the lights that deferred techniques loop over; call it after `update`."""
+        """Return the lights that deferred techniques loop over, records of `dtype`; call after `update`."""
         ranges = [getattr(light, "range", None) for light in scene.lights]
-        key = (samples, use_range, ranges, self._geometry, self._sources)
+        key = (samples, use_range, ranges, self._geometry, self._table_key)
         if key != self._direct[0]:
             lights = build_direct_lights(_without_empty(scene), self._hierarchy, dtype, samples, use_range)
             self._direct = (key, lights)
         return self._direct[1]
 
     def surface_samples(self, scene: Scene) -> NDArray[np.float64]:
-        """Return points spread over the surfaces, relative to the origin; call it after `update`."""
+        """Return points spread over the surfaces, (n, 3) relative to the origin; call after `update`."""
         if self._samples is None or self._samples[0] != self._geometry:
             self._samples = (self._geometry, sample_surfaces(_without_empty(scene).instances, self._hierarchy))
         return self._samples[1]
 
     def update_areas(self, scene: Scene, table: AreaCdf) -> None:
-        """Bring a table of areas up to date; call it after `update`."""
+        """Bring a CDF of areas up to date; call after `update`."""
         table.update(_without_empty(scene).instances, self._hierarchy)
 
     def update_solids(self, choice: str) -> None:
-        """Bring up to date which triangles bound solids; call it after `update`."""
+        """Send which triangles bound solids if it changed; `choice` as in `SolidMeshes.update`. Call after `update`."""
         if self._solid_key != (self._geometry, choice):
             self._solid_key = (self._geometry, choice)
             self.solids.update(self._hierarchy.placements(), self._hierarchy.triangles, choice)
             self.resources.buffer("solid_triangles", self.solids.bits)
 
     def update_motion(self, scene: Scene) -> None:
-        """Send where each instance was at the last call; call it after `update`."""
-        instances = _without_empty(scene).instances
-        now = np.array([i.world_from_local for i in instances], np.float64).reshape(-1, 4, 4)
-        # An instance that was not there has not moved.
-        known = {id(i): matrix for i, matrix in self._before}
-        before = np.array([known.get(id(i), m) for i, m in zip(instances, now, strict=True)]).reshape(-1, 4, 4)
-        self._before = list(zip(instances, now, strict=True))
-        to_origin, from_origin = np.eye(4), np.eye(4)
-        to_origin[:3, 3], from_origin[:3, 3] = -self.origin, self.origin
-        change = to_origin @ before @ np.linalg.inv(now) @ from_origin if len(now) else np.eye(4)[None]
-        # What stands still moves by nothing, not by the rounding of an inverse.
-        change[np.all(before == now, (1, 2)) if len(now) else [True]] = np.eye(4)
-        columns = np.zeros((len(change), 4, 4), np.float32)  # a mat4x3f has columns of 16 bytes
-        columns[..., :3] = change[:, :3].transpose(0, 2, 1)
-        self.resources.records("before_from_now", columns)
+        """Send how each instance has moved since the last call; call after `update`."""
+        self.resources.records("before_from_now", self._motion.update(_without_empty(scene).instances, self.origin))
 
     def release(self) -> None:
         """Free all GPU memory; do not use this object any more."""
@@ -203,11 +178,12 @@ class SceneUpload:
     ) -> NDArray[np.void]:
         """Return the View uniform of a camera for a picture of `size` (width, height).
 
-        `jitter` is for rays that each go through a random point of their pixel, `offset` where all others go through
-        it. Raises GiError for a camera that sees nothing.
+        With `jitter` each ray goes through a random point of its pixel, otherwise all go through `offset`. Raises
+        GiError for a camera that sees nothing.
         """
         check_camera(camera)
         view = np.zeros((), self._view_dtype)
+        # The camera's position and axes; `right` and `up` reach from the middle to the edges of the picture.
         matrix = np.asarray(camera.world_from_view, np.float64)
         half_height = np.tan(camera.yfov / 2)
         if camera.orthographic_height is not None:
@@ -218,57 +194,52 @@ class SceneUpload:
         view["forward"] = -matrix[:3, 2]
         view["orthographic"] = camera.orthographic_height is not None
         view["jitter"], view["size"], view["offset"] = jitter, size, offset
+        # The projection; the far plane, which only orthographic cameras have, lies behind the scene.
         radius = max(self._hierarchy.radius, 1e-30)
-        # How far the scene reaches along the view.
         far = max(float((self._hierarchy.centre - view["position"]) @ view["forward"]) + radius, radius)
         clip = camera.clip_from_world(size, self.origin, NEAR * radius, far, offset)
         view["clip_from_world"] = clip.T
         return view
 
-    def _fill_info(self, scene: Scene, light_count: int, environment_pdf: float) -> None:
+    def _find_features(self, scene: Scene, materials: list[Material]) -> dict[str, bool]:
+        """Return the HAS_ constants of shaders: what the scene has, so that pipelines leave out the rest."""
+        emissive = any(max(m.emission) > 0 for m in materials)
+        environment = scene.environment
+        return {
+            "HAS_INSTANCES": self._hierarchy.has_instances,
+            "HAS_MASKS": any(m.alpha_mode == "mask" for m in materials),
+            "HAS_TEXTURES": self._materials.has_textures,
+            "HAS_EMISSION_MAPS": any(m.emission_texture for m in materials),
+            "HAS_ROUGHNESS_MAPS": not self.diffuse and any(m.metallic_roughness_texture for m in materials),
+            "HAS_NORMAL_MAPS": not self.diffuse and any(m.normal_texture for m in materials),
+            "HAS_VERTEX_COLORS": any(place.data.mesh.colors is not None for place in self._hierarchy.placements()),
+            "HAS_COATS": not self.diffuse,
+            "HAS_EMISSION": emissive or any(m.unlit for m in materials),
+            "HAS_EMITTERS": emissive,
+            "HAS_ENVIRONMENT": bool(environment and max(environment.color) > 0),
+            "HAS_PICTURED_ENVIRONMENT": bool(environment and environment.image is not None),
+        }
+
+    def _fill_info(self, scene: Scene, table: LightTable) -> None:
+        """Fill the SceneInfo uniform; call after `_find_features`."""
         info, environment = self.info, scene.environment
         info["frame_low"], info["frame_scale"] = self._hierarchy.world.low, self._hierarchy.world.scale
         info["centre"], info["radius"] = self._hierarchy.centre, self._hierarchy.radius
-        info["root"], info["light_count"] = self._hierarchy.root, light_count
+        info["root"], info["light_count"] = self._hierarchy.root, table.count
         info["environment_color"] = environment.color if environment else 0.0
-        info["environment_pdf"] = environment_pdf
+        info["environment_pdf"] = table.environment_pdf
         info["environment_rotation"] = environment.rotation / (2 * np.pi) if environment else 0.0
-        shining = any(max(m.emission) > 0 for m in scene.materials)
-        info["hittable_light"] = shining or bool(environment and max(environment.color) > 0)
-
-    def _upload_environment(self, scene: Scene) -> None:
-        environment = scene.environment
-        image = environment.image if environment else None
-        color = tuple(environment.color) if environment else None
-        # The picture counts by identity: it is immutable once in use. Its table depends on the colour, too.
-        new_image = "environment" not in self.resources or self._environment[0] is not image
-        new_table = new_image or self._environment[1] != color
-        if image is not None and max(image.shape[:2]) > MAX_PAGE:
-            raise GiError(
-                f"the environment is {image.shape[1]} x {image.shape[0]} pixels; textures hold at most {MAX_PAGE} a"
-                " side: scale it down"
-            )
-        if new_image:
-            pixels = np.zeros((1, 1, 4), np.float32)
-            if image is not None:
-                pixels = np.ones((*image.shape[:2], 4), np.float32)
-                pixels[..., :3] = image
-            self.resources.texture("environment", "rgba32float", pixels)
-        if new_table:
-            self._cdf = environment_cdf(environment) if environment and max(environment.color) > 0 else None
-            table = self._cdf if self._cdf is not None else np.ones((1, 2), np.float32)
-            self.resources.texture("environment_cdf", "r32float", table[..., None])
-        self._environment = (image, color)
+        info["hittable_light"] = self.features["HAS_EMITTERS"] or self.features["HAS_ENVIRONMENT"]
 
 
 def _without_empty(scene: Scene) -> Scene:
-    """Return the scene without instances that have nothing to show."""
+    """Return the scene without instances that have no triangles."""
     kept = [i for i in scene.instances if len(i.mesh.triangles)]
     return Scene(kept, scene.lights, scene.environment) if len(kept) < len(scene.instances) else scene
 
 
 def _light_values(lights: Sequence[Light]) -> list[tuple[Any, ...]]:
-    """Return all that the light table takes from punctual lights, comparable."""
+    """Return what the light table depends on in punctual lights, comparable."""
     return [
         (type(light), *(np.asarray(v).tobytes() for k, v in vars(light).items() if k not in ("name", "range")))
         for light in lights
@@ -276,11 +247,11 @@ def _light_values(lights: Sequence[Light]) -> list[tuple[Any, ...]]:
 
 
 def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
-    """Return all that the light table takes from materials, comparable."""
+    """Return what the light table depends on in materials, comparable."""
     shared = [
         (id(m), tuple(m.emission), m.double_sided, m.unlit, _texture_values(m.emission_texture)) for m in materials
     ]
-    # Emitters may be cut out.
+    # Emitters may have an alpha mask.
     cut = [
         (tuple(m.base_color), m.alpha_mode, m.alpha_cutoff, _texture_values(m.base_color_texture))
         for m in materials
@@ -290,5 +261,5 @@ def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
 
 
 def _texture_values(texture: Texture | None) -> tuple[Any, ...]:
-    """Return what a texture is, comparable."""
+    """Return the values of a texture, comparable."""
     return () if texture is None else tuple(tuple(v) if isinstance(v, list) else v for v in vars(texture).values())

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Mesh
-from .mesh_data import MASKED
-from .two_level_bvh import Placement
+from .mesh_data import MASKED, Placement
 
 CHOICES = ("auto", "all", "none")
 # Of its box's diagonal, the mean thickness of a solid: cloth and slabs that are thinner would be lost between the cells

@@ -1,57 +1,34 @@
-"""The two-level hierarchy over a scene's instances, as arrays for the GPU.
+"""The two-level bounding volume hierarchy over a scene's instances, as arrays for the GPU.
 
-A mesh with a single instance lies in the world's tree with its own nodes, so that no ray is transformed for it; a mesh
-with several, or one that has moved, is entered through its instances' transforms. Only the small top level is rebuilt
-when instances move. Top-level leaves are not whole meshes but subtrees, opened largest first, which undoes most of the
-overlap between meshes (Benthin et al. 2017, "Improved Two-Level BVHs using Partial Re-Braiding").
+A mesh with one instance that has not moved is baked: its triangles and nodes are stored in world space, so that rays
+need no transform. A mesh with several instances, or with one that has moved, is stored in local space, and rays enter
+it through its instances' transforms. Only the top level (`top_level`) is rebuilt when instances move. Node boxes are
+quantised (`node_quantization`).
 """
 
 from __future__ import annotations
-
-import heapq
-import itertools
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance, Mesh
-from .bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, build_bvh, refit
-from .mesh_data import MASKED, MeshData, prepare_meshes
+from .bvh import refit
+from .mesh_data import MASKED, NONE, MeshData, Placement, prepare_meshes
 from .node_quantization import QuantizationGrid
+from .top_level import OPEN_UP_TO, Subtrees, build_top_level, open_subtrees
 
-NONE = 0xFFFFFFFF
-INSTANCE_FLAG = 1 << 30
-TOP_DEPTH = 24  # with the 40 of a mesh's tree they fill the traversal's stack of 64
-OPEN_UP_TO = 2048  # subtrees in the top level; chosen, not tuned
-ROAM = 4.0  # radii that the scene's centre may be off the origin: coordinates are then 8 times as coarse, within PAD
-FINE = 4.0  # steps of the world's grid across a triangle; with fewer, rounding makes boxes overlap; chosen
-GROWTH = 1.5  # of a grid that something has left, so that what goes on moving outwards does not leave it each time
-
-
-@dataclass
-class Placement:
-    """A mesh's place in the buffers; if it lies in the world's tree, its instance's number, nodes and box."""
-
-    data: MeshData
-    nodes: slice
-    triangles: slice
-    vertices: slice
-    grid: QuantizationGrid  # of its own space
-    baked: int | None = None
-    tree: NDArray[np.void] | None = None
-    box: NDArray[np.float32] | None = None  # (2, 3)
-
-    def reference(self, child: int) -> int:
-        """Return a child reference of the mesh's own tree as one into the buffers of the scene."""
-        return child + (self.triangles.start if child >= int(LEAF_FLAG) else self.nodes.start)
-
-
-Subtrees = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]  # low, high, references
+INSTANCE_FLAG = 1 << 30  # of a child reference: the rest is the number of an instance
+# Distance of the scene's centre from the origin, in radii, above which everything is laid out again: at 4 radii
+# float32 coordinates are 8 times as coarse as near the origin, which the padding of quantised boxes still covers.
+MAX_DRIFT = 4.0
+# Steps of the world's grid across a triangle, below which a mesh keeps a grid of its own: at 4 steps outward rounding
+# adds 2 * (1 + 1/16) / 4, about half, to the extent of a triangle's box.
+MIN_STEPS = 4.0
+GROWTH = 1.5  # of a grid that an instance has left, so that steady motion outwards does not leave it in every frame
 
 
 class TwoLevelBvh:
-    """Nodes, triangles, vertices and instance records of a scene, in coordinates relative to `origin`.
+    """Nodes, triangles, vertices and instance records of a scene, in metres relative to `origin`.
 
     `update` brings them up to date; `changed` then names the arrays with new contents.
     """
@@ -61,16 +38,16 @@ class TwoLevelBvh:
         self.changed: set[str] = set()
         self.origin = np.zeros(3)
         self.root = NONE
-        self.world = QuantizationGrid.around(np.zeros((2, 3)))
-        self.centre = np.zeros(3)  # of a sphere around all instances, metres from the origin
-        self.radius = 0.0  # and its radius
-        self.box = np.zeros((2, 3))  # around all instances, metres from the origin
-        self.has_instances = False  # some are entered through their transforms
-        self._home = self.world  # the grid around the scene as it was laid out
-        self._prepared: dict[int, MeshData] = {}
-        self._places: dict[int, Placement] = {}
-        self._subtrees: Subtrees | None = None
-        self._moved: set[int] = set()  # id(instance)
+        self.world = QuantizationGrid.around(np.zeros((2, 3)))  # of the top level and of baked meshes
+        self.centre = np.zeros(3)  # of a sphere around all instances, relative to the origin
+        self.radius = 0.0  # of that sphere
+        self.box = np.zeros((2, 3))  # around all instances, relative to the origin
+        self.has_instances = False  # whether rays enter any mesh through a transform
+        self._first_grid = self.world  # around the scene when it was laid out
+        self._prepared: dict[int, MeshData] = {}  # by id(mesh)
+        self._places: dict[int, Placement] = {}  # by id(mesh)
+        self._subtrees: Subtrees | None = None  # of the baked meshes; None: to be opened
+        self._moved: set[int] = set()  # ids of instances that have moved since they were first seen
         self._layout: object = None
         self._materials: object = None
         self._matrices = np.zeros((0, 4, 4))
@@ -82,28 +59,29 @@ class TwoLevelBvh:
         """
         self.changed = set()
         meshes = list({id(i.mesh): i.mesh for i in instances}.values())
-        # Ids are unique only among living objects: `_places` keeps the meshes alive. Another instance with the id of a
-        # dead one has its mesh and is like the same one moved.
+        # Ids are unique among living objects only; `_prepared` keeps the meshes alive. A new instance may have the id
+        # of a deleted one, but with the same mesh, so it counts as the old one moved.
         layout = ([id(m) for m in meshes], [(id(i), id(i.mesh)) for i in instances])
         matrices = np.array([i.world_from_local for i in instances], np.float64).reshape(-1, 4, 4)
-        if layout != self._layout:
-            new = [m for m in meshes if id(m) not in self._prepared]
-            prepared = {id(d.mesh): d for d in prepare_meshes(new, self.dtypes["vertices"])} | self._prepared
-            self._prepared = {id(m): prepared[id(m)] for m in meshes}
-        if layout != self._layout or not np.array_equal(matrices, self._matrices):
+        new_layout = layout != self._layout
+        if new_layout:
+            self._prepare(meshes)
+        if new_layout or not np.array_equal(matrices, self._matrices):
             boxes = self._world_boxes(instances, matrices)
             bounds = np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]) if len(boxes) else np.zeros((2, 3))
             self.radius = float(np.linalg.norm(bounds[1] - bounds[0]) / 2)
-            roamed = np.abs(bounds.mean(0) - self.origin).max() > ROAM * self.radius
-            if layout != self._layout or roamed:
-                # The origin stays while it may: moving one instance must not move the world under the others.
+            drifted = np.abs(bounds.mean(0) - self.origin).max() > MAX_DRIFT * self.radius
+            if new_layout or drifted:
+                # The origin stays otherwise, so that moving one instance does not move all others relative to it.
                 self.origin = bounds.mean(0)
                 self._lay_out(meshes, instances, matrices, bounds)
             else:
                 self._unbake_moved(instances, matrices)
             self.box = bounds - self.origin
             self.centre = self.box.mean(0)
-            self._place(instances, matrices, bounds - self.origin, boxes - self.origin)
+            self._write_instances(instances, matrices)
+            self._fit_world(self.box)
+            self._build_top(boxes - self.origin, instances)
             self._layout, self._matrices = layout, matrices
         self._number_materials(meshes, material_index)
 
@@ -114,6 +92,12 @@ class TwoLevelBvh:
     def placements(self) -> list[Placement]:
         """Return the places of all meshes."""
         return list(self._places.values())
+
+    def _prepare(self, meshes: list[Mesh]) -> None:
+        """Build the bottom level of meshes that are new, and drop that of meshes no longer in use."""
+        new = [m for m in meshes if id(m) not in self._prepared]
+        prepared = {id(d.mesh): d for d in prepare_meshes(new, self.dtypes["vertices"])} | self._prepared
+        self._prepared = {id(m): prepared[id(m)] for m in meshes}
 
     def _world_boxes(self, instances: list[Instance], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the boxes of all instances in the world, (n, 2, 3)."""
@@ -128,7 +112,7 @@ class TwoLevelBvh:
         self, meshes: list[Mesh], instances: list[Instance], matrices: NDArray[np.float64], bounds: NDArray[np.float64]
     ) -> None:
         """Give every mesh its place in fresh arrays and fill all but the top level."""
-        # The top level is a binary tree over at most so many subtrees and instances.
+        # Reserve the first nodes for the top level: a binary tree over at most so many subtrees and instances.
         node, triangle, vertex = OPEN_UP_TO + len(instances), 0, 0
         self._places = {}
         for mesh in meshes:
@@ -142,26 +126,28 @@ class TwoLevelBvh:
             )
             node, triangle, vertex = place.nodes.stop, place.triangles.stop, place.vertices.stop
             self._places[id(mesh)] = place
+        # Allocate the arrays.
         self.nodes = np.zeros(node, self.dtypes["nodes"])
         self.triangles = np.zeros(max(triangle, 1), self.dtypes["triangles"])
         self.vertices = np.zeros(max(vertex, 1), self.dtypes["vertices"])
-        self.world = self._home = QuantizationGrid.around(bounds - self.origin)
+        self.world = self._first_grid = QuantizationGrid.around(bounds - self.origin)
         self._subtrees = self._materials = None
         self._moved &= {id(i) for i in instances}
+        # Bake meshes with one instance that has not moved; store the others in local space.
         users: dict[int, list[int]] = {}
         for number, instance in enumerate(instances):
             users.setdefault(id(instance.mesh), []).append(number)
         for key, place in self._places.items():
             self.vertices[place.vertices] = place.data.vertices
             first, *others = users[key]
-            if others or id(instances[first]) in self._moved or self._is_too_fine(place, matrices[first]):
+            if others or id(instances[first]) in self._moved or self._needs_own_grid(place, matrices[first]):
                 self._write_local(place)
             else:
                 self._bake(place, first, matrices[first])
         self.changed = {"nodes", "triangles", "vertices"}
 
     def _number_materials(self, meshes: list[Mesh], material_index: dict[int, int]) -> None:
-        """Write the triangles' material numbers, and the flag of those that may be cut out."""
+        """Write the triangles' material numbers, and the flag of those with an alpha mask."""
         materials = [[(material_index[id(m)], m.alpha_mode == "mask") for m in mesh.materials] for mesh in meshes]
         if materials == self._materials:
             return
@@ -173,14 +159,14 @@ class TwoLevelBvh:
             self.triangles["flags"][place.triangles] = place.data.flags | MASKED * masked
         self.changed |= {"triangles"}
 
-    def _is_too_fine(self, place: Placement, world_from_local: NDArray[np.float64]) -> bool:
-        """Tell whether the world's grid is too coarse for a mesh's triangles; its own may not be."""
+    def _needs_own_grid(self, place: Placement, world_from_local: NDArray[np.float64]) -> bool:
+        """Tell whether the world's grid is too coarse for a mesh's triangles while its own grid is finer."""
         steps_per_unit = self.world.scale.min() * abs(np.linalg.det(world_from_local[:3, :3])) ** (1 / 3)
         size = float(np.median(np.ptp(place.data.corners, axis=1).max(-1)))
-        return bool(size * steps_per_unit < FINE and steps_per_unit < place.grid.scale.min())
+        return bool(size * steps_per_unit < MIN_STEPS and steps_per_unit < place.grid.scale.min())
 
     def _bake(self, place: Placement, number: int, world_from_local: NDArray[np.float64]) -> None:
-        """Put a mesh into the world's tree where its one instance stands."""
+        """Store a mesh in world space, where its one instance, `number`, places it."""
         d = place.data
         linear, translation = world_from_local[:3, :3], world_from_local[:3, 3] - self.origin
         corners = (d.corners.astype(np.float64) @ linear.T + translation).astype(np.float32)
@@ -192,7 +178,7 @@ class TwoLevelBvh:
         self._write_nodes(place, place.tree, self.world)
 
     def _write_local(self, place: Placement) -> None:
-        """Put a mesh into the buffers in its own space."""
+        """Store a mesh in its local space."""
         place.baked = place.tree = place.box = None
         self._write_triangles(place, place.data.corners, place.data.indices, NONE)
         self._write_nodes(place, place.data.bvh.nodes, place.grid)
@@ -209,23 +195,17 @@ class TwoLevelBvh:
         self.nodes[place.nodes] = grid.quantize(nodes, self.dtypes["nodes"], place.nodes.start, place.triangles.start)
 
     def _unbake_moved(self, instances: list[Instance], matrices: NDArray[np.float64]) -> None:
-        """Take meshes whose instance has moved out of the world's tree: moving them again then costs nothing."""
+        """Store baked meshes whose instance has moved in local space, so that further motion costs nothing."""
+        moved = (matrices != self._matrices).any((1, 2))
         for place in self._places.values():
-            number = place.baked
-            if number is not None and not np.array_equal(matrices[number], self._matrices[number]):
-                self._moved.add(id(instances[number]))
+            if place.baked is not None and moved[place.baked]:
+                self._moved.add(id(instances[place.baked]))
                 self._write_local(place)
                 self._subtrees = None
                 self.changed |= {"nodes", "triangles"}
 
-    def _place(
-        self,
-        instances: list[Instance],
-        matrices: NDArray[np.float64],
-        bounds: NDArray[np.float64],
-        boxes: NDArray[np.float64],
-    ) -> None:
-        """Write the instance records and build the top level over subtrees and instances."""
+    def _write_instances(self, instances: list[Instance], matrices: NDArray[np.float64]) -> None:
+        """Write a record for each instance: its transforms, and the grid and root of its mesh."""
         relative = matrices.copy()
         relative[:, :3, 3] -= self.origin
         places = [self._places[id(i.mesh)] for i in instances]
@@ -236,16 +216,12 @@ class TwoLevelBvh:
         records["frame_low"] = np.reshape([p.grid.low for p in places], (-1, 3))
         records["frame_scale"] = np.reshape([p.grid.scale for p in places], (-1, 3))
         records["root"] = [p.reference(p.data.bvh.root) for p in places]
-        self._fit_world(bounds)
-        entered = np.flatnonzero([p.baked is None for p in places])
-        self.has_instances = len(entered) > 0
-        self._build_top(boxes, entered)
-        self.changed |= {"nodes", "instances"}
+        self.changed |= {"instances"}
 
     def _fit_world(self, bounds: NDArray[np.float64]) -> None:
-        """Span a new grid if something has left the one there is; go back to the first one where that is enough."""
-        if self._home.spans(bounds):
-            wanted = self._home
+        """Span a larger grid if `bounds` have left the present one; return to the first one where it is enough."""
+        if self._first_grid.spans(bounds):
+            wanted = self._first_grid
         elif self.world.spans(bounds):
             wanted = self.world
         else:
@@ -257,52 +233,19 @@ class TwoLevelBvh:
             if place.tree is not None:
                 self._write_nodes(place, place.tree, self.world)
 
-    def _open_baked(self) -> Subtrees:
-        """Return the subtrees of all baked meshes, the largest ones opened."""
-        heap: list[tuple[float, int, NDArray, NDArray, int, Placement]] = []
-        ties = itertools.count()  # heapq compares tuples: equal areas must not come to comparing arrays
+    def _build_top(self, boxes: NDArray[np.float64], instances: list[Instance]) -> None:
+        """Build the top level over the subtrees of baked meshes and over the instances of the others.
 
-        def add(low: NDArray, high: NDArray, reference: int, place: Placement) -> None:
-            x, y, z = np.maximum(high - low, 0).astype(np.float64).tolist()
-            # Leaves go last, for they cannot be opened.
-            order = 1.0 if reference >= int(LEAF_FLAG) else -(x * y + y * z + z * x)
-            heapq.heappush(heap, (order, next(ties), low, high, reference, place))
-
-        for place in self._places.values():
-            if place.box is not None:
-                add(place.box[0], place.box[1], place.data.bvh.root, place)
-        # One tree alone overlaps nothing.
-        while 1 < len(heap) < OPEN_UP_TO and heap[0][0] <= 0:
-            *_, reference, place = heapq.heappop(heap)
-            assert place.tree is not None
-            node = place.tree[reference]
-            for k in ("0", "1"):
-                add(node["low" + k], node["high" + k], int(node["child" + k]), place)
-        low = np.array([h[2] for h in heap], np.float32).reshape(-1, 3)
-        high = np.array([h[3] for h in heap], np.float32).reshape(-1, 3)
-        return low, high, np.array([h[5].reference(h[4]) for h in heap], np.int64)
-
-    def _build_top(self, boxes: NDArray[np.float64], entered: NDArray[np.int64]) -> None:
-        """Build the top level over the subtrees and over the instances that are entered, given by their numbers."""
+        `boxes` (n, 2, 3) are those of all instances, relative to the origin.
+        """
+        entered = np.flatnonzero([self._places[id(i.mesh)].baked is None for i in instances])
+        self.has_instances = len(entered) > 0
         if self._subtrees is None:
-            self._subtrees = self._open_baked()
+            self._subtrees = open_subtrees(self._places.values())
         low, high, references = self._subtrees
         low = np.concatenate([low, boxes[entered, 0].astype(np.float32)])
         high = np.concatenate([high, boxes[entered, 1].astype(np.float32)])
         references = np.concatenate([references, INSTANCE_FLAG | entered])
-        if not len(references):
-            self.root = NONE
-            return
-        tree = build_bvh(low, high, 1, TOP_DEPTH)
-        references = references[tree.order]
-        if not len(tree.nodes):
-            self.root = int(references[0])
-            return
-        self.root = 0
-        top = self.world.quantize(tree.nodes, self.dtypes["nodes"])
-        for name in ("child0", "child1"):
-            child = tree.nodes[name].astype(np.int64)
-            slot = child & ((1 << LEAF_COUNT_SHIFT) - 1)
-            leaf = child >= int(LEAF_FLAG)
-            top[name] = np.where(leaf, references[np.where(leaf, slot, 0)], child).astype(np.uint32)
+        self.root, top = build_top_level(low, high, references, self.world, self.dtypes["nodes"])
         self.nodes[: len(top)] = top
+        self.changed |= {"nodes"}

@@ -1,0 +1,49 @@
+"""Sends the environment map and its sampling table to the GPU."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import GiError
+from ..scene.scene import Environment
+from .environment_cdf import environment_cdf
+from .resources import GpuResources
+from .texture_atlas import MAX_PAGE
+
+
+class EnvironmentUpload:
+    """The resources `environment` and `environment_cdf`, of one texel where there is no map or no light."""
+
+    def __init__(self, resources: GpuResources) -> None:
+        self._resources = resources
+        self._sent: tuple[Any, Any] = (None, None)  # image and colour
+        self.cdf: NDArray[np.float32] | None = None  # None: there is nothing to sample
+
+    def send(self, environment: Environment | None) -> None:
+        """Send what changed. Raises GiError for a map that is too large for a texture, or has values that mean nothing.
+
+        The image counts by identity: it is immutable once in use. The table depends on the colour, too.
+        """
+        image = environment.image if environment else None
+        color = tuple(environment.color) if environment else None
+        new_image = "environment" not in self._resources or self._sent[0] is not image
+        new_table = new_image or self._sent[1] != color
+        if image is not None and max(image.shape[:2]) > MAX_PAGE:
+            raise GiError(
+                f"the environment map is {image.shape[1]} x {image.shape[0]} pixels; a texture has at most {MAX_PAGE} "
+                "a side: scale it down"
+            )
+        if new_image:
+            pixels = np.zeros((1, 1, 4), np.float32)
+            if image is not None:
+                pixels = np.ones((*image.shape[:2], 4), np.float32)
+                pixels[..., :3] = image
+            self._resources.texture("environment", "rgba32float", pixels)
+        if new_table:
+            self.cdf = environment_cdf(environment) if environment and max(environment.color) > 0 else None
+            table = self.cdf if self.cdf is not None else np.ones((1, 2), np.float32)
+            self._resources.texture("environment_cdf", "r32float", table[..., None])
+        self._sent = (image, color)

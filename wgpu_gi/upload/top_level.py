@@ -1,0 +1,73 @@
+"""The top level of the two-level hierarchy: a binary tree over subtrees of baked meshes and over instances.
+
+Benthin et al. 2017, "Improved Two-Level BVHs using Partial Re-Braiding". Departures: only baked meshes are opened, by
+surface area, until there are OPEN_UP_TO subtrees; the tree over them is built by `bvh.build_bvh`.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, build_bvh
+from .mesh_data import NONE, Placement
+from .node_quantization import QuantizationGrid
+
+TOP_DEPTH = 24  # levels; with the 40 of a mesh's tree they fill the traversal stack of 64
+OPEN_UP_TO = 2048  # subtrees in the top level; tools/README.md, "Constants"
+
+Subtrees = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]  # low, high, child references
+
+
+def open_subtrees(places: Iterable[Placement]) -> Subtrees:
+    """Return the subtrees of all baked meshes, those of the largest surface area opened first."""
+    heap: list[tuple[float, int, NDArray, NDArray, int, Placement]] = []
+    ties = itertools.count()  # heapq compares tuples; a counter keeps equal areas from comparing arrays
+
+    def add(low: NDArray, high: NDArray, reference: int, place: Placement) -> None:
+        x, y, z = np.maximum(high - low, 0).astype(np.float64).tolist()
+        # Leaves cannot be opened, so they sort behind all inner nodes.
+        order = 1.0 if reference >= int(LEAF_FLAG) else -(x * y + y * z + z * x)
+        heapq.heappush(heap, (order, next(ties), low, high, reference, place))
+
+    for place in places:
+        if place.box is not None:
+            add(place.box[0], place.box[1], place.data.bvh.root, place)
+    # Replace the largest node by its children until there are enough. A single tree overlaps no other.
+    while 1 < len(heap) < OPEN_UP_TO and heap[0][0] <= 0:
+        *_, reference, place = heapq.heappop(heap)
+        assert place.tree is not None
+        node = place.tree[reference]
+        for k in ("0", "1"):
+            add(node["low" + k], node["high" + k], int(node["child" + k]), place)
+    low = np.array([h[2] for h in heap], np.float32).reshape(-1, 3)
+    high = np.array([h[3] for h in heap], np.float32).reshape(-1, 3)
+    return low, high, np.array([h[5].reference(h[4]) for h in heap], np.int64)
+
+
+def build_top_level(
+    low: NDArray[np.float32],
+    high: NDArray[np.float32],
+    references: NDArray[np.int64],
+    grid: QuantizationGrid,
+    dtype: np.dtype,
+) -> tuple[int, NDArray[np.void]]:
+    """Return the root reference and the quantised nodes of a tree whose leaves are `references` in boxes (n, 3)."""
+    if not len(references):
+        return NONE, np.zeros(0, dtype)
+    tree = build_bvh(low, high, 1, TOP_DEPTH)
+    references = references[tree.order]
+    if not len(tree.nodes):
+        return int(references[0]), np.zeros(0, dtype)
+    # Replace each leaf, which holds one item, by that item's reference.
+    nodes = grid.quantize(tree.nodes, dtype)
+    for name in ("child0", "child1"):
+        child = tree.nodes[name].astype(np.int64)
+        slot = child & ((1 << LEAF_COUNT_SHIFT) - 1)
+        leaf = child >= int(LEAF_FLAG)
+        nodes[name] = np.where(leaf, references[np.where(leaf, slot, 0)], child).astype(np.uint32)
+    return 0, nodes
