@@ -1,0 +1,207 @@
+"""Sweep constants of shaders and modules: the error and the time that other values have, as Markdown tables.
+
+    python tools/sweeps.py                     # list the constants
+    python tools/sweeps.py STEP_WIDTH FLAT     # sweep these; a name may also be a technique or a file
+    python tools/sweeps.py all                 # sweep all of them
+
+Each value is put into a copy of the package, which then renders three scenes of 128x72 pixels in a process of its own:
+every material Lambert, rays through pixel centres, medium quality, the mean of 24 frames. References are those of
+`tests/truth`. A table gives relMSE / bias for each scene, the mean of two seeds, and the CPU time of a frame.
+`tools/README.md`, "Constants", holds the tables.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+# The package comes from PYTHONPATH, which leads a worker to its copy, before it comes from this checkout.
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+from helpers.references import FOLDER, SIZE, layers_of, scene_of
+from numpy.typing import NDArray
+
+from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.options import Settings
+from wgpu_gi.renderer import Renderer
+from wgpu_gi.settings import assign
+
+ROOT = Path(__file__).resolve().parents[1]
+FRAMES = 24
+SEEDS = (0, 1)
+VISIBLE = FOLDER.parent / "visible"
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What pictures of a technique are compared with: the buffer, the bounces, the layers of the truth, the scenes."""
+
+    show: str
+    bounces: int | None
+    layers: tuple[str, ...]
+    scenes: tuple[str, ...]
+
+
+REFERENCES = {
+    "none": Reference("direct", 0, ("direct",), ("cornell_area", "cornell_point", "leak_corridor_a")),
+    "sky": Reference("direct", 0, ("direct",), ("courtyard_sky",)),
+    "many-light": Reference("indirect", None, ("one", "multi"), ("cornell_point", "leak_corridor_a", "courtyard_sky")),
+    "ssdo": Reference("radiance", 1, ("emit", "direct", "one"), ("cornell_point", "cornell_spot", "courtyard_sky")),
+    # Its truth is the light of visible surfaces; with the spot, all that is lit is in view.
+    "ssil": Reference("indirect", 1, ("one",), ("cornell_point", "cornell_area", "cornell_spot")),
+}
+TECHNIQUE = {"sky": "many-light"}  # a row of REFERENCES that is no technique: what renders it
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A constant of a file, below wgsl/ or wgpu_gi/, the values to try, and the settings without which it is unused."""
+
+    file: str
+    constant: str
+    values: str
+    reference: str
+    settings: str = ""
+
+    @property
+    def path(self) -> Path:
+        """The file, relative to the root of the repository."""
+        return Path("wgsl" if self.file.endswith(".wgsl") else "wgpu_gi") / self.file
+
+
+# The value in use is among the values.
+SWEEPS = (
+    Sweep("ssil/vote.wgsl", "STEP_WIDTH", "0.5 1.0 2.0", "ssil"),
+    Sweep("ssil/vote.wgsl", "NORMAL_WIDTH", "0.05 0.1 0.2", "ssil"),
+    Sweep("ssil/vote.wgsl", "PLANE_WIDTH", "0.5 1.0 2.0", "ssil"),
+    Sweep("shared/denoise/blur.wgsl", "OFF_PLANE", "0.125 0.25 0.5", "many-light"),
+    Sweep("shared/denoise/blur.wgsl", "STANDARD_ERRORS", "1.5 2.5 4.0", "many-light"),
+)
+
+
+# ------------------------------------------------------------------------------------------------ in the copy
+
+
+def definition(text: str, constant: str) -> re.Match[str]:
+    """Return the match of a constant's definition in a shader or module; its group `value` is the value."""
+    pattern = rf"^(?:(?:const|override)\s+)?{constant}\b(?:\s*:\s*\w+)?\s*=\s*(?P<value>[^;#\n]*[^;#\s])"
+    found = list(re.finditer(pattern, text, re.M))
+    if len(found) != 1:
+        raise SystemExit(f"sweeps.py: error: {constant} is defined {len(found)} times where it should be once")
+    return found[0]
+
+
+def current_value(sweep: Sweep) -> str:
+    """Return the value in use, as it is written."""
+    return definition((ROOT / sweep.path).read_text(encoding="utf-8"), sweep.constant)["value"]
+
+
+def make_copy(folder: Path, sweep: Sweep, value: str) -> None:
+    """Copy the package and its shaders to a folder, with another value of the constant."""
+    for name in ("wgpu_gi", "wgsl"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (folder / "scenes").symlink_to(ROOT / "scenes")
+    text = (folder / sweep.path).read_text(encoding="utf-8")
+    found = definition(text, sweep.constant)
+    (folder / sweep.path).write_text(text[: found.start("value")] + value + text[found.end("value") :], "utf-8")
+
+
+def measure(reference: str, texts: list[str]) -> dict[str, tuple[float, float, float]]:
+    """Render the scenes; return relMSE, bias and the milliseconds of a frame (CPU time) of each."""
+    result = {}
+    expected = REFERENCES[reference]
+    for name in expected.scenes:
+        scene, truth = scene_of(name), truth_of(expected, name)
+        figures = []
+        for seed in SEEDS:
+            settings = Settings(
+                gi=TECHNIQUE.get(reference, reference), diffuse=True, bounces=expected.bounces, seed=seed
+            )
+            settings.camera.jitter, settings.camera.frames = False, FRAMES
+            for text in texts:
+                assign(settings, text)
+            renderer = Renderer(scene, size=SIZE, settings=settings)
+            renderer.step(show=(expected.show,))  # compiles
+            renderer.forget()
+            start = time.process_time()
+            renderer.run(show=(expected.show,))
+            picture = renderer.read_back(expected.show)
+            ms = 1000 * (time.process_time() - start) / FRAMES
+            figures.append((relmse(picture, truth), bias(picture, truth), ms))
+            renderer.release()
+        error, shift, _ = np.mean(figures, axis=0)
+        result[name] = (float(error), float(shift), min(ms for *_, ms in figures))
+    return result
+
+
+def truth_of(reference: Reference, name: str) -> NDArray[np.float32]:
+    """Return what a picture of a scene should be."""
+    path = VISIBLE / f"{name}_{SIZE[0]}x{SIZE[1]}.npz"
+    if reference is REFERENCES["ssil"] and path.exists():
+        with np.load(path) as file:
+            return np.asarray(file["one"], np.float32)
+    layers = layers_of(name)
+    return np.asarray(sum(layers[layer] for layer in reference.layers), np.float32)
+
+
+# ------------------------------------------------------------------------------------------------ tables
+
+
+def run(sweep: Sweep) -> str:
+    """Measure all values of a constant; return the table."""
+    scenes = REFERENCES[sweep.reference].scenes
+    in_use = current_value(sweep)
+    settings = f", with `{sweep.settings}`" if sweep.settings else ""
+    lines = [
+        f"**`{sweep.constant}`** in `{sweep.path}`{settings}:",
+        "",
+        "| value | " + " | ".join(name.replace("_", "-").removesuffix("-a") for name in scenes) + " | CPU ms a frame |",
+        "|---" * (len(scenes) + 2) + "|",
+    ]
+    for value in sweep.values.split():
+        with tempfile.TemporaryDirectory() as folder:
+            make_copy(Path(folder), sweep, value)
+            command = [sys.executable, __file__, "--measure", sweep.reference, *sweep.settings.split()]
+            environment = os.environ | {"PYTHONPATH": folder}
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode:
+            reason = done.stderr.strip().splitlines()[-1:] or ["no message"]
+            cells = ["does not run: " + reason[0], *[""] * len(scenes)]
+        else:
+            found = json.loads(done.stdout)
+            cells = [f"{found[name][0]:.3g} / {found[name][1]:+.1%}" for name in scenes]
+            cells.append(f"{np.mean([ms for *_, ms in found.values()]):.0f}")
+        lines.append(f"| {f'**{value}**' if value == in_use else value} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main(arguments: list[str]) -> int:
+    """List, sweep or, in a worker, measure."""
+    if arguments[:1] == ["--measure"]:
+        print(json.dumps(measure(arguments[1], arguments[2:])))
+        return 0
+    known = {key for s in SWEEPS for key in (s.constant, s.file, s.reference)} | {"all"}
+    unknown = [name for name in arguments if name not in known]
+    if unknown:
+        print(f"sweeps.py: error: no sweep is of {', '.join(unknown)}; call it without arguments for the list")
+        return 2
+    for sweep in SWEEPS:
+        if not arguments:
+            print(f"{sweep.reference:<11} {sweep.path}: {sweep.constant} = {current_value(sweep)}; {sweep.values}")
+        elif {"all", sweep.constant, sweep.file, sweep.reference}.intersection(arguments):
+            print(run(sweep) + "\n", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
