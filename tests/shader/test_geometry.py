@@ -122,7 +122,7 @@ def test_trace_finds_what_brute_force_finds(evaluate, name):
     scene = scenes()[name]
     origins, directions = rays(scene, 3_000)
     given = {"origins": relative(scene, origins), "directions": directions, "limits": np.full(len(origins), FAR)}
-    got = evaluate("scene/geometry.wgsl", "traced(i)", "vec4f", functions=TRACE, scene=scene, **given)
+    got = evaluate("scene/trace.wgsl", "traced(i)", "vec4f", functions=TRACE, scene=scene, **given)
     triangle = got[:, 1].copy().view(np.uint32)
     expected, margin = brute_force(scene, origins, directions)
     assert_same_hits(got[:, 0], triangle != NONE, expected, margin)
@@ -159,7 +159,7 @@ def test_rays_traced_together_do_not_disturb_each_other(evaluate, name):
     for suffix, (origins, directions), limit in zip(("_a", "_b", ""), sets, limits, strict=True):
         given |= {"origins" + suffix: relative(scene, origins), "directions" + suffix: directions}
         given["limits" + suffix] = limit
-    got = evaluate("scene/geometry.wgsl", "traced_all(i)", "vec4f", functions=TRACE_ALL, scene=scene, **given)
+    got = evaluate("scene/trace.wgsl", "traced_all(i)", "vec4f", functions=TRACE_ALL, scene=scene, **given)
     expected, margin = brute_force(scene, *sets[2])
     expected[limits[2] == 0] = np.inf
     triangle = got[:, 2].copy().view(np.uint32)

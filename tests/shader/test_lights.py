@@ -255,6 +255,7 @@ def test_density_of_an_emitter_hit_matches_that_of_its_samples(evaluate):
     functions = (
         DRAWN
         + """
+#import "scene/trace.wgsl"
 fn both(p: vec3f, choice: f32, u: vec2f) -> vec4f {
     let s = sample_light(p, choice, u);
     if (s.pdf <= 0.0) {

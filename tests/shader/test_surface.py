@@ -11,6 +11,7 @@ from wgpu_gi.scene.scene import Instance, Scene
 
 SURFACE = "scene/surface.wgsl"
 HIT = """
+#import "scene/trace.wgsl"
 fn position_at(o: vec3f, d: vec3f) -> vec4f {
     let hit = trace(Ray(o, d), FLOAT_MAX);
     if (hit.triangle == NONE) {

@@ -4,6 +4,7 @@ const PI: f32 = 3.14159265358979;
 const TWO_PI: f32 = 6.28318530717959;
 const INV_PI: f32 = 0.318309886183791;
 const FLOAT_MAX: f32 = 3.4e38;
+const SMALLEST_NORMAL: f32 = 1.1754944e-38;  // 2^-126; below it GPUs may flush to zero, and inverses overflow
 
 // Rec. 709 luminance.
 fn luminance(color: vec3f) -> f32 {
@@ -18,17 +19,20 @@ fn min3(v: vec3f) -> f32 {
     return min(v.x, min(v.y, v.z));
 }
 
+// Returns whether no component is infinite or NaN, by the exponents' bits: WGSL may assume away comparisons with NaN.
+fn is_finite(v: vec3f) -> bool {
+    return all((bitcast<vec3u>(v) & vec3u(0x7f800000u)) != vec3u(0x7f800000u));
+}
+
 // Returns v / |v|, or `fallback` where v has no direction: zero, infinite or NaN.
 fn normalize_or(v: vec3f, fallback: vec3f) -> vec3f {
-    // Scaling first keeps the squares of tiny and huge vectors in range.
     let size = max3(abs(v));
-    let scaled = v / size;
-    let squared = dot(scaled, scaled);
-    // `squared` is at least 1, unless a component is NaN, which max() may have dropped.
-    if (!(size > 0.0 && size < FLOAT_MAX && squared >= 0.5)) {
+    if (!is_finite(v) || size < SMALLEST_NORMAL) {
         return fallback;
     }
-    return scaled * inverseSqrt(squared);
+    // Scaling first keeps the squares of tiny and huge vectors in range.
+    let scaled = v / size;
+    return scaled * inverseSqrt(dot(scaled, scaled));
 }
 
 // Returns tangent, bitangent and unit n as columns (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").

@@ -12,6 +12,7 @@
 // Unbiased, but for light through leaks smaller than the rays' offset. Vertex normals and normal maps that lean far
 // from the triangle let some light pass through it, as in other renderers that do not clip their lobes (Mitsuba 3).
 #import "scene/lights.wgsl"
+#import "scene/trace.wgsl"
 #import "common/random.wgsl"
 #import "reference/shown.wgsl"
 
@@ -310,8 +311,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
                 pending_b = throughput * f.rgb * g.rgb * lit.flux * (cosine * lit_cosine / squared * weight);
                 if (max3(pending_b) > 0.0) {
                     let start = leave_surface(surface, direction);
-                    let side = select(-lit.offset, lit.offset, dot(lit.geometric_normal, direction) < 0.0);
-                    let end = lit.position + lit.geometric_normal * side;
+                    let end = offset_origin(lit.position, lit.geometric_normal, lit.offset, -direction);
                     rays.shadow_b = Ray(start, end - start);
                     rays.limit_b = STOP_SHORT;
                 }

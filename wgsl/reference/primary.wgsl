@@ -4,6 +4,7 @@
 // distance along the ray in metres (0: nothing there); position in metres relative to the scene's origin and, in a, the
 // number of the instance, from 1. Rows from the top.
 #import "scene/surface.wgsl"
+#import "scene/trace.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> albedo: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> normal: array<vec4f>;

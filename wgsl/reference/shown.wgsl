@@ -1,5 +1,6 @@
 // Whether the picture shows a surface point: what light in screen space can leave.
 #import "scene/surface.wgsl"
+#import "scene/trace.wgsl"
 
 struct Shown {
     by_camera: bool,
@@ -17,6 +18,6 @@ fn is_shown(s: Surface, direction: vec3f) -> Shown {
     }
     let origin = leave_surface(s, to_eye);
     let way = Ray(origin, to_eye - (origin - s.position));
-    let found = trace_all(Rays(way, 1.0, way, 0.0, way, 0.0));
+    let found = trace_shadow(way, 1.0);
     return Shown(!found.occluded_a, found.steps);
 }

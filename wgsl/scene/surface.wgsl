@@ -1,9 +1,10 @@
 // What a ray sees where it hits: position, normals, material at that point.
-#import "scene/geometry.wgsl"
+#import "scene/corners.wgsl"
+#import "scene/ray_offset.wgsl"
 
 struct Surface {
     position: vec3f,          // metres, relative to the scene's origin
-    offset: f32,              // metres to leave the surface by, above the rounding of `position`
+    offset: f32,              // of rays that leave it, metres (`ray_offset.wgsl`)
     geometric_normal: vec3f,  // unit, on the counter-clockwise side
     normal: vec3f,            // unit, shading, turned to the viewer
     front: bool,              // the viewer is on the counter-clockwise side
@@ -14,14 +15,6 @@ struct Surface {
     roughness: f32,
     emitter_pdf: f32,         // 1/m2
 }
-
-// How many units in the last place of its largest coordinate a hit point may be off: interpolation and two transforms.
-// In a float32 replay of 2 million random triangles under random transforms the worst was 1.5; the rest is margin for
-// the rounding of the next ray's own tests, chosen and not measured.
-const POSITION_ULPS: f32 = 16.0 * 1.1920929e-7;
-// Shadow rays stop short of the emitter at this share of their length, so that they do not meet it. Chosen, not tuned:
-// far above the rounding of float32 (1e-7), and blockers within 0.01 % of the way before the light are missed.
-const STOP_SHORT: f32 = 0.9999;
 
 fn unpack_normal(code: u32) -> vec3f {
     return octahedral_decode(unpack2x16snorm(code));
@@ -39,7 +32,7 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
     // Scaling keeps the cross product of tiny or huge edges in range.
     let size = max(max3(abs(triangle.edge1)), max3(abs(triangle.edge2)));
     var geometric = cross(triangle.edge1 / size, triangle.edge2 / size);
-    var reach = max(max3(abs(triangle.v0)), size);
+    var extent = max(max3(abs(triangle.v0)), size);
     var corners: Corners;
     var s: Surface;
     // Fields are loaded one by one: a whole material is 64 words.
@@ -70,11 +63,11 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
             }
             let w = instances[hit.instance].world_from_local;
             position = w * vec4f(position, 1.0);
-            reach = max3(abs(w[0]) * reach + abs(w[1]) * reach + abs(w[2]) * reach + abs(w[3]));
+            extent = max3(abs(w[0]) * extent + abs(w[1]) * extent + abs(w[2]) * extent + abs(w[3]));
         }
     }
     s.position = position;
-    s.offset = POSITION_ULPS * max(reach, max3(abs(position)));
+    s.offset = ray_offset(max(extent, max3(abs(position))));
     s.geometric_normal = normalize_or(geometric, -direction);
     s.normal = normalize_or(normal, s.geometric_normal);
     s.front = dot(s.geometric_normal, direction) < 0.0;
@@ -161,7 +154,7 @@ fn surface_brdf(s: Surface) -> Brdf {
     return brdf_lambert(s.base_color);
 }
 
-// Returns where a ray in `direction` may start without meeting its own surface.
+// Returns where a ray in `direction` starts that leaves the surface.
 fn leave_surface(s: Surface, direction: vec3f) -> vec3f {
-    return s.position + s.geometric_normal * select(-s.offset, s.offset, dot(direction, s.geometric_normal) > 0.0);
+    return offset_origin(s.position, s.geometric_normal, s.offset, direction);
 }

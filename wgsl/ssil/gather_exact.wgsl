@@ -1,16 +1,17 @@
 // The gathering of light with a ray to each sample.
 #import "ssil/gather.wgsl"
 #import "scene/surface.wgsl"
+#import "scene/trace.wgsl"
 
 fn prepare(start: Place) {}
 
 fn visibility(start: Place, end: Place, number: u32) -> f32 {
-    let size = max3(abs(scene.centre)) + scene.radius + length(start.position);
     let way = end.position - start.position;
-    // Both ends are off their surfaces by rounding.
-    let gap = normalize_or(way, vec3f(0.0)) * (64.0 * POSITION_ULPS * size);
+    // Surfels have no geometric normal, so both ends move along the way: by 64 offsets, enough down to 1 degree above the
+    // surface. Errs bright: blockers within that are missed.
+    let gap = normalize_or(way, vec3f(0.0)) * (64.0 * pixel_ray_offset(length(start.position)));
     let shadow = Ray(view.position + start.position + gap, way - 2.0 * gap);
-    return select(1.0, 0.0, trace_all(Rays(shadow, 1.0, shadow, 0.0, shadow, 0.0)).occluded_a);
+    return select(1.0, 0.0, trace_shadow(shadow, 1.0).occluded_a);
 }
 
 @compute @workgroup_size(8, 8)

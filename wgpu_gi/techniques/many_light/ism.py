@@ -109,7 +109,7 @@ def declare_ism(graph: Graph, settings: IsmSettings, scene: SceneInputs, points:
         shader,
         over=vpls.count * side,
         reads={**scene.surfaces, "vpl_table": vpls.table},
-        writes={"near_points": near, "drawn": drawn, "hits": graph.buffer("ism/hits", dtype=FOUR_WORDS, count=rays)},
+        writes={"near_points": near, "drawn": drawn},
         params={"vpl_count": vpls.count, "atlas_width": width},
         constants={**scene.constants(shader), **constants, "CELL": settings.cell, "SINGLE": single},
         clear=[drawn] if single and not per_map else [],
@@ -231,7 +231,7 @@ def _declare_fill(
         shader,
         indirect=groups,
         reads={**scene.surfaces, "vpl_table": vpls.table, **opened},
-        writes={"hits": blocks},
+        writes={"blocks": blocks},
         constants={**scene.constants(shader), **constants},
     )
     graph.compute(

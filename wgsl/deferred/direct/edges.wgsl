@@ -4,6 +4,7 @@
 // In: the list of pixels, the scene. Out: direct, W/(m2 sr): overwritten by the first pass, added to by others, each of
 // which goes on with EDGE_LIGHTS lights. Errs like the filter where that was decided: blockers thinner than a texel are
 // missed.
+#import "scene/trace.wgsl"
 #import "shared/gbuffer/seen.wgsl"
 #import "shared/gbuffer/read.wgsl"
 #import "deferred/direct/lighting.wgsl"
@@ -67,7 +68,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
                 let way = incident.to_light - select(start - s.position, vec3f(0.0), is_sun);
                 let rays_end = select(STOP_SHORT, FLOAT_MAX, is_sun);
                 let shadow = Ray(start, way);
-                let found = trace_all(Rays(shadow, rays_end, shadow, 0.0, shadow, 0.0));
+                let found = trace_shadow(shadow, rays_end);
                 lit = select(1.0, 0.0, found.occluded_a);
                 steps += found.steps;
             }

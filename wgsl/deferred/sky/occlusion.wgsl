@@ -10,6 +10,7 @@
 // noise where nothing or all is hidden; errs by what a ratio of small sums does.
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
+#import "scene/trace.wgsl"
 #import "shared/gbuffer/seen.wgsl"
 #import "shared/gbuffer/read.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
@@ -100,8 +101,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let position = ray.origin + ray.direction * distance_seen;
     let front = dot(surface.geometric_normal, ray.direction) < 0.0;
     let side = select(-surface.geometric_normal, surface.geometric_normal, front);
-    let reach = max3(abs(scene.centre)) + scene.radius + distance_seen;
-    let start = position + side * (POSITION_ULPS * reach);
+    let start = position + side * pixel_ray_offset(distance_seen);
     let first = (sequence.index * class_count() + class_of(pixel, sequence.index)) * RAYS;
     var visible = vec3f(0.0);
     var whole = vec3f(0.0);
@@ -111,7 +111,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
         // Below the surface itself there is nothing to see.
         if (dot(chosen.direction, side) > 0.0 && max3(chosen.light) > 0.0) {
             let way = Ray(start, chosen.direction);
-            let found = trace_all(Rays(way, FLOAT_MAX, way, 0.0, way, 0.0));
+            let found = trace_shadow(way, FLOAT_MAX);
             visible += select(chosen.light, vec3f(0.0), found.occluded_a);
         }
     }

@@ -1,5 +1,6 @@
 // Rays from surfaces to VPLs. Errs where something stands within STOP_SHORT of a VPL.
 #import "scene/surface.wgsl"
+#import "scene/trace.wgsl"
 #import "many_light/vpl/vpl.wgsl"
 #import "many_light/gather/receiver.wgsl"
 
@@ -9,9 +10,7 @@ struct Sight {
 }
 
 fn sight_of(at: Receiver, vpl: Vpl) -> Sight {
-    // A pixel's point is off its surface by the rounding of its distance and of the scene's coordinates.
-    let size = max3(abs(scene.centre)) + scene.radius + length(at.position - view.position);
-    let start = at.position + at.normal * (POSITION_ULPS * size);
+    let start = at.position + at.normal * pixel_ray_offset(length(at.position - view.position));
     let way = vpl.position - start;
     let faces = dot(way, at.normal) > 0.0 && dot(way, vpl.normal) < 0.0;
     return Sight(Ray(start, way), select(0.0, STOP_SHORT, faces));

@@ -3,7 +3,8 @@
 // With the corners v0, v1, v2 relative to the VPL, a direction w meets the triangle's plane at t where
 // t w = b0 v0 + b1 v1 + b2 v2 and b0 + b1 + b2 = 1. So b / t = inverse(v0 v1 v2) w is linear in w: its rows tell
 // whether w meets the triangle (none is negative), their sum m tells where, dot(m, w) = 1 / t.
-#import "many_light/ism/fan.wgsl"
+#import "scene/trace.wgsl"
+#import "many_light/ism/map.wgsl"
 
 struct Facet {
     plane: vec3f,     // m, in the frame of the map; 0 where the ray leaves the scene
@@ -13,18 +14,23 @@ struct Facet {
     width: f32,       // its least one over the distance, as seen; 0 for what is no plane
 }
 
-// Returns what a ray has hit whose direction is given in the frame of the map, unit.
-fn facet_of(vpl: Vpl, frame: mat3x3f, local: vec3f, hit: vec4u) -> Facet {
-    let far = bitcast<f32>(hit.x);
-    if (far <= 0.0) {
+// Metres along the VPL's normal that a ray starts above its surface, over the scene's radius: above the rounding of
+// positions. Chosen.
+const LEAVE: f32 = 1e-5;
+
+// Returns what a ray of the VPL hits; `local` is its unit direction in the frame of the map.
+fn trace_facet(vpl: Vpl, frame: mat3x3f, local: vec3f) -> Facet {
+    let hit = trace(Ray(vpl.position + vpl.normal * (LEAVE * scene.radius), frame * local), FLOAT_MAX);
+    let far = hit.distance;
+    if (hit.triangle == NONE) {
         return Facet(vec3f(0.0), 0.0, vec3f(0.0), vec3f(0.0), 0.0);
     }
-    let t = load_triangle(hit.y);
+    let t = load_triangle(hit.triangle);
     var v0 = t.v0;
     var edge1 = t.edge1;
     var edge2 = t.edge2;
     if (HAS_INSTANCES && t.instance == NONE) {
-        let w = instances[hit.z].world_from_local;
+        let w = instances[hit.instance].world_from_local;
         v0 = w * vec4f(v0, 1.0);
         edge1 = w * vec4f(edge1, 0.0);
         edge2 = w * vec4f(edge2, 0.0);

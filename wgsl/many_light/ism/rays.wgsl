@@ -32,12 +32,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let frame = frame_from_normal(vpl.normal);
     let first = id.x * side;
-    trace_fan(Fan(
-        vpl.position + vpl.normal * (LEAVE * scene.radius), frame, vec2f(0.0, f32(row * CELL)), f32(CELL), side,
-        first));
     for (var k = 0u; k < side; k += 1u) {
         let local = ray_direction(vec2f(vec2u(k, row) * CELL));
-        let facet = facet_of(vpl, frame, local, hits[first + k]);
+        let facet = trace_facet(vpl, frame, local);
         if (SINGLE) {
             // Of what meets nothing, a texel at the far end.
             let place = ray_texel(vec2u(k, row) * CELL);

@@ -8,6 +8,7 @@
 #import "many_light/rsm/layout.wgsl"
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
+#import "scene/trace.wgsl"
 #import "many_light/vpl/reflect.wgsl"
 
 @group(1) @binding(11) var<storage, read> rsm_lights: array<RsmLight>;  // in the order of `lights`

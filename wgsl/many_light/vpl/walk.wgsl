@@ -6,6 +6,7 @@
 // hold the first vertex already, which is left black here. Paths end by Russian roulette.
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
+#import "scene/trace.wgsl"
 #import "many_light/vpl/reflect.wgsl"
 #import "many_light/points/table.wgsl"
 
@@ -50,8 +51,7 @@ fn sky_vertex(point: SurfacePoint, share: f32, u: vec2f, choice: vec2f) -> Vpl {
     if (cosine <= 0.0 || density <= 0.0 || max3(radiance) <= 0.0) {
         return v;
     }
-    let reach = max3(abs(point.position));
-    let start = point.position + normal * (POSITION_ULPS * max(reach, scene.radius));
+    let start = point.position + normal * ray_offset(scene_extent());
     if (trace(Ray(start, direction), FLOAT_MAX).triangle == NONE) {
         // Both sides of the surface share the points.
         v.flux = point.albedo * radiance * (2.0 * share * cosine / density);
@@ -115,7 +115,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         }
         flux = v.flux / survival;
         let local = sample_cosine_hemisphere(sobol_2d(index, hash2(pair + 1u, params.seed)));
-        let start = v.position + v.normal * (POSITION_ULPS * max(max3(abs(v.position)), scene.radius));
+        let start = v.position + v.normal * ray_offset(scene_extent());
         ray = Ray(start, frame_from_normal(v.normal) * local);
         let hit = trace(ray, FLOAT_MAX);
         v.flux = vec3f(0.0);

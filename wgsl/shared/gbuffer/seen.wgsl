@@ -1,5 +1,10 @@
 // The surface that a pixel shows, found again from its triangle's number: what the path tracer's own ray would hit.
 #import "scene/surface.wgsl"
+#import "scene/ray_triangle.wgsl"
+
+// Sum of barycentric coordinates from which a hit counts as none: beyond 1e4 triangles' widths their rounding, 1e4 * 6e-8,
+// is as large as the difference between the corners in a picture.
+const FAR_OUTSIDE: f32 = 1e4;
 
 @group(1) @binding(33) var visibility: texture_2d<u32>;  // triangle + 1, instance + 1
 
@@ -13,13 +18,10 @@ fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
         origin = local_from_world * vec4f(origin, 1.0);
         direction = local_from_world * vec4f(direction, 0.0);
     }
-    let p = cross(direction, t.edge2);
-    let inverse = 1.0 / dot(t.edge1, p);
-    let s = origin - t.v0;
-    let q = cross(s, t.edge1);
-    var weights = vec2f(dot(s, p), dot(direction, q)) * inverse;
-    // A triangle seen edge-on has no such point: take its first corner. Written so that a NaN fails.
-    weights = select(vec2f(0.0), clamp(weights, vec2f(0.0), vec2f(1.0)), abs(weights.x) + abs(weights.y) < 1e4);
+    let h = hit_plane(origin, direction, t);
+    // A triangle seen edge-on has no such point, or one far outside: take its first corner.
+    let is_near = h.exists && abs(h.barycentric.x) + abs(h.barycentric.y) < FAR_OUTSIDE;
+    var weights = select(vec2f(0.0), clamp(h.barycentric, vec2f(0.0), vec2f(1.0)), is_near);
     weights /= max(weights.x + weights.y, 1.0);
     let point = t.v0 + weights.x * t.edge1 + weights.y * t.edge2;
     let distance = dot(point - origin, direction) / dot(direction, direction);

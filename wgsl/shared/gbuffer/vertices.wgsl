@@ -1,6 +1,6 @@
 // Vertices for raster passes: positions that carry their triangle's number, pulled through an index buffer, and what
 // the alpha mask needs of them.
-#import "scene/geometry.wgsl"
+#import "scene/corners.wgsl"
 
 @group(1) @binding(30) var<storage, read> raster_vertices: array<vec4u>;  // position, as float bits; triangle
 @group(1) @binding(31) var<storage, read> raster_sources: array<u32>;     // entries of the table of vertices
