@@ -295,7 +295,7 @@ def test_staleness_spreads_back_to_earlier_writers(graph):
     assert ran(graph) == []
     accumulate(graph, 2)
     assert ran(graph) == ["clear", "add"]
-    assert state_of(graph, "clear").reason == "pass add needs it again"
+    assert state_of(graph, "clear").reason == "pass add needs its results"
 
 
 def test_earlier_writer_repeated_for_a_settling_one_does_not_restart_it(graph):

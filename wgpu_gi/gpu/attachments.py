@@ -1,4 +1,4 @@
-"""Matches the color and depth targets and the index buffer of a raster pass with its shader; mistakes are GiErrors."""
+"""Matches the color and depth targets and the index buffer of a raster pass with its shader; raises GiError."""
 
 from __future__ import annotations
 

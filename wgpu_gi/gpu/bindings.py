@@ -1,4 +1,4 @@
-"""Matches shared uniforms, params and constants of a declaration with its shader by name; mistakes are GiErrors."""
+"""Matches shared uniforms, params, constants and dispatch size of a declaration with its shader; raises GiError."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def shared_uniforms(
     known: Mapping[str, Uniform],
     others: Mapping[str, str],
 ) -> list[tuple[Binding, Uniform]]:
-    """Find the shared uniforms (group 0) that the shader uses; `others` are those of another name than its variable."""
+    """Find the shared uniforms (group 0) that the shader uses; `others` renames variables: {"view": "view_second"}."""
+    # Match names.
     wanted = {n: b for n, b in used.items() if b.group == 0}
     unknown = [n for n in others if n not in wanted]
     if unknown:
@@ -37,6 +38,7 @@ def shared_uniforms(
         name = others.get(variable, variable)
         if name not in known:
             raise GiError(f"{where}: there is no shared uniform {name!r}; there is {names_of(known)}")
+        # Compare the fields and the size of the struct.
         layout, dtype = source.layout(binding.type), known[name].dtype
         names = layout.dtype.names
         if names and dtype.names and dict(layout.dtype.fields or {}) != dict(dtype.fields or {}):
@@ -91,7 +93,7 @@ def params_block(where: str, source: ShaderSource, binding: Binding, values: Map
 def override_values(
     where: str, source: ShaderSource, entries: Iterable[EntryPoint], given: Mapping[str, float | bool]
 ) -> dict[str, float]:
-    """Check `constants` against the overrides of the shader."""
+    """Check `constants` against the overrides of the shader; return them as floats."""
     for name, value in given.items():
         if name not in source.overrides:
             raise GiError(f"{where}: there is no override {name!r}; there is {names_of(source.overrides)}")

@@ -1,4 +1,7 @@
-"""Matches a declaration with its shader by name; every mistake is a GiError that names the pass and the shader file."""
+"""Matches the resources of a declaration with the bindings of its shader by name.
+
+A mistake is a GiError that names the pass and the shader file.
+"""
 
 from __future__ import annotations
 
@@ -46,6 +49,19 @@ def entry_point(where: str, source: ShaderSource, stage: str, name: str | None) 
     return found[name]
 
 
+def raster_entries(
+    where: str, source: ShaderSource, names: tuple[str, str] | None, has_color: bool
+) -> tuple[EntryPoint, ...]:
+    """Return the vertex entry point, and the fragment entry point if there is one; color targets need one."""
+    vertex = entry_point(where, source, "vertex", names[0] if names else None)
+    fragment = entry_point(where, source, "fragment", names[1] if names else None)
+    if vertex is None:
+        raise GiError(f"{where}: it has no vertex entry point")
+    if has_color and fragment is None:
+        raise GiError(f"{where}: it has no fragment entry point, but color targets are given")
+    return (vertex,) if fragment is None else (vertex, fragment)
+
+
 def bindings_used(where: str, source: ShaderSource, entries: Iterable[EntryPoint]) -> dict[str, Binding]:
     """Return the bindings that the entry points reach."""
     words = frozenset().union(*(e.uses for e in entries))
@@ -80,6 +96,7 @@ def resource_uses(
     uses: list[Use] = []
     samplers: list[tuple[Binding, Sampler]] = []
     wanted = {n: b for n, b in used.items() if b.group == 1 and not is_params(b)}
+    # Match what is given with the bindings.
     both = [name for name in reads if name in writes]
     if both:
         raise GiError(f"{where}: {names_of(both)} is in reads and in writes; a read_write binding goes in writes")
@@ -89,13 +106,14 @@ def resource_uses(
             if binding is None or binding.group != 1 or is_params(binding):
                 hint = " (group 0: set it with set_uniform)" if binding is not None and binding.group == 0 else ""
                 raise GiError(f"{where}: {name!r} is no binding{hint}; there is {names_of(wanted)}")
-            # What the entry points leave alone is not bound, so it makes no pass stale.
+            # A resource that the entry points do not use is not bound, and makes no pass stale.
             if access == "read" and name not in used:
                 continue
             if binding.space == "sampler":
                 samplers.append((binding, _sampler(where, binding, handle)))
             else:
                 uses.append(_use(where, source, binding, handle, access, filters_float32))
+    # Every binding needs a resource.
     missing = {n: b for n, b in wanted.items() if n not in reads and n not in writes}
     if missing:
         raise GiError(

@@ -128,17 +128,10 @@ class PassDeclarations(ResourceDeclarations):
         known = self._unchanged(name, arguments, params, settle)
         if known is not None:
             return known
-        # Find the entry points.
-        where = f"pass {name!r} ({shader})"
-        vertex = checks.entry_point(where, source, "vertex", entry[0] if entry else None)
-        fragment = checks.entry_point(where, source, "fragment", entry[1] if entry else None)
-        if vertex is None:
-            raise GiError(f"{where}: it has no vertex entry point")
-        if color and fragment is None:
-            raise GiError(f"{where}: it has no fragment entry point, but color targets are given")
-        entries = (vertex,) if fragment is None else (vertex, fragment)
         # Check the targets and the index buffer.
-        targets = attachments.color_targets(where, fragment, color or {})
+        where = f"pass {name!r} ({shader})"
+        entries = checks.raster_entries(where, source, entry, bool(color))
+        targets = attachments.color_targets(where, entries[1] if len(entries) > 1 else None, color or {})
         target = attachments.depth_target(where, depth, depth_write) if depth is not None else None
         if not targets and target is None:
             raise GiError(f"{where}: it has neither color nor depth targets")

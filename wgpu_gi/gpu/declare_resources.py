@@ -47,10 +47,12 @@ class ResourceDeclarations:
         With `history`, `.previous` holds what was there before the last run. `nonnegative` is checked by `check=True`.
         Raises GiError for a size, a format or a number of layers or mip levels that the device does not have.
         """
+        # Take over the same texture of the declaration before.
         width, height = size or (math.ceil(self.size[0] * scale), math.ceil(self.size[1] * scale))
         known = self._known(name, ("texture", format, (width, height), layers, mips, history, dimension))
         if isinstance(known, Texture):
             return self._add_resource(known, nonnegative)
+        # Check its size, layers and mip levels.
         what = f"texture {name!r}"
         limit = self.device.limits.get("max-texture-dimension-2d", 8192)
         if not (1 <= width <= limit and 1 <= height <= limit):

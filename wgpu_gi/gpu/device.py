@@ -1,7 +1,7 @@
-"""Adapter choice, features and limits: the one file that knows what wgpu and its drivers get wrong.
+"""Chooses the adapter, its features and its limits, and works around what wgpu and its drivers get wrong.
 
-Only Vulkan, Metal and Direct3D 12 are used. wgpu would fall back to OpenGL silently, where sampling a mip view returns
-wrong data without an error. Processes must be spawned, not forked, once a device exists: a forked child hangs.
+Only Vulkan, Metal and Direct3D 12 are used: wgpu falls back to OpenGL silently, where sampling a mip view returns wrong
+data without an error. Once a device exists, new processes must be spawned, not forked: a forked child hangs.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from .quick_types import read_types_quickly
 
 BACKENDS = ("Vulkan", "Metal", "D3D12")
 WANTED_FEATURES = {"timestamp-query", "float32-filterable", "rg11b10ufloat-renderable"}
-# The kinds of adapter, best first; anything else comes last.
+# The kinds of adapter, best first; all others come last.
 PREFERENCE = ("DiscreteGPU", "IntegratedGPU", "CPU")
 LARGE_BUFFER = 2**31 - 4  # the largest multiple of 4 that drivers with 32-bit signed sizes accept
 
-# The defaults of the WebGPU specification (section 3.6.2), so that what runs here runs everywhere. wgpu would
-# otherwise grant all that the adapter has.
+# The default limits of the WebGPU specification (section 3.6.2). wgpu would grant the adapter's own limits; with these,
+# what runs here runs on every adapter.
 DEFAULT_LIMITS = {
     "max-texture-dimension-1d": 8192,
     "max-texture-dimension-2d": 8192,
@@ -69,7 +69,7 @@ read_types_quickly(ffi)
 
 @dataclass(frozen=True)
 class AdapterInfo:
-    """What `wgpu-gi info` shows of an adapter; `why_not` is a sentence if it is not `usable`."""
+    """An adapter as `wgpu-gi info` shows it; if it is not `usable`, `why_not` says why."""
 
     name: str
     backend: str
@@ -82,7 +82,7 @@ class AdapterInfo:
 
 
 class Device:
-    """An open adapter. `gpu` is the wgpu device; there is one per adapter and process (devices leak memory)."""
+    """An open adapter. `gpu` is the wgpu device; there is one per adapter and process, since wgpu leaks devices."""
 
     def __init__(self, adapter: Any, large_buffers: bool = False) -> None:
         info = adapter.info
@@ -186,7 +186,7 @@ def _why_not(adapter: Any) -> str:
     backend = adapter.info["backend_type"]
     if backend not in BACKENDS:
         return f"{backend} returns wrong data for mip views; a Vulkan, Metal or Direct3D 12 driver is needed"
-    # A limit of 0 is one that the driver does not report. Alignments are the wrong way round: smaller is better.
+    # A limit of 0 is one that the driver does not report. Of alignments, smaller ones are better.
     for name, needed in DEFAULT_LIMITS.items():
         has = adapter.limits.get(name, 0)
         if has and (has > needed if name.startswith("min-") else has < needed):
@@ -195,6 +195,6 @@ def _why_not(adapter: Any) -> str:
 
 
 def _compute_timestamps_lie(driver: str, is_cpu: bool) -> bool:
-    """Tell whether timestamps around compute passes are garbage: so it is on llvmpipe before Mesa 25."""
+    """Return True where timestamps around compute passes are wrong: on llvmpipe before Mesa 25."""
     mesa = re.match(r"Mesa (\d+)", driver)
     return is_cpu and mesa is not None and int(mesa[1]) < 25

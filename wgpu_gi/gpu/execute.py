@@ -5,17 +5,17 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Iterable, Mapping
-from operator import attrgetter
 from typing import Any
 
 import wgpu
 
 from ..errors import GiError
+from .bind_groups import bind_groups, bound_object, write_params
 from .bindings import MAX_GROUPS
 from .device import Device
-from .handles import Buffer, Resource, Shared, Texture
+from .handles import Resource
 from .messages import reason
-from .passes import Pass, RasterState, Use
+from .passes import Pass, RasterState
 from .schedule import Stale
 from .timing import Timing
 from .watch import check_written
@@ -25,7 +25,6 @@ from .watch import check_written
 CHUNK_SECONDS = (0.1, 0.2, 0.3)
 CHUNK_STEP = (0.25, 8.0)  # bounds on the change from part to part; the first run includes compilation by the driver
 
-_BOUND = attrgetter("bound")
 _stamps = itertools.count(1)
 
 
@@ -84,11 +83,17 @@ class _Frame:
     def run(self, p: Pass) -> None:
         """Record a pass, or run it at once where it must be alone."""
         timing = self.timing
+        if timing is None and p.raster is None and not p.split and not self.check:
+            self.clear(p.clear_late)
+            self.record_compute(p, p.groups)
+            return
+        # A split pass, and one that is measured without timestamps, waits for what comes before it.
         by_wait = timing is not None and not timing.has_timestamps(p)
         if by_wait or p.split:
             self.submit()
             self.device.wait()
         started = time.perf_counter()
+        # Record it.
         self.clear(p.clear_late if timing is None else p.clear)
         if p.split:
             self.run_split(p)
@@ -98,6 +103,7 @@ class _Frame:
                 self.record_raster(p, p.raster, stamps)
             else:
                 self.record_compute(p, p.groups, stamps)
+        # Measure and check it.
         if by_wait:
             self.submit()
             self.device.wait()
@@ -132,7 +138,7 @@ class _Frame:
             raise GiError(f"the GPU refused the frame: {reason(error)}") from error
 
     def record_compute(self, p: Pass, groups: tuple[int, int, int] | None, stamps: Any = None) -> None:
-        """Record a dispatch; what is set already is not set again, since each call of wgpu-py takes about 1 us."""
+        """Record a dispatch; set only what differs from the dispatch before, since each call of wgpu-py takes 1 us."""
         if self.compute is None or stamps:
             more = {"timestamp_writes": stamps} if stamps else {}
             self.compute = self.begin().begin_compute_pass(label="compute", **more)
@@ -141,7 +147,7 @@ class _Frame:
         if p.pipeline is not self.pipeline:
             self.pipeline = p.pipeline
             compute.set_pipeline(p.pipeline)
-        shared, own = _bind_groups(self.device, p)
+        shared, own = bind_groups(self.device, p)
         if shared is not None and shared is not self.shared:
             self.shared = shared
             compute.set_bind_group(0, shared)
@@ -159,7 +165,7 @@ class _Frame:
         load = "load" if raster.load else "clear"
         colors = [
             {
-                "view": _bound(use),
+                "view": bound_object(use),
                 "load_op": load,
                 "store_op": "store",
                 "clear_value": raster.clear_color,
@@ -168,7 +174,7 @@ class _Frame:
         ]
         depth = None
         if raster.depth is not None:
-            depth = {"view": _bound(raster.depth), "depth_read_only": not raster.depth_write}
+            depth = {"view": bound_object(raster.depth), "depth_read_only": not raster.depth_write}
             if raster.depth_write:
                 depth |= {"depth_load_op": load, "depth_store_op": "store", "depth_clear_value": raster.clear_depth}
         # Draw.
@@ -179,7 +185,7 @@ class _Frame:
             **({"timestamp_writes": stamps} if stamps else {}),
         )
         encoder.set_pipeline(p.pipeline)
-        for index, group in enumerate(_bind_groups(self.device, p)):
+        for index, group in enumerate(bind_groups(self.device, p)):
             if group is not None:
                 encoder.set_bind_group(index, group)
         if raster.index is not None:
@@ -199,7 +205,7 @@ class _Frame:
         first = 0
         while first < total:
             count = min(p.state.chunk, total - first, MAX_GROUPS)
-            _write_params(self.device, p, first)
+            write_params(self.device, p, first)
             started = time.perf_counter()
             self.record_compute(p, (count, y, z))
             self.submit()
@@ -227,72 +233,4 @@ def _prepare(device: Device, p: Pass, why: Stale) -> None:
         state.stamp = next(_stamps)
     state.seen = p.inputs()
     state.runs += 1
-    _write_params(device, p, 0)
-
-
-def _write_params(device: Device, p: Pass, first_workgroup: int) -> None:
-    if p.params is None:
-        return
-    state, data = p.state, p.params_bytes
-    if p.special_params:
-        special = {"settle_index": state.settle_index, "first_workgroup": first_workgroup}
-        block = p.params.copy()
-        for name in p.special_params:
-            block[name] = special[name]
-        data = block.tobytes()
-    if state.params_buffer is None:
-        size = -(-len(data) // 16) * 16
-        usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
-        state.params_buffer = device.gpu.create_buffer(label=f"{p.name} params", size=size, usage=usage)
-    if data != state.params_on_gpu:
-        device.gpu.queue.write_buffer(state.params_buffer, 0, data)
-        state.params_on_gpu = data
-
-
-def _bind_groups(device: Device, p: Pass) -> tuple[Any, Any]:
-    """Return the groups of shared uniforms (None without any) and of the rest; made where a resource is bound anew."""
-    key = tuple(map(_BOUND, p.resources))
-    found = p.state.bind_groups.get(key)
-    if found is not None:
-        return found
-    if len(p.state.bind_groups) >= 8:  # a few combinations of swapped histories; more are of resources that are gone
-        p.state.bind_groups.clear()
-    assert p.layouts is not None
-    own = [{"binding": u.binding.number, "resource": _bound(u)} for u in p.uses if u.binding is not None]
-    own += [{"binding": b.number, "resource": s.gpu} for b, s in p.samplers]
-    if p.params_binding is not None:
-        own.append({"binding": p.params_binding.number, "resource": _whole(p.state.params_buffer)})
-    try:
-        groups = (
-            _shared_group(device, p, p.layouts[0]),
-            device.gpu.create_bind_group(label=p.name, layout=p.layouts[1], entries=own),
-        )
-    except (wgpu.GPUError, RuntimeError) as error:
-        raise GiError(f"{p.where}: {reason(error)}") from error
-    p.state.bind_groups[key] = groups
-    return groups
-
-
-def _shared_group(device: Device, p: Pass, layout: Any) -> Any:
-    """Return bind group 0, the same object for all passes that bind the same uniforms; None if a pass binds none."""
-    if not p.uniforms:
-        return None
-    key = (layout, *((b.number, u) for b, u in p.uniforms))
-    groups = p.uniforms[0][1].groups
-    if key not in groups:
-        entries = [{"binding": b.number, "resource": _whole(u.gpu)} for b, u in p.uniforms]
-        groups[key] = device.gpu.create_bind_group(label="uniforms", layout=layout, entries=entries)
-    return groups[key]
-
-
-def _bound(use: Use) -> Any:
-    """Return what a bind group or an attachment takes for a use."""
-    resource: Resource = use.view.resource
-    if isinstance(resource, Buffer) or (isinstance(resource, Shared) and resource.is_buffer):
-        return _whole(resource.object(use.view.previous))
-    assert isinstance(resource, Texture | Shared)
-    return resource.view(use.view, use.dimension or "2d")
-
-
-def _whole(buffer: Any) -> dict[str, Any]:
-    return {"buffer": buffer, "offset": 0, "size": buffer.size}
+    write_params(device, p, 0)

@@ -1,4 +1,4 @@
-"""The texture formats of WebGPU that a pass may write: texels as numpy sees them, and what each may be used for."""
+"""The texture formats of WebGPU that a pass may write: their texels as numpy types, and their uses."""
 
 from __future__ import annotations
 

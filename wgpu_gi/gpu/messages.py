@@ -1,4 +1,4 @@
-"""Messages of wgpu and its shader compiler, led back to file and line and made one line long where they can be."""
+"""Shortens messages of wgpu and its shader compiler to one line, and maps line numbers back to the shader's files."""
 
 from __future__ import annotations
 

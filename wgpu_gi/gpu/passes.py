@@ -64,7 +64,7 @@ class PassState:
     settle_index: int = 0
     runs: int = 0
     params_buffer: Any = None
-    params_on_gpu: bytes = b""
+    params_on_gpu: tuple = ()  # bytes of the params, settle index and first workgroup
     bind_groups: dict[tuple, tuple] = field(default_factory=dict)  # groups 0 and 1 by what the resources are bound to
     chunk: int = 64  # workgroups along x of the next chunk of a split pass
 
@@ -78,7 +78,7 @@ class PassState:
         self.bind_groups.clear()
         if self.params_buffer is not None:
             self.params_buffer.destroy()
-        self.params_buffer, self.params_on_gpu = None, b""
+        self.params_buffer, self.params_on_gpu = None, ()
 
 
 @dataclass(eq=False)

@@ -1,4 +1,4 @@
-"""Which passes an output needs, and which of those are stale."""
+"""Finds the passes that an output needs, and those of them that are stale."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def stale_passes(order: list[Pass], force: bool = False) -> dict[Pass, Stale]:
         p = todo.pop()
         for q in p.fellows:
             if q not in stale:
-                stale[q] = Stale("repeated", f"pass {p.name} needs it again")
+                stale[q] = Stale("repeated", f"pass {p.name} needs its results")
                 todo.append(q)
     return stale
 

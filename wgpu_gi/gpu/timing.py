@@ -1,4 +1,4 @@
-"""Milliseconds per pass: timestamp queries where the driver gets them right, else submit and wait around each pass."""
+"""Milliseconds per pass: by timestamp queries where the driver's are right, else by waiting before and after a pass."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import wgpu
 
 from .passes import Pass
 
-RING = 256  # the last runs of a pass, or of the graph, that are kept: chosen
+RING = 256  # samples kept of each pass: more than a benchmark's frames, and enough for a 95th percentile
 MAX_QUERIES = 4096  # the largest query set of WebGPU
 
 
 class Timing:
-    """Collects the times of the passes of a graph, and their sum per run (`frames`), while its runs ask for them."""
+    """Collects the times of the passes of a graph, and their sum per run (`frames`), of the runs that are measured."""
 
     def __init__(self, device: Any) -> None:
         self.device = device
@@ -28,7 +28,7 @@ class Timing:
         self._pending: list[str] = []
 
     def begin(self) -> None:
-        """Start a run; what one before it left unfinished is dropped."""
+        """Start a run; drop what an earlier run left unfinished."""
         self._pending.clear()
         self._sum = 0.0
 
@@ -54,7 +54,7 @@ class Timing:
         }
 
     def end(self) -> None:
-        """Note the run; waits for the passes submitted since it began."""
+        """Finish a run: wait for its passes and note their sum."""
         if self._pending:
             self._collect()
         self.frames.append(self._sum)
@@ -77,7 +77,7 @@ class Timing:
         self._sum += ms
 
     def forget(self, name: str) -> None:
-        """Drop the times of a pass that is no longer the same, and so those of the whole."""
+        """Drop the times of a pass that has changed, and the sums that contain it."""
         self.samples.pop(name, None)
         self.frames.clear()
 
@@ -101,7 +101,7 @@ class Timing:
 
 
 def _percentile(samples: deque[float] | None, percent: float) -> float | None:
-    """Return it as numpy does, between neighbours, in a tenth of the time."""
+    """Return the percentile as numpy does, by linear interpolation, in a tenth of its time."""
     if not samples:
         return None
     ordered = sorted(samples)

@@ -1,4 +1,4 @@
-"""Moves contents between GPU and numpy: reading textures and buffers back, neutral stand-ins."""
+"""Reads textures and buffers back into numpy arrays, and makes neutral stand-ins for absent inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""NaN watch: the first pass, resource, pixel and value that is NaN, infinite, out of range, or wrongly negative."""
+"""NaN watch: names the first pass, resource and pixel with a NaN, infinite, out-of-range or wrongly negative value."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from .transfer import read_back
 def check_written(gpu: Any, p: Pass) -> None:
     """Read back all that a pass wrote. Raises GiError that names the first bad value.
 
-    Bad are NaN, infinity, what has reached the largest value of a float format narrower than 32 bits (saturation keeps
-    overflow from showing as infinity), and negative values where none may be. Integers and what others own are passed.
+    Bad values are NaN, infinity, the largest value of a float format narrower than 32 bits (an overflow may saturate
+    there instead of becoming infinite), and negative values in a resource declared `nonnegative`. Integers and shared
+    resources are not checked.
     """
     for view in dict.fromkeys(View(u.view.resource, mip=u.view.mip) for u in p.uses if u.writes):
         resource = view.resource
@@ -49,7 +50,7 @@ def _check(p: Pass, resource: Buffer | Texture, data: np.ndarray, mip: int) -> N
 
 
 def _range(resource: Buffer | Texture, dtype: np.dtype) -> tuple[str, Any]:
-    """Return the name of a float format, and the magnitude from which its values are out of range."""
+    """Return the name of a float format and the magnitude at which its range ends."""
     if isinstance(resource, Texture):
         return resource.format.name, resource.format.end
     return str(dtype), float_end(dtype)
