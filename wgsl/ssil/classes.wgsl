@@ -2,8 +2,6 @@
 // so that threads that run in step read neighbouring texels and skip together (Segovia et al. 2006, "Non-interleaved
 // Deferred Shading of Interleaved Sample Patterns"). They go round from frame to frame of a still picture.
 
-override SAMPLES: u32 = 64u;  // of each pixel at each level
-
 const SIDE: u32 = 4u;
 const CLASSES: u32 = SIDE * SIDE;
 const RING_SEED: u32 = 0x68bc21ebu;

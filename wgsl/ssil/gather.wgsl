@@ -14,14 +14,20 @@
 #import "common/light_code.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 
-override FINEST: bool = true;    // the disc, else the ring
-override LEVEL: u32 = 1u;        // of the samples, above that of the pixels that gather
-override TAKEN: u32 = 16u;       // of its samples, those that a pixel takes in a frame
-override BOUNDED: bool = true;   // by the disc, else the plain form factor of eq. 1
+struct Params {
+    grid_size: vec2u,  // of the voxels, if any: cells,
+    cell: f32,         // pixels of the picture along the side of a cell,
+    step: f32,         // and cells between two steps of a march
+    shift: u32,        // level of the samples above that of the receivers
+    parts: u32,        // of the pattern: a receiver takes one in a frame
+    first: u32,        // class of the pattern that is the first of the shape, disc or ring
+}
+
+override BOUNDED: bool = true;  // by the disc, else the plain form factor of eq. 1
 // Of the sample's area: a whole disc, exact only straight above it, takes too much light from corners. 320x180, voxels,
 // 16 frames, bias and relMSE with 1 and with 0.25: Cornell's spot -2.7, -0.7 % and 0.077, 0.082; point light -4.0,
 // -0.5 % and 0.029, 0.029; area light -8.5, -4.1 % and 0.019, 0.017.
-override BOUND_SHARE: f32 = 0.25;
+const BOUND_SHARE: f32 = 0.25;
 
 @group(1) @binding(11) var surfels: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(12) var<storage, read> light: array<vec2u>;
@@ -31,6 +37,7 @@ override BOUND_SHARE: f32 = 0.25;
 @group(1) @binding(15) var<storage, read> peak: array<u32>;  // brightest light, and what counts as none; bits of floats
 
 @group(1) @binding(19) var receivers: texture_2d<u32>;  // surfels of the pixels that gather
+@group(1) @binding(21) var<uniform> params: Params;
 
 // Returns the pixel that a sample of the pattern lies at.
 fn place_of(start: Place, entry: vec2u) -> vec2i {
@@ -101,11 +108,13 @@ fn irradiance_by(start: Place, first: u32, count: u32) -> vec3f {
 
 // Returns what a pixel gets by a part of the samples of its class.
 fn irradiance_at(pixel: vec2u, own: vec4u, part: u32) -> vec3f {
-    let start = Place(vec2i(pixel >> vec2u(LEVEL)), surfel_position(own), surfel_normal(own));
+    let start = Place(vec2i(pixel >> vec2u(params.shift)), surfel_position(own), surfel_normal(own));
     prepare(start);
-    let table = (select(CLASSES, 0u, FINEST) + pattern_of(pixel, sequence.index)) * SAMPLES;
-    let first = table + part % (SAMPLES / TAKEN) * TAKEN;
-    return irradiance_by(start, first, TAKEN) * (f32(SAMPLES) / f32(TAKEN));
+    let samples = arrayLength(&pattern) / (2u * CLASSES);
+    let taken = max(samples / params.parts, 1u);
+    let table = (params.first + pattern_of(pixel, sequence.index)) * samples;
+    let first = table + part % (samples / taken) * taken;
+    return irradiance_by(start, first, taken) * (f32(samples) / f32(taken));
 }
 
 fn gather(group: vec3u, thread: vec3u) {

@@ -3,7 +3,7 @@
 // bright where something hidden hides.
 #import "ssil/gather.wgsl"
 
-override STEPS: u32 = 8u;
+const STEPS: u32 = 8u;
 
 // Both chosen: share of the depth; cells.
 const THICKNESS: f32 = 0.1;

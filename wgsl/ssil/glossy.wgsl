@@ -17,8 +17,6 @@
 
 override SAMPLES: u32 = 16u;
 override SQUARE: u32 = 2u;      // pixels of the picture along the side of one of the first level
-override SHIFT: u32 = 0u;       // levels above the first
-override RADIUS: f32 = 23.0;    // r
 override FINEST: bool = true;   // the disc, else the ring
 
 @group(1) @binding(11) var surfels: texture_storage_2d<rgba32uint, read>;
@@ -27,7 +25,12 @@ override FINEST: bool = true;   // the disc, else the ring
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
-    size: vec2u,  // of the first level
+    grid_size: vec2u,  // of the voxels, if any: cells,
+    cell: f32,         // pixels of the picture along the side of a cell,
+    step: f32,         // and cells between two steps of a march
+    shift: u32,        // levels above the first
+    size: vec2u,       // of the first level
+    radius: f32,       // r, pixels of the level
     seed: u32,
 }
 
@@ -76,8 +79,9 @@ struct Drawn {
 fn draw_sample(number: u32, pixel_seed: u32, alpha: f32, forward: vec2f) -> Drawn {
     let u = sobol_2d(number, pixel_seed);
     let turn = draw_turn(alpha, u.y, sobol_2d(number, ~pixel_seed));
-    let radius = RADIUS * select(sqrt(0.25 + 0.75 * u.x), u.x, FINEST);
-    let area = PI * RADIUS * select(0.75 * RADIUS, 2.0 * radius, FINEST) / f32(SAMPLES);
+    let r = params.radius;
+    let radius = r * select(sqrt(0.25 + 0.75 * u.x), u.x, FINEST);
+    let area = PI * r * select(0.75 * r, 2.0 * radius, FINEST) / f32(SAMPLES);
     let c = cos(turn.angle);
     let s = sin(turn.angle);
     let offset = radius * vec2f(c * forward.x - s * forward.y, s * forward.x + c * forward.y);
@@ -99,13 +103,13 @@ fn gather_glossy(id: vec3u) {
     }
     let ray = pixel_ray(pixel);
     let size = vec2i(textureDimensions(surfels));
-    let start = Place(vec2i(id.xy >> vec2u(SHIFT)), ray.origin - view.position + ray.direction * seen, surface.normal);
+    let start = Place(vec2i(id.xy >> vec2u(params.shift)), ray.origin - view.position + ray.direction * seen, surface.normal);
     prepare(start);
     let normal = surface.normal;
     let to_eye = -ray.direction;
     let mirrored = projected(start.position, reflect(ray.direction, normal));
     let forward = mirrored * inverseSqrt(max(dot(mirrored, mirrored), 1e-30));
-    let pixel_seed = hash2(id.x, hash2(id.y, params.seed ^ SHIFT));
+    let pixel_seed = hash2(id.x, hash2(id.y, params.seed ^ params.shift));
     let pixel_side = facing_side();
     var sum = vec3f(0.0);
     for (var k = 0u; k < SAMPLES; k += 1u) {

@@ -12,6 +12,7 @@
 struct Params {
     radius: f32,  // r, pixels of a level
     seed: u32,
+    samples: u32,  // of each class in each shape
 }
 
 @group(1) @binding(11) var<storage, read_write> pattern: array<vec2u>;
@@ -19,7 +20,7 @@ struct Params {
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let per_shape = CLASSES * SAMPLES;
+    let per_shape = CLASSES * params.samples;
     if (id.x >= 2u * per_shape) {
         return;
     }
@@ -28,7 +29,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let u = sobol_2d(number, params.seed ^ select(0u, RING_SEED, is_ring));
     let r = params.radius;
     let radius = r * select(u.x, sqrt(0.25 + 0.75 * u.x), is_ring);
-    let area = PI * r * select(2.0 * radius, 0.75 * r, is_ring) / f32(SAMPLES);
+    let area = PI * r * select(2.0 * radius, 0.75 * r, is_ring) / f32(params.samples);
     let offset = vec2i(round(radius * vec2f(cos(TWO_PI * u.y), sin(TWO_PI * u.y))));
     pattern[id.x] = vec2u((u32(offset.x) & 0xffffu) | (u32(offset.y) << 16u), bitcast<u32>(area));
 }

@@ -4,7 +4,10 @@
 #import "common/light_code.wgsl"
 
 override ADDED: bool = false;
-override LEAST_LIGHT: f32 = 0.001;  // of the brightest light of the first bounce
+
+struct Params {
+    least_light: f32,  // of the brightest light of the first bounce, what counts
+}
 
 const ROW: u32 = 4096u;  // threads along x: large pictures need more workgroups than a dispatch has along one axis
 
@@ -14,6 +17,7 @@ const ROW: u32 = 4096u;  // threads along x: large pictures need more workgroups
 @group(1) @binding(14) var<storage, read_write> peak: array<atomic<u32>>;
 @group(1) @binding(15) var<storage, read> before: array<vec2u>;
 @group(1) @binding(16) var<storage, read> first_peak: array<u32>;
+@group(1) @binding(19) var<uniform> params: Params;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -27,7 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     light[index] = pack_light(sent);
     if (index == 0u) {
-        atomicStore(&peak[1], bitcast<u32>(LEAST_LIGHT * bitcast<f32>(first_peak[0])));
+        atomicStore(&peak[1], bitcast<u32>(params.least_light * bitcast<f32>(first_peak[0])));
     }
     let bits = bitcast<u32>(max3(sent));
     // Reading first is cheaper where it is not the largest, which is the rule.

@@ -10,6 +10,11 @@
 
 @group(1) @binding(11) var finer: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(12) var surfels: texture_storage_2d<rgba32uint, write>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    corner: i32,  // the pixel that is ahead, 0 or 3
+}
 
 // Widths of the Gaussians, all chosen: pixels, cosines, widths of a pixel.
 const STEP_WIDTH: f32 = 1.0;
@@ -17,8 +22,6 @@ const NORMAL_WIDTH: f32 = 0.1;
 const PLANE_WIDTH: f32 = 1.0;
 // What the corner is ahead. Chosen: above the rounding of scores, below what any other surface takes away.
 const AHEAD: f32 = 1e-3;
-
-override CORNER: i32 = 3;  // the pixel that is ahead, 0 or 3
 
 // Returns what a neighbour adds to the score of a surfel.
 fn vote(position: vec3f, normal: vec3f, per_width: f32, other: vec4u) -> f32 {
@@ -59,7 +62,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             + vote(position, normal, per_width, load(pixel + vec2i(1, 0)))
             + vote(position, normal, per_width, load(pixel - vec2i(0, 1)))
             + vote(position, normal, per_width, load(pixel + vec2i(0, 1)));
-        let score = 1.0 + near * sides + select(0.0, AHEAD, k == CORNER);
+        let score = 1.0 + near * sides + select(0.0, AHEAD, k == params.corner);
         if (score > best_score) {
             best_score = score;
             best = own;

@@ -11,7 +11,7 @@ from ...gpu.handles import Buffer
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from .levels import Levels, level_buffer
-from .voxels import Voxels
+from .voxels import NO_GRID, Voxels
 
 
 def declare_glossy(
@@ -48,14 +48,18 @@ def declare_glossy(
                 **(voxels.reads(k) if voxels is not None else {}),
             },
             writes={"glossy": glossy},
-            params={"size": size, "seed": seed},
+            params={
+                "size": size,
+                "seed": seed,
+                "radius": radius,
+                "shift": k - levels.first,
+                **(NO_GRID if voxels is None else voxels.params(k)),
+            },
             constants={
                 **scene.constants(shader),
-                **(voxels.constants(k) if voxels is not None else {}),
+                **(voxels.constants if voxels is not None else {}),
                 "SAMPLES": samples,
                 "SQUARE": 1 << levels.first,
-                "SHIFT": k - levels.first,
-                "RADIUS": radius,
                 "FINEST": k == levels.first,
             },
         )

@@ -61,7 +61,7 @@ def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: in
             over=surfels[k],
             reads={"finer": surfels[k - 1]},
             writes={"surfels": surfels[k]},
-            constants={"CORNER": 3 * (k % 2)},
+            params={"corner": 3 * (k % 2)},
         )
     return Levels(surfels, first)
 
@@ -120,7 +120,8 @@ def declare_reflected(
             "first_peak": first_peak,
         },
         writes={"light": light, "peak": peak},
-        constants={"ADDED": before is not None, "LEAST_LIGHT": least_light},
+        constants={"ADDED": before is not None},
+        params={"least_light": least_light},
         clear=[peak],
     )
     return light, peak

@@ -33,7 +33,7 @@ from .levels import (
     declare_sent,
     level_buffer,
 )
-from .voxels import Voxels, VoxelSettings, declare_voxels
+from .voxels import NO_GRID, Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
 MOST_BOUNCES = 16
@@ -206,8 +206,7 @@ def _declare_pattern(graph: Graph, settings: SsilSettings, levels: Levels, seed:
         "ssil/pattern.wgsl",
         over=pattern,
         writes={"pattern": pattern},
-        params={"radius": _radius(settings, levels), "seed": seed},
-        constants={"SAMPLES": settings.samples},
+        params={"radius": _radius(settings, levels), "seed": seed, "samples": settings.samples},
     )
     return pattern
 
@@ -273,10 +272,12 @@ def _declare_gather(
     }
     constants = {
         **gathering.scene.constants(shader),
-        **(voxels.constants(k) if voxels is not None else {}),
-        "SAMPLES": settings.samples,
-        "FINEST": k == levels.first,
+        **(voxels.constants if voxels is not None else {}),
         "BOUNDED": settings.form_factor == "disc",
+    }
+    params = {
+        **(NO_GRID if voxels is None else voxels.params(k)),
+        "first": 0 if k == levels.first else _CLASSES,
     }
     # Whole workgroups of 8x8 pixels of each class, a band of the picture after the other.
     block = 8 * _SIDE
@@ -286,11 +287,12 @@ def _declare_gather(
         over=(-(-width // block) * 8, -(-height // block) * _CLASSES * 8),
         reads={**reads, "receivers": levels.surfels[receivers]},
         writes={"irradiance": irradiance},
-        constants={
-            **constants,
-            "LEVEL": k - receivers,
-            "TAKEN": max(settings.samples >> 2 * (k - receivers), 1),
+        params={
+            **params,
+            "shift": k - receivers,
+            "parts": 4 ** (k - receivers),
         },
+        constants=constants,
     )
     if fine is not None and fine.irradiance is not None:
         graph.compute(
@@ -300,7 +302,8 @@ def _declare_gather(
             indirect=fine.guide.groups,
             reads={**reads, **fine.guide.list_reads, "receivers": levels.surfels[0]},
             writes={"irradiance": fine.irradiance},
-            constants={**constants, "LEVEL": k, "TAKEN": max(settings.samples // UNREPRESENTED_SHARE, 1)},
+            params={**params, "shift": k, "parts": UNREPRESENTED_SHARE},
+            constants=constants,
             clear=[] if suffix or k < gathering.last else [fine.irradiance],
         )
     return irradiance

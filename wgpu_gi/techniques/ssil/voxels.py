@@ -61,21 +61,27 @@ class Voxels:
         """Return what the march reads at a level."""
         return {"voxels": self.grids[self._grid(level)], "range": self.range}
 
-    def constants(self, level: int) -> dict[str, float]:
-        """Return the constants of the march at a level."""
+    @property
+    def constants(self) -> dict[str, float]:
+        """The constants of the march."""
+        return {"BITS": self.bits}
+
+    def params(self, level: int) -> dict[str, object]:
+        """Return the params of the march at a level."""
         grid = self._grid(level)
-        width, height = self.sizes[grid]
         return {
-            "BITS": self.bits,
-            "STEP": self.step,
-            "CELL": float(1 << grid),
-            "WIDTH": width,
-            "HEIGHT": height,
+            "grid_size": self.sizes[grid],
+            "cell": float(1 << grid),
+            "step": self.step,
         }
 
     def _grid(self, level: int) -> int:
         """Return the level whose grid a level marches through."""
         return min(max(level - self.finer, min(self.grids)), max(self.grids))
+
+
+# The params of a march where there are no voxels to march through.
+NO_GRID = {"grid_size": (0, 0), "cell": 1.0, "step": 1.0}
 
 
 def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SceneInputs, levels: Levels) -> Voxels:
@@ -100,8 +106,10 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SceneInputs, le
     )
     kinds = {"HAS_SOLIDS": drawn and solids.has_solids, "HAS_SHELLS": drawn and solids.has_shells}
     cells = graph.buffer("voxels/cells", dtype=np.uint32, count=words * max(sum(kinds.values()), 1))
-    constants = {"BITS": bits, "CELL": float(1 << finest), **kinds}
-    _declare_surfaces(graph, scene, first.size, range_, cells, words if solids.has_solids else 0, constants)
+    grid_params = {"size": first.size, "cell": float(1 << finest)}
+    constants: dict[str, float] = {"BITS": bits, **kinds}
+    shells = words if solids.has_solids else 0
+    _declare_surfaces(graph, scene, range_, cells, {**grid_params, "shells": shells}, constants)
     grid = graph.buffer(f"voxels/grid_{finest}", dtype=np.uint32, count=words)
     graph.compute(
         "voxels/fill",
@@ -109,7 +117,7 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SceneInputs, le
         over=(CELL_ROW, -(-first.size[0] * first.size[1] // CELL_ROW)),
         reads={"cells": cells if drawn else graph.neutral("buffer")},
         writes={"voxels": grid},
-        constants={"BITS": bits, **kinds},
+        constants=constants,
     )
     grids = {finest: grid}
     for k in range(finest + 1, len(levels.surfels) - settings.finer):
@@ -131,13 +139,12 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SceneInputs, le
 def _declare_surfaces(
     graph: Graph,
     scene: SceneInputs,
-    size: tuple[int, int],
     range_: Buffer,
     cells: Buffer,
-    shells: int,
+    grid: dict[str, object],
     constants: dict[str, float],
 ) -> None:
-    """Declare the passes that enter all triangles into the cells, those of shells from the word `shells` on."""
+    """Declare the passes that enter all triangles into the cells; `grid` are the params that all share."""
     assert scene.draws is not None and scene.solids is not None and scene.raster_indices is not None
     shader = "ssil/voxels/voxelize.wgsl"
     empty = [cells]
@@ -160,8 +167,7 @@ def _declare_surfaces(
                 },
                 writes={"cells": cells},
                 params={
-                    "size": size,
-                    "shells": shells,
+                    **grid,
                     "first": first,
                     "triangles": indices // 3,
                     "slot": slot,

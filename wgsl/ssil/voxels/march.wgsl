@@ -4,11 +4,8 @@
 // The ends are lifted off their surfaces, along the normals, by what a voxel there spans in that direction: so no plane
 // hides what lies before it, and what stands close to an end still does. Errs bright: within the lifts, between steps
 // longer than a cell, in slices beyond the word of a step's middle; dark where two surfaces share a voxel.
+// Who imports this declares `params` with grid_size, cell, and step, cells along the longer axis.
 #import "ssil/voxels/range.wgsl"
-
-override STEP: f32 = 1.0;    // cells, along the longer axis
-override WIDTH: u32 = 1u;    // cells in a row
-override HEIGHT: u32 = 1u;
 
 @group(1) @binding(50) var<storage, read> voxels: array<u32>;
 @group(1) @binding(51) var<storage, read> range: array<u32>;
@@ -38,13 +35,13 @@ var<private> lift_forward: vec3f;
 // Call this before all marches: loads in loops are dear.
 fn prepare_march() {
     slices = slices_of(range[0], range[1]);
-    border = vec2f(f32(WIDTH), f32(HEIGHT)) - 0.01;
-    centre = vec2f(view.size) * (0.5 / CELL);
+    border = vec2f(params.grid_size) - 0.01;
+    centre = vec2f(view.size) * (0.5 / params.cell);
     forward = view.forward;
     parallel = view.orthographic != 0u;
     cells_right = view.right * (centre.x / dot(view.right, view.right));
     cells_down = view.up * (-centre.y / dot(view.up, view.up));
-    let side = 2.0 * CELL * LIFT / f32(view.size.x);
+    let side = 2.0 * params.cell * LIFT / f32(view.size.x);
     lift_right = view.right * side;
     lift_up = normalize(view.up) * (length(view.right) * side);
     lift_forward = view.forward * (LIFT / slices.per_unit);
@@ -69,7 +66,7 @@ fn march(start: vec3f, end: vec3f, jitter: f32) -> f32 {
     let gap = min(END_CELLS / cells, 0.5);
     let passed = slices.per_unit * abs(select(octaves(end.z) - octaves(start.z), way.z, parallel));
     let length = 1.0 - 2.0 * gap;
-    let steps = 4.0 * max(ceil(0.25 * length * max(cells / STEP, passed / STEP_SLICES)), 1.0);
+    let steps = 4.0 * max(ceil(0.25 * length * max(cells / params.step, passed / STEP_SLICES)), 1.0);
     let step = length / steps;
     // The slices that it passes in a cell, about as many in all of them.
     let half = 0.5 * passed * min(step, 1.0 / cells);
@@ -87,7 +84,7 @@ fn march(start: vec3f, end: vec3f, jitter: f32) -> f32 {
         let word = vec4u(slice) >> vec4u(5u);
         let low = vec4i(floor(slice - half)) - vec4i(32u * word);
         let mask = select(vec4u(bits) << vec4u(low), vec4u(bits) >> vec4u(-low), low < vec4i(0));
-        let index = (y * WIDTH + x) * (BITS / 32u) + word;
+        let index = (y * params.grid_size.x + x) * (BITS / 32u) + word;
         let found = vec4u(voxels[index.x], voxels[index.y], voxels[index.z], voxels[index.w]);
         hidden = any((found & mask) != vec4u(0u));
         k += 4.0;

@@ -5,7 +5,6 @@
 #import "scene/info.wgsl"
 
 override BITS: u32 = 128u;  // slices, one bit each, in words of 32
-override CELL: f32 = 4.0;    // pixels of the picture along the side of a cell
 
 struct Slices {
     near: f32,      // view depths, metres

@@ -14,6 +14,7 @@ override HAS_CUTS: bool = false;  // parts of the triangles may be cut out
 
 struct Params {
     size: vec2u,     // cells
+    cell: f32,       // pixels of the picture along the side of a cell
     shells: u32,     // where the words of shells begin
     first: u32,      // of the triangles: entry of the index buffer
     triangles: u32,
@@ -54,7 +55,7 @@ fn corner_of(entry: u32, slot: u32) -> Corner {
     let depth = dot(way, view.forward);
     let w = select(depth, 1.0, view.orthographic != 0u);
     let ndc = vec2f(dot(way, view.right) / dot(view.right, view.right), -dot(way, view.up) / dot(view.up, view.up));
-    return Corner(vec3f((ndc + w) * vec2f(view.size) * (0.5 / CELL), w), depth, vertex.triangle);
+    return Corner(vec3f((ndc + w) * vec2f(view.size) * (0.5 / params.cell), w), depth, vertex.triangle);
 }
 
 // A line through two corners: the same numbers, with the other sign, from both of its sides.
