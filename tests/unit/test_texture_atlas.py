@@ -67,9 +67,11 @@ def test_a_picture_twice_in_the_list_has_one_place():
 
 
 def test_too_large():
-    with pytest.raises(GiError, match=rf"image 'wall' is {MAX_PAGE + 1} pixels long; textures hold at most {MAX_PAGE}"):
+    with pytest.raises(GiError, match=rf"image 'wall' has a side of {MAX_PAGE + 1} pixels"):
         pack_atlas([blank(4, 4), blank(2, MAX_PAGE + 1, "wall")])
-    with pytest.raises(GiError, match=rf"pages of {MAX_PAGE} x {MAX_PAGE}; {MAX_LAYERS} are possible; scale them down"):
+    with pytest.raises(
+        GiError, match=rf"layers of {MAX_PAGE} x {MAX_PAGE}; {MAX_LAYERS} are possible: scale them down"
+    ):
         pack_atlas([blank(MAX_PAGE, MAX_PAGE) for _ in range(MAX_LAYERS + 1)])
     assert pack_atlas([blank(MAX_PAGE, MAX_PAGE) for _ in range(MAX_LAYERS)]).layers == MAX_LAYERS
 

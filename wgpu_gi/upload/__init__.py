@@ -1,1 +1,1 @@
-"""What the GPU gets of a scene: hierarchy, tables of lights and materials, draws, textures."""
+"""What the GPU gets of a scene: acceleration structure, light and material tables, draw list, textures."""

@@ -1,7 +1,8 @@
-"""The lights that the deferred techniques loop over: all punctual ones, and sample lights that stand for emitters.
+"""The lights that deferred techniques loop over: all punctual lights, and sample lights that represent emitters.
 
-An emitter's samples have about equal power: a lattice is warped over it by cumulative sums, as pictured environments
-are sampled (Pharr et al. 2023, "Physically Based Rendering", 4th ed., section A.4), here over points on the surface.
+An emitter's sample lights have about equal power: points are spread over its surface, and a rank-1 lattice is warped
+over them by their cumulative power, marginal first, then conditional, as 2-D tables are sampled in Pharr et al. 2023,
+"Physically Based Rendering", 4th ed., appendix A. Departure: the table is replaced by points on the surface.
 """
 
 from __future__ import annotations
@@ -20,31 +21,34 @@ from .texture_sampling import sample_texture
 from .two_level_bvh import TwoLevelBvh
 
 DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN, DIRECT_AREA = range(4)  # as wgsl/deferred/shadow/views.wgsl
-POINTS = 1 << 12  # on all emitters together, at least; chosen
-POINTS_PER_SAMPLE = 256  # at least: places on a grid of 16 x 16 about each sample; chosen
-TEXTURED = 8  # times as many points on pictured emitters, so that small bright spots are found; chosen
-# The first of nearly equal lengths is chosen whatever rounding does to them.
+MIN_POINTS = 1 << 12  # on all emitters together; tools/README.md, "Constants"
+POINTS_PER_SAMPLE = 256  # at least: 16 x 16 positions for each sample light; tools/README.md, "Constants"
+TEXTURED = 8  # times as many points on textured emitters, to find small bright spots; tools/README.md, "Constants"
+# Weights that make the first of nearly equal lengths the largest, so that rounding does not choose.
 PREFER_FIRST = np.array([1.0, 0.991, 0.983])
 POINT = np.dtype(
     [
         ("position", "f8", 3),
-        ("local", "f8", 3),  # the same in the mesh's space
-        ("normal", "f8", 3),  # of the side that shines
+        ("local", "f8", 3),  # position in the mesh's space
+        ("normal", "f8", 3),  # of the emitting side
         ("radiance", "f8", 3),
-        ("area", "f8"),  # that it stands for
-        ("power", "f8"),  # luminance of radiance times area: of one side, over pi
+        ("area", "f8"),  # that the point represents, m2
+        ("power", "f8"),  # luminance of radiance times area: the power of one side over pi
     ]
 )
 
 
 @dataclass
 class _Patch:
-    """Triangles of one emitting part that face about the same way, points on them, and how many samples they get."""
+    """Triangles of one emitting part that face about the same way, points on them, and how many samples they get.
+
+    "Same way" means the same axis and sign of the largest component of the local normal.
+    """
 
     part: EmittingPart
     local: NDArray[np.float64]  # corners in the mesh's space, (n, 3, 3)
     points: NDArray[np.void]
-    power: float  # of all sides
+    power: float  # of the points, over both sides of double-sided emitters
     samples: int = 0
     power_per_sample: float = 0.0
 
@@ -52,11 +56,11 @@ class _Patch:
 def build_direct_lights(
     scene: Scene, hierarchy: TwoLevelBvh, dtype: np.dtype, samples: int, use_range: bool
 ) -> NDArray[np.void]:
-    """Return records of a scene's lights, whose hierarchy is up to date: DirectLight of deferred/shadow/views.wgsl.
+    """Return records DirectLight of deferred/shadow/views.wgsl for a scene whose hierarchy is up to date.
 
-    The emitters share `samples` sample lights by their power, but each emissive material has at least one, also where
-    that makes more. Radiance times area of a material's samples adds up to that of its surface. Lights that shine
-    nowhere are left out. With `use_range` a punctual light ends at its range.
+    The emitters share `samples` sample lights by power, but each emissive material gets at least one, even if the total
+    then exceeds `samples`. Radiance times area, summed over a material's samples, equals that of its surface. Lights
+    without power are left out. With `use_range` a punctual light ends at its range.
     """
     records = [_punctual(light, hierarchy.origin, dtype, use_range) for light in scene.lights]
     patches = _patches(scene, hierarchy, samples)
@@ -70,7 +74,7 @@ def build_direct_lights(
 
 
 def _punctual(light: Light, origin: NDArray[np.float64], dtype: np.dtype, use_range: bool) -> NDArray[np.void]:
-    """Return a light's record, or none if it is black."""
+    """Return the record of a punctual light, or none if it has no power."""
     record = np.zeros(1, dtype)
     record["color"] = np.asarray(light.color, np.float64) * light.intensity
     dark = isinstance(light, SpotLight) and light.outer_cone_angle == 0
@@ -90,12 +94,12 @@ def _punctual(light: Light, origin: NDArray[np.float64], dtype: np.dtype, use_ra
 
 
 def _patches(scene: Scene, hierarchy: TwoLevelBvh, samples: int) -> list[list[_Patch]]:
-    """Return the patches of each emissive material that shines."""
+    """Return the patches of each emissive material that has any power."""
     parts: dict[Material, list[EmittingPart]] = {}
     for part in emitting_parts(scene.instances, hierarchy):
         parts.setdefault(part.material, []).append(part)
-    # No emitter's points depend on other emitters' place or light, so that its samples stay while those change.
-    budget = max(POINTS, POINTS_PER_SAMPLE * samples) // max(len(parts), 1)
+    # Budget points by the number of emitters only, so that an emitter's samples stay put while others move or change.
+    budget = max(MIN_POINTS, POINTS_PER_SAMPLE * samples) // max(len(parts), 1)
     patches = []
     for of_material in parts.values():
         areas = [np.linalg.norm(_normals(part.corners), axis=1) / 2 for part in of_material]
@@ -109,19 +113,22 @@ def _patches(scene: Scene, hierarchy: TwoLevelBvh, samples: int) -> list[list[_P
 
 
 def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the normals of triangles (n, 3, 3), of twice the area in length."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -> list[_Patch]:
-    """Spread points over a part, `density` of them per m2, and sort its triangles by where they face."""
+    """Spread points over a part, `density` of them per m2, and group them by where their triangles face."""
+    # Place points in each triangle by the R2 sequence.
     counts = np.where(area > 0, np.ceil(area * density), 0).astype(np.int64)
     triangle = np.repeat(np.arange(len(area)), counts)
     number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
     weights = _triangle_weights((0.5 + number[:, None] * R2) % 1.0)
+    # Fill in the points' records.
     normals = _normals(part.corners) * (-1 if part.sides == 2 else 1)
     points = np.zeros(len(triangle), POINT)
     points["position"] = np.einsum("nk,nkc->nc", weights, part.corners[triangle])
-    # Where they lie on the mesh decides which become samples, so that those go with an instance wherever it moves.
+    # Samples are chosen by their local positions, so that they stay in place on an instance that moves.
     local = np.asarray(part.mesh.positions, np.float64)[part.vertices]
     points["local"] = np.einsum("nk,nkc->nc", weights, local[triangle])
     points["normal"] = normals[triangle] / (2 * area[triangle, None])
@@ -129,6 +136,7 @@ def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -
     points["area"] = (area / np.maximum(counts, 1))[triangle]
     points["power"] = points["radiance"] @ REC709_LUMINANCE * points["area"]
 
+    # Group them by the axis that the local normal is closest to.
     facing = _normals(local)
     axis = np.argmax(np.abs(facing) * PREFER_FIRST, axis=1)
     side = 2 * axis + (facing[np.arange(len(axis)), axis] < 0)
@@ -142,7 +150,10 @@ def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -
 
 
 def _triangle_weights(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return barycentric weights (n, 3), uniform over the area (Heitz 2019, "A Low-Distortion Map ...")."""
+    """Return barycentric weights (n, 3), uniform by area.
+
+    Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
+    """
     x, y = u.T
     b = np.where(y > x, x / 2, x - y / 2)
     c = np.where(y > x, y - x / 2, y / 2)
@@ -150,7 +161,7 @@ def _triangle_weights(u: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _radiance(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what points shine, (n, 3); nothing where the surface is cut out."""
+    """Return the emitted radiance of points, (n, 3); zero where the alpha mask removes the surface."""
     material = part.material
     radiance = np.broadcast_to(np.asarray(material.emission, np.float64), (len(vertices), 3))
     if material.emission_texture is not None:
@@ -166,9 +177,9 @@ def _radiance(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float64
 
 
 def _apportion(powers: NDArray[np.float64], samples: int) -> NDArray[np.int64]:
-    """Share samples out by power (Hamilton's method); of equal remainders the first one counts, whatever rounding does.
+    """Divide `samples` in proportion to `powers` by the largest remainders (Hamilton's method); zero power gets none.
 
-    No power, no samples.
+    The first of equal remainders wins; they are rounded so that floating-point noise does not decide.
     """
     quota = powers / max(float(powers.sum()), 1e-300) * samples
     counts = np.floor(quota + 1e-9).astype(np.int64)
@@ -178,10 +189,12 @@ def _apportion(powers: NDArray[np.float64], samples: int) -> NDArray[np.int64]:
 
 
 def _share_within(patches: list[_Patch], samples: int) -> None:
-    """Give a material's patches samples by power: large ones each for itself, small ones together.
+    """Give a material's patches samples by power: to each large patch its share, to small patches as a group.
 
-    Of the small ones some stand for all, evenly along the scene's order (systematic sampling).
+    Small patches deserve less than one sample each. Some of them represent all, chosen by systematic sampling along
+    the scene's order.
     """
+    # Divide the samples among the large patches and the group of small ones.
     powers = np.array([patch.power for patch in patches])
     small = powers / powers.sum() * samples < 1 - 1e-9
     rest = float(powers[small].sum())
@@ -189,27 +202,28 @@ def _share_within(patches: list[_Patch], samples: int) -> None:
     counts = np.zeros(len(patches), np.int64)
     counts[~small] = shares
     if of_small:
-        # Just off the middle: the quarters of equal lamps must not depend on rounding.
+        # 0.4999 instead of 0.5, so that rounding does not decide between equal patches.
         ends = np.floor(np.cumsum(powers[small]) / rest * of_small + 0.4999)
         ends[-1] = of_small
         counts[small] = np.diff(ends, prepend=0.0)
+    # Each sample represents an equal share of its patch's, or the group's, power.
     each = np.where(small, rest / max(of_small, 1), powers / np.maximum(counts, 1))
     for patch, count, power in zip(patches, counts.tolist(), each.tolist(), strict=True):
         patch.samples, patch.power_per_sample = count, power
 
 
 def _sample_patch(patch: _Patch, dtype: np.dtype) -> NDArray[np.void]:
-    """Return a patch's samples: a lattice warped so that the columns, and then places within a column, go by power."""
+    """Return a patch's samples: a lattice warped by the points' power, first along one axis, then across it."""
     count, points = patch.samples, patch.points
-    # Points of equal power end exactly where the lattice asks: rounding must not choose between two of them.
+    # Step back a little, since with points of equal power the lattice falls exactly between two of them.
     at = lattice(count) - 1e-9
     places = points["local"] @ _plane(patch)
-    # Samples are spread best along the first coordinate.
+    # Warp the first coordinate, which the lattice stratifies best, along the longer axis.
     along, across = places.T if np.ptp(places[:, 0]) > PREFER_FIRST[1] * np.ptp(places[:, 1]) else places.T[::-1]
     order = np.argsort(along, kind="stable")
     cumulative = np.cumsum(points["power"][order])
     middle = np.searchsorted(cumulative, at[:, 0] * cumulative[-1])
-    # A column is as wide as it is fine.
+    # Warp the second coordinate within a column of sqrt(n) neighbouring points.
     width = int(np.ceil(len(points) ** 0.5))
     first = np.clip(middle - width // 2, 0, len(points) - width)
     column = order[first[:, None] + np.arange(width)]
@@ -217,21 +231,21 @@ def _sample_patch(patch: _Patch, dtype: np.dtype) -> NDArray[np.void]:
     cumulative = np.cumsum(points["power"][column], axis=1)
     row = (cumulative < at[:, 1:] * cumulative[:, -1:]).sum(1)
     chosen = points[column[np.arange(count), row]]
+    # Make a light of each chosen point; `area` gives it its share of the power.
     records = np.zeros(count, dtype)
     records["kind"], records["both_sides"] = DIRECT_AREA, patch.part.sides == 3
     records["position"], records["direction"], records["color"] = (
         chosen[name] for name in ("position", "normal", "radiance")
     )
-    # The power of double-sided emitters counts both sides; area counts once.
     sides = 2 if patch.part.sides == 3 else 1
     records["area"] = patch.power_per_sample / sides * chosen["area"] / chosen["power"]
     return records
 
 
 def _plane(patch: _Patch) -> NDArray[np.float64]:
-    """Return two axes (3, 2) of the plane of a patch's largest triangle in the mesh's space, one along a side of it.
+    """Return two axes (3, 2) of the plane of a patch's largest triangle, in the mesh's space, one along an edge of it.
 
-    Of its corners that nearest to a right angle counts: so the axes of a rectangle are its sides.
+    The edge is one at the corner closest to a right angle, so the axes of a rectangle are its sides.
     """
     local = patch.local[np.argmax(np.linalg.norm(_normals(patch.local), axis=1))]
     edges = np.roll(local, -1, axis=0) - local
@@ -242,10 +256,10 @@ def _plane(patch: _Patch) -> NDArray[np.float64]:
 
 
 def lattice(count: int) -> NDArray[np.float64]:
-    """Return `count` points of the unit square, (n, 2): each coordinate takes the centre of each n-th part once.
+    """Return `count` points of the unit square, (n, 2), stratified in both coordinates like a Latin hypercube.
 
-    The second one by the order of the multiples of the golden ratio, as a Fibonacci lattice has it for other counts,
-    too.
+    The order of the second coordinate is that of multiples of the golden ratio modulo 1, which makes a Fibonacci
+    lattice of any count.
     """
     index = np.arange(count)
     rank = np.argsort(np.argsort((index + 1) * GOLDEN % 1.0))
@@ -253,7 +267,7 @@ def lattice(count: int) -> NDArray[np.float64]:
 
 
 def _restore_power(records: NDArray[np.void], patches: list[_Patch]) -> NDArray[np.void]:
-    """Let a material's samples stand for its patches without one, too, and have its hue on average."""
+    """Scale a material's samples so that their radiance times area adds up, per channel, to that of all its patches."""
     wanted = sum(patch.points["area"] @ patch.points["radiance"] for patch in patches)
     there = records["area"].astype(np.float64) @ records["color"]
     scale = float(wanted @ REC709_LUMINANCE / (there @ REC709_LUMINANCE))

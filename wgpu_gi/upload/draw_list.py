@@ -1,7 +1,9 @@
-"""What raster passes draw: vertices that carry their triangle's number, an index buffer over them, and its clusters.
+"""What raster passes draw: vertex and index buffers whose vertices carry a triangle number, draw calls, and clusters.
 
-The first vertex of every triangle is its own, so that the number reaches the fragments flat, without the feature
-`primitive-index`. Few vertices are doubled for that: most triangles find one that no other has claimed.
+Fragments need the number of their triangle, and WebGPU has no primitive index without an optional feature. So every
+triangle gets a provoking (first) vertex of its own, whose number reaches the fragments by flat interpolation. Few
+vertices are duplicated for that: most triangles find one that no other triangle has claimed. Clusters are runs of
+consecutive triangles, which passes cull against their views.
 """
 
 from __future__ import annotations
@@ -16,30 +18,30 @@ from ..scene.scene import Instance
 from .mesh_data import MASKED, NONE, MeshData, Placement
 from .two_level_bvh import TwoLevelBvh
 
-CLUSTER = 512  # triangles that are culled together; chosen
-MANY_INSTANCES = 8  # meshes with more instances are culled whole; chosen
-ROUNDING = 5e-7  # of sums of four terms in float32, and of boxes
-SMALL_GAP = 64  # hidden triangles that take about as long as another draw call; on llvmpipe 70 do
+CLUSTER = 512  # triangles that are culled together; tools/README.md, "Constants"
+MANY_INSTANCES = 8  # meshes with more instances are culled as a whole; tools/README.md, "Constants"
+ROUNDING = 5e-7  # twice the relative error of a sum of four products in float32, 4 * 2^-24
+SMALL_GAP = 64  # culled triangles that take as long to draw as another draw call; measured 70 on llvmpipe
 
 DrawCall = tuple[int, int, int, int]  # first index, indices, first instance slot, instances
 
 
 @dataclass
 class RasterMesh:
-    """A mesh's triangles with a first vertex of their own: `source` and `owner` per vertex, `corners` (m, 3)."""
+    """A mesh whose triangles have provoking vertices of their own."""
 
-    source: NDArray[np.int64]  # vertex of the mesh
-    owner: NDArray[np.int64]  # triangle whose first vertex it is, or -1
-    corners: NDArray[np.int64]
+    source: NDArray[np.int64]  # (n,) vertex of the mesh that each vertex copies
+    owner: NDArray[np.int64]  # (n,) triangle that the vertex provokes, or -1
+    corners: NDArray[np.int64]  # (m, 3) vertices of each triangle, the provoking one first
 
 
 @dataclass
 class DrawList:
-    """The arrays, and the runs of the index buffer that show everything, opaque and alpha-masked.
+    """The buffers, and the draw calls that draw everything, opaque and alpha-masked.
 
-    vertices (n, 4) uint32: position as float bits (world if baked, else local) and triangle. sources (n,) uint32: the
-    entry of each in the table of vertices. `slots` (k,) uint32: the scene's instance of each instance slot; slot 0 is
-    for vertices that are in world space.
+    vertices (n, 4) uint32: position as float bits (world space if baked, else local) and triangle number. sources (n,)
+    uint32: index of each in the scene's vertex table. slots (k,) uint32: the scene's instance for each instance index
+    of the draw calls; slot 0 is for vertices in world space.
     """
 
     vertices: NDArray[np.uint32]
@@ -51,7 +53,7 @@ class DrawList:
     clusters: Clusters = field(default_factory=lambda: Clusters())
 
     def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[DrawCall]:
-        """Return runs that show the clusters that `shown` (c,) selects; see `Clusters.visible`."""
+        """Return draw calls for the clusters that `shown` (c,) selects; see `Clusters.visible`."""
         if shown.all():
             return list(self.masked if masked else self.opaque)
         return self.clusters.visible(shown, masked)
@@ -59,10 +61,11 @@ class DrawList:
 
 @dataclass
 class Clusters:
-    """Parts of the runs, opaque ones first, and their boxes: `local` in the space of their vertices.
+    """Parts of the draw calls that are culled on their own, opaque ones first.
 
-    `instances` (c,) are the scene's instances that they are placed by, -1: they are in world space. `place` brings
-    `boxes`, relative to the scene's origin, up to date.
+    `local` (c, 2, 3) are their boxes in the space of their vertices, `runs` (c, 4) their draw calls, `instances` (c,)
+    the scene's instances that place them, -1 in world space. `place` brings `boxes`, which are relative to the origin,
+    up to date.
     """
 
     local: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2, 3), np.float32))
@@ -72,27 +75,30 @@ class Clusters:
     boxes: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2, 3), np.float32))
 
     def place(self, world_from_local: NDArray[np.float32]) -> None:
-        """Place the boxes by the matrices (n, 4, 3 or 4) of all instances, as the GPU has them."""
+        """Place the boxes by the matrices (n, 4, 3 or 4) of all instances, column by column as on the GPU."""
         placed = self.instances >= 0
         self.boxes = self.local.copy()
-        # Arvo 1990, "Transforming Axis-Aligned Bounding Boxes"; the matrices' rows are the images of the axes.
+        # Arvo 1990, "Transforming Axis-Aligned Bounding Boxes"; each row of `m` is the image of an axis.
         m = world_from_local[self.instances[placed], :, :3].astype(np.float64)
         low, high = self.local[placed, 0], self.local[placed, 1]
         middle = np.einsum("ci,cij->cj", (low + high) / 2, m[:, :3]) + m[:, 3]
         reach = np.einsum("ci,cij->cj", (high - low) / 2, np.abs(m[:, :3]))
-        # What shaders round is relative to the terms of the sum, which may be far larger than itself.
+        # Widen by what shaders round, which is relative to the terms of the sum, not to the sum.
         largest = np.maximum(np.abs(low), np.abs(high))
         reach += ROUNDING * (np.einsum("ci,cij->cj", largest, np.abs(m[:, :3])) + np.abs(m[:, 3]))
         self.boxes[placed] = np.stack([middle - reach, middle + reach], 1)
 
     def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[DrawCall]:
-        """Return the runs of the clusters that `shown` (c,) selects, joined, small gaps between them filled."""
+        """Return draw calls for the clusters that `shown` (c,) selects, merged, with small gaps between them filled."""
         part = slice(self.opaque_count, None) if masked else slice(self.opaque_count)
         return merge_draw_calls(self.runs[part][fill_gaps(shown[part], self.runs[part, 1])])
 
 
 def fill_gaps(shown: NDArray[np.bool_], indices: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return `shown` with the hidden clusters between shown ones that are too small to be worth another draw."""
+    """Add to `shown` (c,) culled clusters between shown ones that are too small to be worth another draw call.
+
+    `indices` (c,) are their counts of indices.
+    """
     at = np.flatnonzero(shown)
     ends = np.cumsum(indices)
     gaps = ends[at[1:] - 1] - ends[at[:-1]]
@@ -105,27 +111,30 @@ def fill_gaps(shown: NDArray[np.bool_], indices: NDArray[np.int64]) -> NDArray[n
 
 
 def merge_draw_calls(runs: NDArray[np.int64]) -> list[DrawCall]:
-    """Join runs of which each goes on where the one before ends, in the same instance; then instances of the same."""
+    """Merge draw calls of adjacent indices of one instance, then those of the same indices of adjacent instances."""
     if not len(runs):
         return []
+    # Adjacent indices.
     first, count, slot, instances = runs.T
     same = (slot[1:] == slot[:-1]) & (instances[1:] == instances[:-1])
     starts = _starts(same & (first[1:] == first[:-1] + count[:-1]))
     first, slot, instances = first[starts], slot[starts], instances[starts]
     count = np.add.reduceat(count, starts)
+    # Adjacent instances.
     same = (first[1:] == first[:-1]) & (count[1:] == count[:-1])
     starts = _starts(same & (slot[1:] == slot[:-1] + instances[:-1]))
     joined = [first[starts], count[starts], slot[starts], np.add.reduceat(instances, starts)]
     return list(zip(*(column.tolist() for column in joined), strict=True))
 
 
-def _starts(goes_on: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return where runs begin that do not go on from the one before."""
-    return np.concatenate([[0], np.flatnonzero(~goes_on) + 1])
+def _starts(continues: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return where groups begin, given for each element but the first whether it continues the one before."""
+    return np.concatenate([[0], np.flatnonzero(~continues) + 1])
 
 
 def assign_provoking_vertices(triangles: NDArray[np.uint32], vertex_count: int) -> RasterMesh:
-    """Give each triangle (m, 3) a first vertex that is no other's."""
+    """Give each triangle (m, 3) a provoking vertex that no other triangle has."""
+    # Let triangles claim their corners: in each round those without a vertex claim their next corner.
     triangles = triangles.astype(np.int64)
     owner = np.full(vertex_count, -1, np.int64)
     chosen = np.full(len(triangles), -1, np.int64)
@@ -133,9 +142,10 @@ def assign_provoking_vertices(triangles: NDArray[np.uint32], vertex_count: int) 
         open_ = np.flatnonzero(chosen < 0)
         wanted = triangles[open_, corner]
         open_, wanted = open_[owner[wanted] < 0], wanted[owner[wanted] < 0]
-        owner[wanted] = open_  # of several that want the same vertex, one gets it
+        owner[wanted] = open_  # of several triangles that claim the same vertex, one gets it
         won = open_[owner[wanted] == open_]
         chosen[won] = corner
+    # Duplicate the first corner of the triangles that got none, and turn each triangle to begin with its vertex.
     without = np.flatnonzero(chosen < 0)
     chosen[without] = 0
     rows = np.arange(len(triangles))[:, None]
@@ -148,7 +158,7 @@ def assign_provoking_vertices(triangles: NDArray[np.uint32], vertex_count: int) 
 def build_draw_list(
     instances: list[Instance], hierarchy: TwoLevelBvh, known: MutableMapping[MeshData, RasterMesh]
 ) -> DrawList:
-    """Lay out the scene for drawing; `known` keeps what has been made of each MeshData."""
+    """Return the draw list of a scene; `known` caches the RasterMesh of each mesh."""
     parts = [_Part(place, known) for place in hierarchy.placements()]
     slots = _assign_slots(parts, instances)
     vertices, sources = _lay_out_vertices(parts, hierarchy, instances)
@@ -159,7 +169,7 @@ def build_draw_list(
 
 
 def _assign_slots(parts: list[_Part], instances: list[Instance]) -> NDArray[np.int64]:
-    """Give each part that is not in world space its instances' slots; return the scene's instance of each slot."""
+    """Give each part in local space a slot for each of its instances; return the scene's instance of each slot."""
     users: dict[int, list[int]] = {}
     for number, instance in enumerate(instances):
         users.setdefault(id(instance.mesh), []).append(number)
@@ -174,7 +184,7 @@ def _assign_slots(parts: list[_Part], instances: list[Instance]) -> NDArray[np.i
 def _lay_out_vertices(
     parts: list[_Part], hierarchy: TwoLevelBvh, instances: list[Instance]
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """Give each part its first vertex; return the vertices and sources of all."""
+    """Give each part its place among the vertices; return the vertices and sources of all."""
     if not parts:
         return np.zeros((1, 4), np.uint32), np.zeros(1, np.uint32)
     vertices: list[NDArray[np.uint32]] = []
@@ -191,14 +201,15 @@ def _lay_out_vertices(
 def _lay_out_indices(
     parts: list[_Part], hierarchy: TwoLevelBvh, slots: NDArray[np.int64]
 ) -> tuple[NDArray[np.uint32], dict[bool, list[DrawCall]], Clusters]:
-    """Return the index buffer, its runs by whether they are masked, and their clusters, which have no place yet."""
+    """Return the index buffer, its draw calls by whether they are masked, and their clusters, still to be placed."""
+    # Lay out opaque, then masked triangles, each part by part.
     indices: list[NDArray[np.int64]] = []
     runs: dict[bool, list[DrawCall]] = {False: [], True: []}
     boxes = [np.zeros((0, 2, 3), np.float32)]
     cluster_runs = [np.zeros((0, 4), np.int64)]
     first = opaque_clusters = 0
     for masked in (False, True):
-        # What lies in world space is drawn as one run.
+        # Parts in world space come first, so that their draw calls merge into one.
         for part in sorted(parts, key=lambda p: p.place.baked is None):
             chosen = np.flatnonzero(part.masked(hierarchy) == masked)
             if not len(chosen):
@@ -212,6 +223,7 @@ def _lay_out_indices(
             first += len(chosen)
         if not masked:
             opaque_clusters = sum(map(len, cluster_runs))
+    # Join the parts.
     all_indices = (np.concatenate(indices) if indices else np.zeros((1, 3))).astype(np.uint32)
     all_runs = np.concatenate(cluster_runs)
     placed_by = np.where(all_runs[:, 2] > 0, slots[all_runs[:, 2]], -1)
@@ -219,7 +231,7 @@ def _lay_out_indices(
 
 
 class _Part:
-    """One mesh's share of the draws."""
+    """One mesh's share of the draw list."""
 
     def __init__(self, place: Placement, known: MutableMapping[MeshData, RasterMesh]) -> None:
         self.place = place
@@ -231,11 +243,11 @@ class _Part:
         self.users: list[int] = []
 
     def masked(self, hierarchy: TwoLevelBvh) -> NDArray[np.bool_]:
-        """Tell for each triangle whether it may be cut out."""
+        """Tell for each triangle whether it has an alpha mask."""
         return (hierarchy.triangles["flags"][self.place.triangles] & MASKED) != 0
 
     def vertices(self, hierarchy: TwoLevelBvh, instances: list[Instance]) -> NDArray[np.uint32]:
-        """Return positions and triangle numbers."""
+        """Return the vertices, (n, 4) uint32: positions and triangle numbers."""
         positions = np.asarray(self.data.mesh.positions, np.float64)
         if self.place.baked is not None:
             matrix = np.asarray(instances[self.place.baked].world_from_local, np.float64)
@@ -248,8 +260,9 @@ class _Part:
     def clusters(
         self, hierarchy: TwoLevelBvh, chosen: NDArray[np.int64], first_index: int
     ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """Return local boxes (c, 2, 3) and runs (c, 4) of the triangles `chosen`, whose indices begin there."""
+        """Return local boxes (c, 2, 3) and draw calls (c, 4) of the triangles `chosen`, drawn from `first_index` on."""
         whole = len(self.users) > MANY_INSTANCES
+        # Box each cluster.
         starts = np.arange(0, len(chosen), len(chosen) if whole else CLUSTER)
         t = hierarchy.triangles[self.place.triangles][chosen]
         corners = np.stack([t["v0"], t["v0"] + t["edge1"], t["v0"] + t["edge2"]], 1)
@@ -258,7 +271,7 @@ class _Part:
         )
         counts = 3 * np.diff(np.append(starts, len(chosen)))
         runs = np.stack([first_index + 3 * starts, counts, np.zeros_like(starts), np.ones_like(starts)], 1)
-        # Each cluster once for each instance.
+        # Repeat each cluster for each instance.
         times = max(len(self.users), 1)
         runs = np.tile(runs, (times, 1))
         runs[:, 2] = np.repeat(self.first_slot + np.arange(times), len(starts))

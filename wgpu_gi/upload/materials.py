@@ -1,4 +1,4 @@
-"""Sends materials to the GPU as records, and their pictures as two atlases: one sRGB-coded, one linear."""
+"""Sends materials to the GPU as records, and their images as two texture atlases: one sRGB-coded, one linear."""
 
 from __future__ import annotations
 
@@ -35,13 +35,15 @@ class MaterialUpload:
         return any(self._images.values())
 
     def send_images(self, materials: list[Material]) -> None:
-        """Send an atlas again if it holds other pictures than before."""
+        """Send an atlas if the set of its images changed. Raises GiError if the images do not fit."""
         gpu = self._resources.gpu
         for name, texture_format in (("atlas_srgb", "rgba8unorm-srgb"), ("atlas_linear", "rgba8unorm")):
+            # Compare images by identity: they are immutable once in use.
             used = [t.image for m in materials for t in self._textures(m)[name].values()]
             images = list({id(i): i for i in used}.values())
             if name in self._images and [id(i) for i in images] == [id(i) for i in self._images[name]]:
                 continue
+            # Pack them and copy each to its place.
             self._images[name], atlas = images, pack_atlas(images)
             self._atlases[name] = atlas
             texture = gpu.create_texture(
@@ -62,7 +64,10 @@ class MaterialUpload:
             self._resources.set(name, texture)
 
     def send_records(self, materials: list[Material], pdf: dict[int, float]) -> None:
-        """Send the materials if they changed, after their pictures; `pdf` is that of emitters by id, 1/m2."""
+        """Send the material records if any changed; call after `send_images`.
+
+        `pdf` gives the density of light samples on emitters, 1/m2, by id(material).
+        """
         packed = np.zeros(max(len(materials), 1), self._dtype)
         for record, m in zip(packed, materials, strict=False):
             record["base_color"], record["emission"] = m.base_color, m.emission
@@ -78,7 +83,7 @@ class MaterialUpload:
         self._resources.records("materials", packed)
 
     def _textures(self, m: Material) -> dict[str, dict[int, Texture]]:
-        """Return the textures in use by the name of their atlas and their slot in the Material struct."""
+        """Return the textures that shaders read, by the name of their atlas and their slot in the Material struct."""
         slots: dict[str, dict[int, Texture | None]] = {
             "atlas_srgb": {0: m.base_color_texture, 1: m.emission_texture},
             "atlas_linear": {} if self._diffuse else {2: m.metallic_roughness_texture, 3: m.normal_texture},
@@ -87,7 +92,7 @@ class MaterialUpload:
 
 
 def _pack_texture(slot: NDArray[np.void], texture: Texture, atlas: Atlas) -> None:
-    """Fill a TextureSlot."""
+    """Fill a TextureSlot record of wgsl/scene/materials.wgsl."""
     layer, x, y = atlas.places[id(texture.image)]
     height, width = texture.image.pixels.shape[:2]
     slot["corner"], slot["size"], slot["layer"] = (x, y), (width, height), layer

@@ -1,4 +1,4 @@
-"""A scene's buffers and textures on the GPU by name, each with a version that goes up with its contents."""
+"""A scene's buffers and textures on the GPU by name, each with a version that grows with its contents."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ TABLE_WIDTH = 4096  # texels of a table in a row (wgsl/scene/geometry.wgsl)
 
 
 class GpuResources:
-    """Creates, fills and replaces them; `[name]` is (wgpu object, version)."""
+    """Creates, fills and replaces resources; `[name]` is (wgpu object, version)."""
 
     def __init__(self, gpu: Any, limit: int) -> None:
         self.gpu = gpu
-        self._limit = limit  # bytes that can be bound
+        self._limit = limit  # bytes of a buffer that the device can bind
         self._known: dict[str, tuple[Any, int]] = {}
-        self._contents: dict[str, bytes] = {}  # of the small buffers, to see whether they changed
-        self._sent: dict[str, NDArray[np.uint8]] = {}  # the tables as the GPU has them
+        self._contents: dict[str, bytes] = {}  # of the small buffers, to find out whether they changed
+        self._sent: dict[str, NDArray[np.uint8]] = {}  # the texels of each table on the GPU
 
     def __getitem__(self, name: str) -> tuple[Any, int]:
         return self._known[name]
@@ -31,17 +31,17 @@ class GpuResources:
         return name in self._known
 
     def versions(self) -> dict[str, int]:
-        """Return the version of each."""
+        """Return the version of each resource."""
         return {name: version for name, (_, version) in self._known.items()}
 
     def release(self) -> None:
-        """Destroy all of them."""
+        """Destroy all resources."""
         for resource, _ in self._known.values():
             resource.destroy()
         self._known = {}
 
     def texture(self, name: str, texture_format: str, pixels: NDArray[np.float32]) -> None:
-        """Make a texture of (height, width, channels) pixels."""
+        """Create a texture from float32 pixels (height, width, channels)."""
         height, width, channels = pixels.shape
         texture = self.gpu.create_texture(
             label=f"scene/{name}",
@@ -54,14 +54,17 @@ class GpuResources:
         self.set(name, texture)
 
     def records(self, name: str, array: NDArray) -> None:
-        """Send a small buffer if its contents changed."""
+        """Send the records of a small buffer if any of them changed."""
         contents = array.tobytes()
         if self._contents.get(name) != contents:
             self._contents[name] = contents
             self.buffer(name, array)
 
     def buffer(self, name: str, array: NDArray) -> None:
-        """Write into the buffer there is if it fits exactly, else into a new one."""
+        """Send a buffer: into the existing one if it has the same size, else into a new one.
+
+        Raises GiError if the device cannot bind so many bytes.
+        """
         if array.nbytes > self._limit:
             raise GiError(
                 f"the scene's {name} take {array.nbytes / 2**20:.0f} MiB; this device binds at most"
@@ -80,13 +83,17 @@ class GpuResources:
         self.set(name, buffer)
 
     def table(self, name: str, array: NDArray) -> None:
-        """Write records as texels of 16 bytes into a texture: from the first row that differs to the last."""
+        """Send records as texels of 16 bytes of a texture: only the rows from the first to the last that changed.
+
+        Raises GiError if the texture would have too many rows.
+        """
         texels = array.nbytes // 16
         rows = -(-texels // TABLE_WIDTH)
         if rows > MAX_PAGE:
             raise GiError(
-                f"the scene's {name} take {rows} rows of a texture; {MAX_PAGE} are possible: use fewer triangles"
+                f"the scene's {name} fill {rows} rows of a texture; {MAX_PAGE} are possible: use fewer triangles"
             )
+        # Lay the records out in rows, and find those that changed.
         pixels = np.zeros((rows, TABLE_WIDTH * 16), np.uint8)
         pixels.ravel()[: array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
         first, last = 0, rows - 1
@@ -102,6 +109,7 @@ class GpuResources:
             size = (TABLE_WIDTH, rows, 1)
             texture = self.gpu.create_texture(label=f"scene/{name}", size=size, format="rgba32uint", usage=usage)
             self.set(name, texture)
+        # Send them.
         self._sent[name] = pixels
         self.gpu.queue.write_texture(
             {"texture": texture, "origin": (0, first, 0)},
@@ -111,7 +119,7 @@ class GpuResources:
         )
 
     def set(self, name: str, resource: Any) -> None:
-        """Take another object in place of the one there was."""
+        """Store a wgpu object under a name, and destroy the one that it replaces."""
         old, version = self._known.get(name, (None, 0))
         self._known[name] = (resource, version + 1)
         if old is not None:

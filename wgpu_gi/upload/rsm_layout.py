@@ -1,4 +1,4 @@
-"""How the texels of reflective shadow maps are shared out among point, spot and sun lights."""
+"""Sizes of reflective shadow maps: divides a budget of texels among punctual lights by their sampling probability."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from numpy.typing import NDArray
 
 from .light_table import KIND_SUN
 
-LEAST_LEVEL, MOST_LEVEL = 1, 8  # log2 of texels a side
+MIN_LEVEL, MAX_LEVEL = 1, 8  # log2 of texels a side: 2x2 to 256x256
 
 
 def rsm_layout(lights: NDArray[np.void], count: int, texels: int, dtype: np.dtype) -> tuple[NDArray[np.void], int]:
     """Return RsmLight records (many_light/rsm/trace.wgsl) for the first lights of a light table, and their texel count.
 
-    Each light has a square map with a power of two of texels a side, about its share of `texels` by probability.
+    Each light gets a square map, a power of two a side, of about its share of `texels`.
     """
     punctual = lights[:count][lights["kind"][:count] <= KIND_SUN]
     records = np.zeros(max(len(punctual), 1), dtype)
     if not len(punctual):
         return records, 0
     share = punctual["probability"].astype(np.float64) / punctual["probability"].sum()
-    level = np.clip(np.floor(np.log2(np.sqrt(texels * share)) + 1e-6), LEAST_LEVEL, MOST_LEVEL).astype(np.int64)
+    level = np.clip(np.floor(np.log2(np.sqrt(texels * share)) + 1e-6), MIN_LEVEL, MAX_LEVEL).astype(np.int64)
     sizes = 4**level
     records["level"], records["first"] = level, np.cumsum(sizes) - sizes
     return records, int(sizes.sum())
