@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cache
 
 from .errors import GiError
 from .gpu.device import Device
 from .settings import setting
+from .techniques import deferred, many_light, reference, ssao, ssdo, ssil
 from .techniques.deferred.direct import DirectSettings
 from .techniques.deferred.environment import EnvironmentSettings
 from .techniques.deferred.shadow_views import ShadowSettings
@@ -18,52 +18,28 @@ from .techniques.many_light.ism import IsmSettings
 from .techniques.many_light.rsm import RsmSettings
 from .techniques.many_light.vpl import VplSettings
 from .techniques.reference import PathSettings
+from .techniques.shared.sampling import CameraSettings
+from .techniques.shared.technique import Technique
 from .techniques.shared.temporal import TemporalSettings
 from .techniques.ssdo.sources import SsdoSettings
-from .techniques.ssil.ssil import MOST_BOUNCES, SsilSettings, is_amortised
+from .techniques.ssil.ssil import SsilSettings
 from .techniques.ssil.voxels import VoxelSettings
-from .upload.surface_samples import GOLDEN, R2
 
 MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
 MAX_PIXELS = 2**25  # 96 bytes of running means and results each: 3 GiB
 PIXEL_BYTES = 16  # of the largest buffer per pixel, array<vec4f>
 
 
-@dataclass(frozen=True)
-class Technique:
-    """What a technique promises: `bounces` of indirect light at most (None: as many as are asked for).
-
-    If it draws random numbers, each frame of a still picture draws others, and their mean settles.
-    """
-
-    sentence: str
-    bounces: int | None
-    is_random: bool
-
-
-POINTS = 1 << 17  # on all surfaces, for many-light; chosen
-# Everything that takes any technique (the command line, benchmarks, tests of invariance) reads this list.
+# A technique for indirect light is a folder of `techniques/`, an entry here, and its line in `frame.py`. All that takes
+# any technique (the command line, benchmarks, tests of invariance) reads this table.
 TECHNIQUES = {
-    "path": Technique("progressive path tracer, the truth", None, True),
-    "none": Technique("direct light only, deferred", 0, False),
-    "many-light": Technique("virtual point lights with imperfect shadow maps", None, True),
-    "ssdo": Technique("directional occlusion and one bounce in screen space", 1, True),
-    "ssil": Technique("from what the picture shows, at several scales, with visibility by voxels", None, True),
+    "path": reference.TECHNIQUE,
+    "none": deferred.TECHNIQUE,
+    "many-light": many_light.TECHNIQUE,
+    "ssdo": ssdo.TECHNIQUE,
+    "ssil": ssil.TECHNIQUE,
+    "ssao": ssao.TECHNIQUE,
 }
-
-
-@dataclass
-class CameraSettings:
-    """How pixels are sampled."""
-
-    jitter: bool = setting(True, "Average over the pixel's square (box filter) instead of sampling its centre.")
-    frames: int = setting(
-        24,
-        "Frames that a still picture averages; not of the path tracer, which averages samples.",
-        "frames",
-        range=(1, 65536),
-        presets={"low": 4, "high": 64},
-    )
 
 
 @dataclass
@@ -72,7 +48,7 @@ class Settings:
 
     gi: str = setting(
         "path",
-        "Technique for light: path (path tracer), none (direct only), many-light, ssdo or ssil.",
+        "Technique for indirect light: " + ", ".join(TECHNIQUES) + ".",
         choices=(*TECHNIQUES,),
     )
     bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
@@ -96,32 +72,18 @@ class Settings:
     voxels: VoxelSettings = field(default_factory=VoxelSettings)
 
 
+def technique_of(gi: str) -> Technique:
+    """Return a technique by its name. Raises GiError if there is none."""
+    if gi not in TECHNIQUES:
+        raise GiError(f"gi must be one of {', '.join(TECHNIQUES)}, not {gi!r}")
+    return TECHNIQUES[gi]
+
+
 def picture_count(settings: Settings) -> int:
-    """Return how many frames make a still picture; of the path tracer, which averages samples itself, one."""
-    several = settings.camera.jitter or TECHNIQUES[settings.gi].is_random
-    return settings.camera.frames if several and settings.gi != "path" else 1
-
-
-def frames_ahead(settings: Settings) -> int:
-    """Return how many frames come before those that a still picture averages, for light to go round in."""
-    return MOST_BOUNCES if settings.gi == "ssil" and is_amortised(settings.ssil, settings.bounces) else 0
-
-
-def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
-    """Return where the rays of one of `frames` jittered frames go through their pixels.
-
-    A rank-1 lattice, so that every row and every column of the pixel's square has one point and their mean is exactly
-    its centre; the order jumps about the square.
-    """
-    index = (frame * _coprime(frames, R2[0]) + frames // 2) % frames
-    other = (index * _coprime(frames, GOLDEN)) % frames
-    return (index + 0.5) / frames, (other + 0.5) / frames
-
-
-@cache
-def _coprime(count: int, share: float) -> int:
-    """Return the number nearest to a share of `count` that has no common divisor with it."""
-    return min(range(1, count + 1), key=lambda k: (math.gcd(k, count) > 1, abs(k - share * count)))
+    """Return how many frames make a still picture: one if the technique averages samples itself, or nothing varies."""
+    technique = technique_of(settings.gi)
+    varies = settings.camera.jitter or technique.is_random
+    return settings.camera.frames if varies and not technique.averages_samples else 1
 
 
 def check_size(width: int, height: int, device: Device | None = None) -> None:

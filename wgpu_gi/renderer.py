@@ -19,24 +19,20 @@ from .gpu.device import open_device
 from .gpu.graph import Graph
 from .gpu.handles import Texture
 from .gpu.wgsl.load import refresh
-from .options import TECHNIQUES, CameraSettings, Settings, check_size, frames_ahead, picture_count, pixel_offset
+from .options import TECHNIQUES, Settings, check_size, picture_count, technique_of
 from .pictures.picture import Picture
 from .pictures.tables import Table
 from .scene.files.camera_files import framing_camera
 from .scene.scene import Scene
 from .settings import apply_quality, validate
-from .techniques.deferred.inputs import DeferredInputs
-from .techniques.many_light.inputs import ManyLightInputs
-from .techniques.reference import path_runs
 from .techniques.shared.composite import MEANS
-from .techniques.shared.scene_inputs import SceneInputs, ScreenInputs, share_scene, share_solids
-from .techniques.ssdo.sources import screen_views, view_name
+from .techniques.shared.sampling import CameraSettings
+from .techniques.shared.scene_inputs import SceneInputs
+from .techniques.shared.technique import Kept, Shot
 from .upload.fingerprint import Fingerprint
 from .upload.scene_upload import SceneUpload
 
 __all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "render"]
-
-_TRACED = {"radiance", "direct", "indirect", "emission", "standard_error"}  # what the path tracer refines
 
 
 class Renderer:
@@ -66,17 +62,15 @@ class Renderer:
         check_size(*size, self._device)
         self._graph = Graph(self._device)
         self._upload: SceneUpload | None = None
-        self._deferred = DeferredInputs()
-        self._many_light = ManyLightInputs()
-        self._screen: ScreenInputs | None = None
+        self._kept = Kept()
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
         self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
-        self._frame = 0  # of the jittered ones that a still picture averages; below 0 are those before them
+        self._frame = 0  # of those that a still picture averages; negative during the warm-up
         self._rested = False  # nothing has moved in the last step
         self._rows: list[Row] = []  # of the plan
         self._complete = False  # every pixel is known to have all its samples
-        self._extra_runs = 0  # of the path tracer, for pixels that are behind
+        self._refining = False  # the technique has planned more runs than were declared
 
     @property
     def adapter_name(self) -> str:
@@ -110,9 +104,7 @@ class Renderer:
         self._graph.release()
         self._graph, self._declared, self._inputs = Graph(self._device), None, None
         self._sources = {}
-        self._deferred = DeferredInputs()
-        self._many_light = ManyLightInputs()
-        self._extra_runs = 0
+        self._kept = Kept()
 
     def reload(self) -> None:
         """Let the next step declare the frame from the shader files as they are now."""
@@ -181,34 +173,26 @@ class Renderer:
         force: bool,
     ) -> bool:
         self._prepare(shown, force)
-        before = self._graph.settle_progress()
-        frames = picture_count(self.settings)
-        total_runs = path_runs(self.settings.path, self.settings.spp) + self._extra_runs
+        graph, frames, technique = self._graph, picture_count(self.settings), technique_of(self.settings.gi)
+        before = graph.settle_progress()
+        runs = max((p.settle for p in graph.order), default=0)
 
         def on_chunk(fraction: float) -> None:
             if progress is not None:
-                progress(min(1.0, (0.0 if before >= 1.0 else before) + fraction / total_runs))
+                progress(min(1.0, (0.0 if before >= 1.0 else before) + fraction / max(runs, 1)))
 
-        ran = self._graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
+        ran = graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
         if progress is not None and frames > 1:
-            ahead = frames_ahead(self.settings)
+            ahead = technique.warm_up(self.settings)
             progress((ahead + self._frame + 1) / (ahead + frames))
         if ran:
             self._complete = False
-            self._rows = self._graph.plan()
-        elif self.settings.gi == "path" and not self._complete and _TRACED.intersection(shown):
-            self._complete = self._catch_up()
-            return not self._complete
+            self._rows = graph.plan()
+        elif technique.refine is not None and not self._complete and technique.refined.intersection(shown):
+            self._refining = technique.refine(graph, self._kept, self.settings)
+            self._complete = not self._refining
+            return self._refining
         return ran
-
-    def _catch_up(self) -> bool:
-        """Plan more runs for pixels whose paths took so many steps that they are behind; return True if none is."""
-        samples = int(self._graph.read_back("path/emission").reshape(-1, 4)[:, 3].min())
-        missing = self.settings.spp - samples
-        runs = path_runs(self.settings.path, self.settings.spp) + self._extra_runs
-        # As many runs as the slowest pixel needs at its pace so far.
-        self._extra_runs += -(-missing * runs // max(samples, 1))
-        return missing <= 0
 
     def read_back(self, name: str = "radiance") -> Picture:
         """Return a buffer of the last run as (height, width, 3) float32; `depth` as (height, width).
@@ -220,9 +204,8 @@ class Renderer:
         for screens. Raises GiError for a buffer that there is not.
         """
         self._check_buffers((name,))
-        self._check_filled(name)
+        source = self._source(name)
         width, height = self._graph.size
-        source = self._sources[name]
         if source.handle is None:
             return self._picture(name, np.zeros((height, width, 3), np.float32))
         pixels = self._graph.read_back(source.handle).reshape(height, width, 4)
@@ -242,8 +225,7 @@ class Renderer:
 
     def display_texture(self) -> Any:
         """Return the wgpu texture of the buffer `display`, rgba8unorm; valid until the next step."""
-        self._check_filled("display")
-        handle = self._sources["display"].handle
+        handle = self._source("display").handle
         assert isinstance(handle, Texture)
         return handle.object()
 
@@ -267,8 +249,9 @@ class Renderer:
         frames = picture_count(settings)
         seen = (scene, pose, self.size, show, frames)
         before = self._inputs or ()
+        refining, self._refining = self._refining, False
         still = not force and seen == before[: len(seen)]
-        same = still and (settings, self._extra_runs) == before[len(seen) :]
+        same = still and not refining and (settings,) == before[len(seen) :]
         if same and self._rested and self._frame + 1 >= frames:
             return
         # One step without a change still has to say that nothing moves any more.
@@ -278,85 +261,58 @@ class Renderer:
         if settings != known:
             validate(settings)
             known = deepcopy(settings)
-        inputs = (*seen, known, self._extra_runs)
+        inputs = (*seen, known)
         goes_on = same
         if still and not same:
             # Only settings differ: whether they matter to the frames averaged so far, the graph knows.
             self._update(inputs)
             goes_on = not any(name.startswith(MEANS) for name in self._graph.stale())
-        self._frame = min(self._frame + 1, frames - 1) if goes_on else -frames_ahead(settings)
+        first = -technique_of(settings.gi).warm_up(settings)
+        self._frame = min(self._frame + 1, frames - 1) if goes_on else first
         self._update(inputs)
 
     def _update(self, inputs: tuple[Any, ...]) -> None:
         """Bring what is on the GPU and what is declared up to date."""
         scene, _, _, show, *_ = inputs
-        self._send(scene)
+        found = self._send(scene)
         self._inputs = inputs
-        self._declare(show)
+        self._declare(show, found)
 
-    def _send(self, scene: Fingerprint) -> None:
-        """Bring the scene, the lights and the camera on the GPU up to date."""
-        settings, graph, upload = self.settings, self._graph, self._upload
+    def _send(self, scene: Fingerprint) -> SceneInputs:
+        """Bring what the technique needs of the scene on the GPU up to date."""
+        settings, upload = self.settings, self._upload
         if upload is None or upload.diffuse != settings.diffuse:
             if upload is not None:
                 upload.release()
             self._upload = upload = SceneUpload(self._device, settings.diffuse)
             self._inputs = None
-        changed = self._inputs is None or scene != self._inputs[0]
-        if changed:
+        if self._inputs is None or scene != self._inputs[0]:
             upload.update(self.scene)
-        view = upload.view(self.camera, self.size, settings.camera.jitter and settings.gi == "path")
-        if settings.gi != "path":
-            self._deferred.update(upload, self.scene, view, settings.direct, settings.shadow)
-            jittered = picture_count(settings) if settings.camera.jitter else 1
-            view = upload.view(self.camera, self.size, False, pixel_offset(max(self._frame, 0), jittered))
-            self._deferred.note_motion(upload, self.scene, graph, view)
-            self._deferred.note_frame(graph, self._frame)
-        if settings.gi == "ssdo":
-            box, triangles = upload.box + upload.origin, self.scene.triangle_count
-            sky = settings.environment.ambient and upload.features["HAS_ENVIRONMENT"]
-            self._screen, cameras = screen_views(self.camera, box, self.size, triangles, settings.ssdo, sky)
-            for number, camera in enumerate(cameras, 1):
-                graph.uniform(view_name(number), upload.view(camera, self.size, False))
-        if settings.gi == "many-light":
-            self._many_light.update(upload, self.scene, settings.rsm)
-        if settings.gi == "ssil":
-            upload.update_solids(settings.voxels.solids)
-        graph.uniform("scene", upload.info)
-        graph.uniform("view", view)
+        frames = picture_count(settings)
+        shot = Shot(self._graph, upload, self.scene, self.camera, self.size, self._frame, frames, self._kept)
+        return technique_of(settings.gi).inputs(shot, settings)
 
-    def _declare(self, show: tuple[str, ...]) -> None:
+    def _declare(self, show: tuple[str, ...], inputs: SceneInputs) -> None:
         """Declare the frame if that would differ from what is declared."""
-        inputs = self._share()
         assert self._inputs is not None
         declared = (*self._inputs[2:], inputs.shape())
         if declared == self._declared:
             return
         self._declared = None
         self._graph.begin(self.size)
-        self._sources = declare_frame(
-            self._graph, self.settings, self._share(), self._deferred.shadows, self._extra_runs
-        )
-        wanted = [self._sources[name].handle for name in show]
+        self._sources = declare_frame(self._graph, self.settings, inputs)
+        wanted = [self._source(name).handle for name in show]
         self._graph.compile([handle for handle in wanted if handle is not None])
         self._declared = declared
 
-    def _share(self) -> SceneInputs:
-        assert self._upload is not None
-        inputs = share_scene(self._graph, self._upload)
-        if self.settings.gi != "path":
-            inputs = self._deferred.share(self._graph, self._upload, inputs)
-        if self.settings.gi == "many-light":
-            inputs = self._many_light.share(self._graph, self._upload, inputs)
-        if self.settings.gi == "ssdo":
-            inputs = replace(inputs, screen=self._screen)
-        if self.settings.gi == "ssil":
-            inputs = share_solids(self._graph, self._upload, inputs)
-        return inputs
-
-    def _check_filled(self, name: str) -> None:
+    def _source(self, name: str) -> Source:
+        """Return where a buffer of the last frame lies. Raises GiError if that frame has none of this name."""
         if name not in self._sources:
-            raise GiError(f"{name!r} holds nothing yet: run the renderer first")
+            absent = technique_of(self.settings.gi).views.get(name) if self._sources else None
+            raise GiError(
+                f"--show {name}: {absent}" if absent else f"{name!r} holds nothing yet: run the renderer first"
+            )
+        return self._sources[name]
 
     def _check_buffers(self, names: Iterable[str]) -> None:
         for name in names:
@@ -369,7 +325,7 @@ def render(
     *,
     size: tuple[int, int] = (640, 360),
     camera: Camera | None = None,
-    gi: str = "path",
+    gi: str | None = None,
     spp: int = 64,
     bounces: int | None = None,
     seed: int = 0,
@@ -385,7 +341,8 @@ def render(
     The sections of `settings` give the finer knobs; its first level is replaced by the arguments here. `quality` (low,
     medium, high) sets all knobs that have presets. Raises GiError for bad values.
     """
-    chosen = replace(deepcopy(settings) or Settings(), gi=gi, spp=spp, bounces=bounces, seed=seed, diffuse=diffuse)
+    base = deepcopy(settings) or Settings()
+    chosen = replace(base, gi=gi or base.gi, spp=spp, bounces=bounces, seed=seed, diffuse=diffuse)
     if quality is not None:
         apply_quality(chosen, quality)
     renderer = Renderer(scene, size=size, camera=camera, settings=chosen, adapter=adapter)

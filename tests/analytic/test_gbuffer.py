@@ -12,14 +12,15 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
-from wgpu_gi.options import picture_count, pixel_offset
+from wgpu_gi.options import picture_count
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene.built_in.shapes import grid, quad, sphere
 from wgpu_gi.scene.scene import Image, Instance, Material, Scene, Texture
 from wgpu_gi.techniques.shared import culling
 from wgpu_gi.techniques.shared.culling import visible
 from wgpu_gi.techniques.shared.gbuffer import declare_gbuffer
-from wgpu_gi.techniques.shared.scene_inputs import share_scene
+from wgpu_gi.techniques.shared.sampling import pixel_offset
+from wgpu_gi.techniques.shared.scene_inputs import share_raster
 from wgpu_gi.upload import draw_list
 from wgpu_gi.upload.scene_upload import SceneUpload
 
@@ -142,7 +143,7 @@ class Bench:
         self.graph.uniform("scene", self.upload.info)
         self.look("view", camera)
         self.graph.begin(size)
-        self.inputs = share_scene(self.graph, self.upload)
+        self.inputs = share_raster(self.graph, self.upload)
 
     def look(self, name, camera):
         self.graph.uniform(name, self.upload.view(camera, self.size, False))

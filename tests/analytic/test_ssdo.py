@@ -30,8 +30,8 @@ def corner(lights=(), sky=None, albedo=0.5, wall=0.8):
     return Scene([Instance(floor), Instance(upright)], list(lights), sky, [camera])
 
 
-def render(scene, *texts, size=(64, 48), frames=32):
-    settings = Settings(gi="ssdo", diffuse=True, camera=CameraSettings(jitter=False, frames=frames))
+def render(scene, *texts, size=(64, 48), frames=32, gi="ssdo"):
+    settings = Settings(gi=gi, diffuse=True, camera=CameraSettings(jitter=False, frames=frames))
     for text in ("ssdo.steps=64", "ssdo.half=false", *texts):
         assign(settings, text)
     renderer = Renderer(scene, size=size, settings=settings)
@@ -94,7 +94,7 @@ def test_shadows_take_the_colour_of_the_light_that_is_hidden(sampling):
     assert blue == pytest.approx(0.25, rel=0.03)
     assert red == pytest.approx(0.25 - hidden, abs=0.02)
     assert green == pytest.approx(0.5 - hidden, rel=0.03)
-    grey = render(corner(sky=Environment((1.0, 1.0, 1.0), picture)), "ssdo.occlusion=ambient")
+    grey = render(corner(sky=Environment((1.0, 1.0, 1.0), picture)), gi="ssao")
     grey_red, _, grey_blue = grey["direct"][near].mean(0)
     assert grey_red == pytest.approx(grey_blue, rel=0.01)
 

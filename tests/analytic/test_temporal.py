@@ -12,7 +12,7 @@ from wgpu_gi.techniques.many_light.clusters import Clusters
 from wgpu_gi.techniques.many_light.filters import declare_temporal
 from wgpu_gi.techniques.many_light.gather import Gathered
 from wgpu_gi.techniques.shared.gbuffer import declare_gbuffer
-from wgpu_gi.techniques.shared.scene_inputs import share_scene
+from wgpu_gi.techniques.shared.scene_inputs import share_raster
 from wgpu_gi.techniques.shared.temporal import TemporalSettings
 
 SIZE = (24, 16)
@@ -33,7 +33,7 @@ class Accumulator:
         usage = wgpu.BufferUsage.STORAGE | wgpu.BufferUsage.COPY_SRC
         buffers = [gpu.create_buffer_with_data(data=np.float32(a).ravel(), usage=usage) for a in (light, motion)]
         graph.begin(SIZE)
-        scene = share_scene(graph, self.bench.upload)
+        scene = share_raster(graph, self.bench.upload)
         gbuffer = declare_gbuffer(graph, scene)[0]
         irradiance, moved = (graph.share(n, b, self.version) for n, b in zip(("light", "motion"), buffers, strict=True))
         gathered = Gathered(irradiance, None, irradiance, 1, Clusters({}, {}))

@@ -8,7 +8,6 @@ import os
 import pytest
 
 from wgpu_gi.__main__ import main
-from wgpu_gi.cli.bench import BASELINES
 from wgpu_gi.measure.report import load_json
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
@@ -74,4 +73,4 @@ def test_every_technique_is_measured_by_default():
     tiny = TINY[: TINY.index("--gi")]
     assert main(["bench", "cornell-point", *tiny, "--json", "b.json"]) == 0
     names = [m.gi for m in load_json("b.json").scenes[0].techniques]
-    assert names == [name for name in (*TECHNIQUES, *BASELINES) if name != "path"]
+    assert names == [name for name in TECHNIQUES if name != "path"]

@@ -10,18 +10,19 @@ import pytest
 from helpers.medley import at, medley, named
 from helpers.memory import resident
 
-from wgpu_gi import renderer as renderer_module
 from wgpu_gi.__main__ import main
 from wgpu_gi.buffers import BUFFERS, buffers_of
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.options import TECHNIQUES, pixel_offset
+from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene.built_in import scenes as builtin
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Material, PointLight, Texture
 from wgpu_gi.techniques.deferred import direct as direct_module
-from wgpu_gi.techniques.deferred.inputs import DeferredInputs
+from wgpu_gi.techniques.deferred import update as update_module
+from wgpu_gi.techniques.deferred.update import DeferredState
+from wgpu_gi.techniques.shared.sampling import pixel_offset
 from wgpu_gi.upload.scene_upload import SceneUpload
 
 SIZE = (48, 27)
@@ -252,7 +253,7 @@ def test_plan_tells_what_the_scene_lacks():
 
 def force_features(monkeypatch):
     """Let every scene have everything: all code is compiled in, all passes are declared."""
-    update, update_draws, share = SceneUpload.update, SceneUpload.update_draws, DeferredInputs.share
+    update, update_draws, update_lights = SceneUpload.update, SceneUpload.update_draws, DeferredState.update
 
     def everything(self, scene):
         update(self, scene)
@@ -264,11 +265,11 @@ def force_features(monkeypatch):
         found.masked = found.masked or ((0, 0, 0, 1),)
         return found
 
-    def shared(self, *arguments):
-        self._features = dict.fromkeys(self._features, True)
-        return share(self, *arguments)
+    def lights(self, *arguments):
+        update_lights(self, *arguments)
+        self.features = dict.fromkeys(self.features, True)
 
-    monkeypatch.setattr(DeferredInputs, "share", shared)
+    monkeypatch.setattr(DeferredState, "update", lights)
     monkeypatch.setattr(SceneUpload, "update", everything)
     monkeypatch.setattr(SceneUpload, "update_draws", draws)
     monkeypatch.setattr(direct_module, "TILED_FROM", 0)
@@ -306,7 +307,7 @@ def test_jittered_frames_are_averaged(monkeypatch):
     means = {name: renderer.read_back(name) for name in layers}
     sums = dict.fromkeys(layers, 0.0)
     for frame in range(5):
-        monkeypatch.setattr(renderer_module, "pixel_offset", lambda *_, frame=frame: pixel_offset(frame, 5))
+        monkeypatch.setattr(update_module, "pixel_offset", lambda *_, frame=frame: pixel_offset(frame, 5))
         single = opened(scene, show=layers)
         for name in layers:
             sums[name] = sums[name] + single.read_back(name).astype(np.float64) / 5

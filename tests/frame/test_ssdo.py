@@ -139,7 +139,7 @@ def test_pictures_of_fine_things_are_the_same_each_time():
         ("ssdo.directions=1", "ssdo.steps=64", "ssdo.reach=100", "ssdo.sampling=picture"),
         ("ssdo.reach=0.01", "ssdo.half=false", "ssdo.blur=false"),
         ("ssdo.layers=4", "ssdo.cameras=4", "ssdo.places=aside", "temporal.frames=8"),
-        ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half=false", "ssdo.occlusion=ambient"),
+        ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half=false"),
     ],
 )
 def test_settings_at_their_ends(texts, size):

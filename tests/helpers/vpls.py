@@ -15,7 +15,7 @@ from wgpu_gi.techniques.many_light.filters import DenoiseSettings, declare_denoi
 from wgpu_gi.techniques.many_light.gather import GatherSettings, declare_gather
 from wgpu_gi.techniques.many_light.vpl import Vpls
 from wgpu_gi.techniques.shared.gbuffer import declare_gbuffer
-from wgpu_gi.techniques.shared.scene_inputs import share_scene
+from wgpu_gi.techniques.shared.scene_inputs import share_raster
 from wgpu_gi.upload.scene_upload import SceneUpload
 
 WIDTH = int(load("many_light/vpl/table.wgsl").constants["VPL_TABLE_WIDTH"])
@@ -71,7 +71,7 @@ class Gatherer:
         texture = gpu.create_texture(size=size, format="rgba32uint", usage=usage)
         gpu.queue.write_texture({"texture": texture}, table, {"bytes_per_row": 16 * size[0]}, size)
         graph.begin(self.size)
-        scene = share_scene(graph, self.upload)
+        scene = share_raster(graph, self.upload)
         gbuffer = declare_gbuffer(graph, scene)[0]
         vpls = Vpls(graph.share("vpl/table", texture), count)
         choice = GatherSettings(**{"visibility": "none", "compensation": direct is not None, **settings})

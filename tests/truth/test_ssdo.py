@@ -127,7 +127,7 @@ def test_better_than_ambient_light_and_ambient_occlusion(lamp, most):
         label: relmse(full(drawn(sky_lit(lamp), *texts, gi=gi)), truth)
         for label, gi, texts in (
             ("ssdo", "ssdo", ()),
-            ("ssao", "ssdo", ("ssdo.occlusion=ambient", "ssdo.bounce=false")),
+            ("ssao", "ssao", ()),
             ("none", "none", ()),
         )
     }

@@ -20,7 +20,8 @@ LAYERS = [
     ("measure",),
     ("renderer",),
     ("frame",),
-    ("options", "buffers"),
+    ("buffers",),
+    ("options",),
     ("techniques",),
     ("upload",),
     ("scene", "gpu"),
@@ -29,7 +30,7 @@ LAYERS = [
 ]
 LEVEL = {unit: len(LAYERS) - number for number, units in enumerate(LAYERS) for unit in units}
 # Likewise within `techniques`: the systems stand beside one another, on the deferred base and what all share.
-TECHNIQUE_LAYERS = [("many_light", "ssil", "reference"), ("ssdo",), ("deferred",), ("shared",)]
+TECHNIQUE_LAYERS = [("many_light", "ssil", "ssao", "reference"), ("ssdo",), ("deferred",), ("shared",)]
 TECHNIQUE_LEVEL = {name: -number for number, names in enumerate(TECHNIQUE_LAYERS) for name in names}
 MIRRORED = ("deferred", "many_light", "ssdo", "ssil", "reference", "shared")
 LIBRARIES = ("common", "scene")
@@ -160,3 +161,17 @@ def test_forbidden_imports_would_be_seen():
 def test_every_module_opens_with_what_it_is():
     silent = [name for name, path in modules().items() if not ast.get_docstring(ast.parse(path.read_text()))]
     assert not [name for name in silent if not name.endswith("__init__")]
+
+
+def test_a_technique_is_known_in_its_folder_in_options_and_in_the_frame():
+    """`ssao` shows what adding a technique takes; nothing above the frame, and nothing below it, names any."""
+    from wgpu_gi.options import TECHNIQUES
+
+    naming = {
+        gi: [name for name, path in modules().items() if re.search(rf'"{gi}"', path.read_text(encoding="utf-8"))]
+        for gi in TECHNIQUES
+    }
+    assert naming["ssao"] == ["frame", "options"]
+    for gi, places in naming.items():
+        lower = [name for name in places if name.split(".")[0] in ("renderer", "buffers", "upload", "gpu")]
+        assert not lower, (gi, lower)

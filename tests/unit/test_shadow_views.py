@@ -13,8 +13,8 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.settings import validate
-from wgpu_gi.techniques.deferred.shadow import ShadowDraws
 from wgpu_gi.techniques.deferred.shadow_atlas import LARGEST_ATLAS, SMALLEST
+from wgpu_gi.techniques.deferred.shadow_draws import ShadowDraws
 from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings, build_shadow_views, frames_from_normals
 from wgpu_gi.techniques.shared.culling import frustum_planes, visible
 from wgpu_gi.upload.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN

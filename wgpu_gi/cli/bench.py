@@ -39,7 +39,6 @@ OWN_SETTINGS = {
     "camera.frames": "pictures are of the pixel centres, so there is nothing to average",
 }
 # What techniques are held against, as these with settings of their own: ssao is ambient light times a share of it.
-BASELINES = {"ssao": ("ssdo", ("ssdo.occlusion=ambient", "ssdo.bounce=false"))}
 TABLE_WIDTH = 140  # where the output is no terminal
 MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
 
@@ -78,7 +77,7 @@ def bench(arguments: Namespace) -> int:
 def candidates_from(arguments: Namespace) -> list[Candidate]:
     """Return what `--gi`, `--quality` and `--set` ask for: each technique at each quality, at the pixel centres."""
     # The path tracer is measured in any case, as the curve that all are held against.
-    known = [*TECHNIQUES, *BASELINES]
+    known = [*TECHNIQUES]
     names = [name for name in known if name != "path"] if arguments.gi is None else _split("--gi", arguments.gi)
     for name in names:
         if name not in known:
@@ -91,7 +90,6 @@ def candidates_from(arguments: Namespace) -> list[Candidate]:
     variants = [" ".join(texts) for texts in product(*map(_swept, arguments.sweep))]
     candidates = []
     for name in names:
-        gi, own = BASELINES.get(name, (name, ()))
         for quality in _split("--quality", arguments.quality):
             if quality not in QUALITIES:
                 raise GiError(f"--quality takes {', '.join(QUALITIES)}, with commas between, not {quality!r}")
@@ -99,10 +97,10 @@ def candidates_from(arguments: Namespace) -> list[Candidate]:
                 settings, preset = Settings(), Settings()
                 apply_quality(settings, quality)
                 apply_quality(preset, quality)
-                for text in (*arguments.set, *variant.split(), *own):
+                for text in (*arguments.set, *variant.split()):
                     assign(settings, text)
                 name_of_variant = f"{variant} {PRESET}" if variant and settings == preset else variant
-                settings.gi, settings.diffuse, settings.camera.jitter = gi, arguments.diffuse, False
+                settings.gi, settings.diffuse, settings.camera.jitter = name, arguments.diffuse, False
                 if name == "path":
                     settings.spp = settings.path.samples_per_run  # a frame of it is one run
                 validate(settings)

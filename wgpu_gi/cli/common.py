@@ -21,7 +21,6 @@ from ..scene.files.light_texts import parse_light, relight
 from ..scene.load import NO_CAMERA_NOTE, load
 from ..scene.scene import Scene
 from ..settings import apply_quality, assign, describe, format_rows, validate
-from ..techniques.ssil.ssil import MOST_BOUNCES
 from ..version import __version__
 
 
@@ -76,7 +75,7 @@ def without_effect(settings: Settings) -> list[str]:
     """Return a sentence for each setting that is not the default and that the technique has no use for."""
     notes = []
     gi = settings.gi
-    most = MOST_BOUNCES if gi == "ssil" else TECHNIQUES[gi].bounces
+    most = TECHNIQUES[gi].most_bounces
     if most is not None and (settings.bounces or 0) > most:
         notes.append(f"--gi {gi} has at most {most} indirect bounces, not {settings.bounces}")
     if gi != "path" and settings.spp != Settings().spp:

@@ -42,14 +42,16 @@ class Graph(PassDeclarations):
     def begin(self, size: tuple[int, int] = (1, 1)) -> None:
         """Start a declaration for a viewport of `size` (width, height) pixels. Raises GiError for an empty viewport.
 
-        What is declared as before, by name, keeps its contents and its state; `compile` frees the rest.
+        What is declared as before, by name, keeps its contents and its state; `compile` frees the rest. Shared
+        resources stay: their owners keep them.
         """
         if min(size) < 1:
             raise GiError(f"a viewport of {size[0]} x {size[1]} pixels has none; give at least 1 x 1")
         # After a declaration that failed half-way, the one before it still counts.
         self._old_resources = self.resources | self._old_resources
         self._old_passes = self.passes | self._old_passes
-        self.resources, self.passes, self.planned, self.order = {}, {}, {}, []
+        self.resources = {name: r for name, r in self.resources.items() if isinstance(r, Shared)}
+        self.passes, self.planned, self.order = {}, {}, []
         self.size = (int(size[0]), int(size[1]))
         self._declaring = True
 

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..errors import GiError
 from ..gpu.device import open_device
-from ..options import TECHNIQUES, CameraSettings, Settings, picture_count
+from ..options import TECHNIQUES, Settings, picture_count
 from ..renderer import Renderer
 from ..scene.scene import Scene
 from ..techniques.reference import PathSettings
+from ..techniques.shared.sampling import CameraSettings
 from ..version import __version__
 from .metrics import Errors, measure
 from .results import CASES, Case, Measurement, PathPoint, Reference, Stats, title_of

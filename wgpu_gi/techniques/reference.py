@@ -7,6 +7,7 @@ chapter 9; Owen-scrambled Sobol points after Burley 2020.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
 from ..gpu.passes import Pass
 from ..settings import setting
-from .shared.scene_inputs import SceneInputs
+from .shared.sampling import CameraSettings
+from .shared.scene_inputs import SceneInputs, share_scene
+from .shared.technique import Kept, Light, Shot, Technique
 
 UNLIMITED = 0x7FFFFFFF
 FOUR_FLOATS = np.dtype((np.float32, 4))
@@ -33,20 +36,6 @@ class PathSettings:
 
 
 @dataclass
-class Reference:
-    """Linear radiance in W/(m2 sr): the layers by number of scatterings, their sum, its standard error.
-
-    Buffers of (r, g, b, a) per pixel, rows from the top; `emission`'s a is the number of samples so far.
-    """
-
-    emission: Buffer
-    direct: Buffer
-    indirect: Buffer
-    radiance: Buffer
-    standard_error: Buffer
-
-
-@dataclass
 class Primary:
     """What is seen through the pixel centres: base colour; shading normal and distance; position. Four floats each."""
 
@@ -55,25 +44,71 @@ class Primary:
     position: Buffer
 
 
-def path_runs(settings: PathSettings, spp: int) -> int:
-    """Return how many runs of the graph `spp` samples per pixel take, where no path is exceptionally long."""
-    return -(-spp // settings.samples_per_run)
+class PathOptions(Protocol):
+    """The settings that the path tracer reads."""
+
+    spp: int
+    bounces: int | None
+    seed: int
+    camera: CameraSettings
+    path: PathSettings
 
 
-def declare_reference(
-    graph: Graph,
-    settings: PathSettings,
-    scene: SceneInputs,
-    *,
-    spp: int,
-    runs: int,
-    bounces: int | None,
-    seed: int,
-) -> Reference:
+@dataclass
+class PathInputs(SceneInputs):
+    """What the path tracer needs of a scene, and in how many runs of the graph it traces its samples."""
+
+    runs: int
+
+    def shape(self) -> tuple[object, ...]:
+        """Return all that calls for another declaration of the passes."""
+        return (*super().shape(), self.runs)
+
+
+class LongPaths:
+    """Runs that come on top of those planned, for pixels whose paths are exceptionally long."""
+
+    def __init__(self) -> None:
+        self.extra_runs = 0
+
+
+def path_inputs(shot: Shot, settings: PathOptions) -> PathInputs:
+    """Set the uniforms `scene` and `view`; return what the passes read."""
+    shot.graph.uniform("view", shot.upload.view(shot.camera, shot.size, settings.camera.jitter))
+    return PathInputs(**vars(share_scene(shot.graph, shot.upload)), runs=_runs(settings, shot.kept))
+
+
+def _runs(settings: PathOptions, kept: Kept) -> int:
+    return -(-settings.spp // settings.path.samples_per_run) + kept(LongPaths).extra_runs
+
+
+def _refine(graph: Graph, kept: Kept, settings: PathOptions) -> bool:
+    """Plan more runs if a pixel lacks samples, because its paths took too many steps; return True if so."""
+    samples = int(graph.read_back("path/emission").reshape(-1, 4)[:, 3].min())
+    missing = settings.spp - samples
+    # As many runs as the slowest pixel needs at its pace so far.
+    kept(LongPaths).extra_runs += -(-missing * _runs(settings, kept) // max(samples, 1))
+    return missing > 0
+
+
+TECHNIQUE = Technique(
+    sentence="progressive path tracer, the truth",
+    bounces=None,
+    is_random=True,
+    options=PathOptions,
+    inputs=path_inputs,
+    extra=("standard_error",),
+    averages_samples=True,
+    refine=_refine,
+    refined=frozenset({"radiance", "direct", "indirect", "emission", "standard_error"}),
+)
+
+
+def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) -> Light:
     """Declare the path tracer: `spp` paths per pixel, with at most `bounces` indirect bounces (None: unlimited).
 
-    It adds up to `settings.samples_per_run` samples in each of `runs` runs of the graph, until a pixel has them all.
-    `emission`'s a tells how many it has: pixels with very long paths take fewer in a run and need more runs.
+    It adds up to `path.samples_per_run` samples in each of `scene.runs` runs of the graph, until a pixel has them all.
+    `emission`'s fourth value counts them: pixels with very long paths take fewer in a run and need more runs.
     """
     width, height = graph.size
 
@@ -94,16 +129,16 @@ def declare_reference(
         reads={**scene.surfaces, **scene.lights},
         writes=layers,
         params={
-            "samples": settings.samples_per_run,
-            "spp": spp,
-            "bounces": UNLIMITED if bounces is None else bounces,
-            "seed": seed,
+            "samples": settings.path.samples_per_run,
+            "spp": settings.spp,
+            "bounces": UNLIMITED if settings.bounces is None else settings.bounces,
+            "seed": settings.seed,
         },
-        constants={**scene.constants("reference/path.wgsl"), "VISIBLE_ONLY": settings.visible_only},
-        settle=runs,
+        constants={**scene.constants("reference/path.wgsl"), "VISIBLE_ONLY": settings.path.visible_only},
+        settle=scene.runs,
         split=True,
     )
-    _keep_full_runs(trace, spp)
+    _keep_full_runs(trace, settings.spp)
     graph.compute(
         "path/resolve",
         "reference/resolve.wgsl",
@@ -112,7 +147,8 @@ def declare_reference(
         writes=results,
         params={"size": (width, height)},
     )
-    return Reference(layers["emission"], layers["direct"], layers["indirect"], **results)
+    views = {"standard_error": results["standard_error"]}
+    return Light(layers["emission"], layers["direct"], layers["indirect"], results["radiance"], views)
 
 
 def _keep_full_runs(trace: Pass, spp: int) -> None:

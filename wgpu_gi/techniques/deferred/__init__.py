@@ -1,1 +1,29 @@
-"""The deferred base: direct light by shadow maps and the environment's light, from a G-buffer."""
+"""The deferred base (`--gi none`): direct light by shadow maps, and the environment's light unoccluded.
+
+The techniques for indirect light begin with its stages: `declare_base`, then `declare_direct`.
+"""
+
+from __future__ import annotations
+
+from ...gpu.graph import Graph
+from ..shared.technique import Light, Technique
+from .base import declare_base
+from .direct import declare_direct
+from .inputs import DeferredInputs
+from .update import DeferredOptions, deferred_inputs
+
+TECHNIQUE = Technique(
+    sentence="direct light only, deferred",
+    bounces=0,
+    most_bounces=0,
+    is_random=False,
+    options=DeferredOptions,
+    inputs=deferred_inputs,
+)
+
+
+def declare_direct_light(graph: Graph, settings: DeferredOptions, scene: DeferredInputs) -> Light:
+    """Declare direct light, W/(m2 sr); the environment counts as unoccluded."""
+    base = declare_base(graph, settings, scene)
+    direct = declare_direct(graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient)
+    return Light(base.gbuffer.emission, direct, views={"motion": base.motion})

@@ -18,8 +18,8 @@ from ...gpu.handles import Buffer, Texture
 from ...gpu.wgsl.load import load
 from ...settings import setting
 from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
-from ..shared.scene_inputs import DirectInputs, SceneInputs
 from .environment import Ambient
+from .inputs import DeferredInputs, DirectInputs
 
 TILE = int(load("deferred/direct/tile.wgsl").constants["TILE"])
 WRITTEN_OUT = 3  # lights that are not looped over
@@ -48,7 +48,7 @@ class DirectSettings:
 def declare_direct(
     graph: Graph,
     settings: DirectSettings,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     gbuffer: Gbuffer,
     atlas: Texture | None,
     ambient: Ambient,
@@ -60,7 +60,6 @@ def declare_direct(
     `sky` is the share of the environment that each pixel's surface sees, (r, g, b, -); without it, that is all.
     `layers`, at most four, are those of depth peeling, of which `gbuffer` is the first.
     """
-    assert scene.direct is not None
     width, height = graph.size
     direct = graph.buffer("direct/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     traced = settings.edges and atlas is not None
@@ -130,14 +129,13 @@ def _declare_tiles(graph: Graph, settings: DirectSettings, lights: DirectInputs,
 
 def _declare_edges(
     graph: Graph,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     ambient: dict[str, bool],
     inputs: dict[str, Any],
     edge_groups: Buffer,
     direct: Buffer,
 ) -> None:
     """Declare the passes that light listed pixels again, each by EDGE_LIGHTS more of the lights."""
-    assert scene.direct is not None
     shader = "deferred/direct/edges.wgsl"
     for first in range(0, scene.direct.count, EDGE_LIGHTS):
         graph.compute(

@@ -1,108 +1,42 @@
-"""What changes from frame to frame for the deferred techniques: lights, shadow views, the camera and motion before."""
+"""What passes of the deferred base read of a scene, and what calls for another declaration of them."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ...gpu.graph import Graph
-from ...gpu.wgsl.load import load
-from ...scene.scene import Scene
-from ...upload.direct_lights import DIRECT_SPOT, DIRECT_SUN
-from ...upload.scene_upload import SceneUpload
-from ..shared.scene_inputs import DirectInputs, SceneInputs
-from .direct import DirectSettings
-from .shadow import ShadowDraws
-from .shadow_views import ShadowSettings, build_shadow_views
-
-SEQUENCE = load("scene/sequence.wgsl").struct_dtype("Sequence")
+from ...gpu.handles import Shared
+from ..shared.scene_inputs import RasterInputs
+from .shadow_draws import ShadowDraws
 
 
-class DeferredInputs:
-    """Keeps them up to date with a scene; one for each renderer."""
+@dataclass
+class DirectInputs:
+    """The table of the lights that deferred techniques loop over, and their shadow views.
 
-    def __init__(self) -> None:
-        self.shadows = ShadowDraws()
-        self._dtype = load("deferred/shadow/views.wgsl").struct_dtype("DirectLight")
-        self._view_before: NDArray[np.void] | None = None
-        self._origin_before = np.zeros(3)
-        self._count = self._bounded = self._atlas_size = 0
-        self._features: dict[str, bool] = {}
-        self._records: NDArray = np.zeros(0)
-        self._key: tuple[object, ...] = ()
-        self._alive: tuple[object, ...] = ()  # what the key names by identity
+    count: lights in the table; `bounded` of them have an end: spots, and lights with a range. atlas_size:
+    texels on a side of the shadow atlas; 0: no light casts shadows.
+    """
 
-    def update(
-        self,
-        upload: SceneUpload,
-        scene: Scene,
-        view: NDArray[np.void],
-        direct: DirectSettings,
-        shadow: ShadowSettings,
-    ) -> None:
-        """Send what changed; `upload` is up to date with `scene`."""
-        draws = upload.update_draws(scene)
-        lights = upload.direct_lights(scene, self._dtype, direct.samples, direct.range)
-        samples = upload.surface_samples(scene)
-        # Only a sun's maps follow the camera.
-        follows = bool((lights["kind"] == DIRECT_SUN).any())
-        key = (id(lights), id(samples), upload.box.tobytes(), replace(shadow), view.tobytes() if follows else b"")
-        if key != self._key:
-            self._key, self._alive = key, (lights, samples)
-            found = build_shadow_views(
-                lights,
-                shadow,
-                centre=upload.box.mean(0),
-                radius=float(np.linalg.norm(np.ptp(upload.box, axis=0))) / 2,
-                view=view,
-                surface_samples=samples,
-                box=upload.box,
-            )
-            suns = found.lights["kind"] == DIRECT_SUN
-            ends = (found.lights["kind"] == DIRECT_SPOT) | (found.lights["inverse_range"] > 0)
-            self._bounded = int(ends.sum())
-            self._features = {"HAS_SUNS": bool(suns.any()), "HAS_LAMPS": not suns.all()}
-            self._count, self._atlas_size = len(lights), found.atlas_size if len(found.records) else 0
-            upload.resources.table("light_table", found.table())
-            upload.resources.records("shadow_views", _at_least_one(found.records))
-            self._records = found.records
-        self.shadows.update(self._records, draws)
-
-    def note_frame(self, graph: Graph, frame: int) -> None:
-        """Send the number of the frame of a still picture; below 0 it comes before the first one that counts."""
-        sequence = np.zeros((), SEQUENCE)
-        sequence["index"], sequence["ahead"] = max(frame, 0), max(-frame, 0)
-        graph.uniform("sequence", sequence)
-
-    def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:
-        """Send where everything was at the last call."""
-        upload.update_motion(scene)
-        before = view
-        # In a picture of another size nothing can be found again.
-        if self._view_before is not None and np.array_equal(self._view_before["size"], view["size"]):
-            before = _about(self._view_before, upload.origin - self._origin_before)
-        graph.uniform("view_before", before)
-        self._view_before, self._origin_before = view.copy(), upload.origin.copy()
-
-    def share(self, graph: Graph, upload: SceneUpload, scene: SceneInputs) -> SceneInputs:
-        """Return the inputs with those of the deferred techniques."""
-        names = ("light_table", "shadow_views", "before_from_now")
-        lights, views, motion = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
-        features = self._features | {"HAS_CUT_OUTS": scene.features["HAS_MASKS"]}
-        direct = DirectInputs(lights, self._count, self._bounded, features, views, self._atlas_size, motion)
-        return replace(scene, direct=direct)
+    lights: Shared
+    count: int
+    bounded: int
+    views: Shared
+    atlas_size: int
 
 
-def _about(view: NDArray[np.void], shift: NDArray[np.float64]) -> NDArray[np.void]:
-    """Return a view in coordinates relative to an origin that lies `shift` off its own."""
-    moved = view.copy()
-    moved["position"] -= shift
-    moved["clip_from_world"][3] += shift @ view["clip_from_world"][:3]
-    return moved
+@dataclass
+class DeferredInputs(RasterInputs):
+    """What deferred techniques need of a scene.
 
+    before_from_now: the motion of each instance since the frame before. frames: how many make a still picture.
+    """
 
-def _at_least_one(records: NDArray[np.void]) -> NDArray[np.void]:
-    """WebGPU binds nothing smaller."""
-    return records if len(records) else np.zeros(1, records.dtype)
+    direct: DirectInputs
+    shadows: ShadowDraws
+    before_from_now: Shared
+    frames: int
+
+    def shape(self) -> tuple[object, ...]:
+        """Return all that calls for another declaration of the passes."""
+        direct = self.direct
+        return (*super().shape(), direct.count, direct.bounded, direct.atlas_size, self.frames)

@@ -1,1 +1,106 @@
-"""Many-light: virtual point lights gathered with rays or imperfect shadow maps (Linke 2016)."""
+"""Many-light (`--gi many-light`): virtual point lights, gathered with rays or imperfect shadow maps.
+
+Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination". The order of
+its stages is `declare_many_light`; each has a module of its own.
+"""
+
+from __future__ import annotations
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer
+from ..deferred.base import Base, declare_base
+from ..deferred.direct import declare_direct
+from ..deferred.sky import declare_sky_occlusion
+from ..shared.technique import Light, Technique
+from .compensation import declare_compensation
+from .filters import declare_denoise, declare_temporal
+from .gather import declare_gather
+from .inputs import ManyLightInputs
+from .ism import declare_ism
+from .near import declare_near, declare_near_shares
+from .points import declare_points
+from .rsm import declare_rsm
+from .update import ManyLightOptions, many_light_inputs
+from .views import (
+    declare_ism_views,
+    declare_list_view,
+    declare_rejected_view,
+    declare_rsm_views,
+    declare_vpl_view,
+)
+from .vpl import declare_vpls, declare_walk
+
+POINTS = 1 << 17  # on all surfaces; chosen
+
+NO_RSM = "there is no reflective shadow map, because no point, spot or directional light is reflected"
+NO_ISM = "there are no imperfect shadow maps; they need --set gather.visibility=ism and light that is reflected"
+
+TECHNIQUE = Technique(
+    sentence="virtual point lights, with a ray each or imperfect shadow maps",
+    bounces=None,
+    is_random=True,
+    options=ManyLightOptions,
+    inputs=many_light_inputs,
+    views={
+        "rsm/position": NO_RSM,
+        "rsm/normal": NO_RSM,
+        "rsm/flux": NO_RSM,
+        "vpl/flux": "there are no virtual point lights, because no light is reflected",
+        "ism/atlas": NO_ISM,
+        "ism/drawn": NO_ISM,
+        "gather/lists": "there are no lists of lights; they need --set gather.culling=tiled or clustered and light to"
+        " reflect",
+        "temporal/rejected": "no history is kept; it needs --set temporal.frames=2 or more and light that is reflected",
+    },
+)
+
+
+def declare_many_light(graph: Graph, settings: ManyLightOptions, scene: ManyLightInputs) -> Light:
+    """Declare direct light, and indirect light from virtual point lights, W/(m2 sr)."""
+    reflects = settings.bounces != 0
+    base = declare_base(graph, settings, scene, albedo=reflects)
+    sky = declare_sky_occlusion(graph, settings.environment, scene, base.gbuffer, settings.seed, scene.frames)
+    direct = declare_direct(graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, sky)
+    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
+    if reflects:
+        light.indirect = _declare_indirect(graph, settings, scene, base, direct, light.views)
+    return light
+
+
+def _declare_indirect(
+    graph: Graph,
+    settings: ManyLightOptions,
+    scene: ManyLightInputs,
+    base: Base,
+    direct: Buffer,
+    views: dict[str, Buffer],
+) -> Buffer | None:
+    """Declare light from virtual point lights and add its debug views; return None where no light is reflected."""
+    gbuffer, ambient, seed = base.gbuffer, base.ambient, settings.seed
+    # Place virtual point lights on reflective shadow maps, and along paths of light for emitters and further bounces.
+    albedo = ambient.reads["ambient_albedo"]
+    points = declare_points(graph, scene, POINTS, albedo)
+    rsm = declare_rsm(graph, settings.rsm, scene, albedo, seed)
+    walk = declare_walk(graph, settings.vpl, scene, points, albedo, settings.bounces, seed)
+    if rsm is None and walk is None:
+        return None
+    vpls = declare_vpls(graph, settings.vpl, rsm, walk, gbuffer, seed)
+    # Gather from them, with rays or imperfect shadow maps.
+    ism = declare_ism(graph, settings.ism, scene, points, vpls) if settings.gather.visibility == "ism" else None
+    near = declare_near_shares(graph, settings.ssdo, gbuffer, vpls)
+    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, seed, near)
+    views |= declare_vpl_view(graph, vpls) | declare_list_view(graph, settings.gather, gbuffer, gathered.clusters, vpls)
+    if rsm is not None:
+        views |= declare_rsm_views(graph, scene, rsm)
+    if ism is not None:
+        views |= declare_ism_views(graph, ism)
+    # Add what the bound on near lights takes, and the near field in screen space.
+    gathered = declare_compensation(graph, scene, gbuffer, direct, gathered, settings.bounces, seed)
+    if near is not None:
+        gathered = declare_near(graph, settings.ssdo, scene, gbuffer, ambient, direct, gathered, settings.bounces, seed)
+    # Average over frames and neighbours.
+    if settings.temporal.frames > 1:
+        accumulated = declare_temporal(graph, settings.temporal, scene, gbuffer, base.motion, gathered)
+        gathered = accumulated.gathered
+        views |= declare_rejected_view(graph, accumulated.rejected)
+    return declare_denoise(graph, settings.denoise, gbuffer, gathered, scene.frames)

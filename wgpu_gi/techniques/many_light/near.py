@@ -12,9 +12,9 @@ from dataclasses import replace
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..deferred.environment import Ambient
+from ..deferred.inputs import DeferredInputs
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import FOUR_FLOATS, SURFACE, Gbuffer
-from ..shared.scene_inputs import SceneInputs
 from ..shared.upsample import declare_upsampling
 from ..ssdo.bounce import declare_reflected, declare_unrepresented_reflected
 from ..ssdo.search import INTERLEAVE, Asked, declare_search, declare_unrepresented
@@ -45,7 +45,7 @@ def declare_near_shares(graph: Graph, settings: SsdoSettings, gbuffer: Gbuffer, 
 def declare_near(
     graph: Graph,
     settings: SsdoSettings,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     gbuffer: Gbuffer,
     ambient: Ambient,
     direct: Buffer,

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
-from ..shared.scene_inputs import SceneInputs
+from .inputs import ManyLightInputs
 
 POINT = np.dtype((np.uint32, 4))  # two of them
 
@@ -21,9 +21,8 @@ class Points:
     count: int
 
 
-def declare_points(graph: Graph, scene: SceneInputs, count: int, albedo: Handle) -> Points:
+def declare_points(graph: Graph, scene: ManyLightInputs, count: int, albedo: Handle) -> Points:
     """Declare `count` points on the scene's surfaces; they are kept while geometry and materials are still."""
-    assert scene.vpl is not None
     buffer = graph.buffer("points", dtype=POINT, count=2 * count)
     shader = "many_light/points/sample.wgsl"
     row = 1 << 15

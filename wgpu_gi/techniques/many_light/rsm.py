@@ -13,7 +13,7 @@ import numpy as np
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
 from ...settings import setting
-from ..shared.scene_inputs import SceneInputs
+from .inputs import ManyLightInputs
 
 CANDIDATE = np.dtype((np.uint32, 4))  # two of them
 
@@ -40,9 +40,8 @@ class Rsm:
     count: int
 
 
-def declare_rsm(graph: Graph, settings: RsmSettings, scene: SceneInputs, albedo: Handle, seed: int) -> Rsm | None:
+def declare_rsm(graph: Graph, settings: RsmSettings, scene: ManyLightInputs, albedo: Handle, seed: int) -> Rsm | None:
     """Declare the maps of all punctual lights, or none where there is no such light; `albedo` is of coated surfaces."""
-    assert scene.vpl is not None
     count = scene.vpl.rsm_texels
     if count == 0:
         graph.skip("rsm", "no point, spot or sun light")

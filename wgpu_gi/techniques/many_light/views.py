@@ -5,9 +5,9 @@ from __future__ import annotations
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
-from ..shared.scene_inputs import SceneInputs
 from .clusters import Clusters
 from .gather import GatherSettings
+from .inputs import ManyLightInputs
 from .ism import Ism
 from .rsm import Rsm
 from .vpl import Vpls
@@ -20,9 +20,8 @@ def _picture(graph: Graph, name: str) -> Buffer:
     return graph.buffer(f"debug/{name}", dtype=FOUR_FLOATS, count=width * height, width=width)
 
 
-def declare_rsm_views(graph: Graph, scene: SceneInputs, rsm: Rsm) -> dict[str, Buffer]:
+def declare_rsm_views(graph: Graph, scene: ManyLightInputs, rsm: Rsm) -> dict[str, Buffer]:
     """Declare the maps of all lights side by side: metres relative to the scene's origin, unit normals, W."""
-    assert scene.vpl is not None
     views = {}
     for number, kind in enumerate(RSM_KINDS):
         picture = views[f"rsm/{kind}"] = _picture(graph, f"rsm_{kind}")

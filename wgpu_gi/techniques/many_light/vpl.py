@@ -16,7 +16,7 @@ from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
 from ...settings import setting
 from ..shared.gbuffer import Gbuffer
-from ..shared.scene_inputs import SceneInputs
+from .inputs import ManyLightInputs
 from .points import Points
 from .rsm import CANDIDATE, Rsm
 
@@ -58,14 +58,13 @@ class Vpls:
 def declare_walk(
     graph: Graph,
     settings: VplSettings,
-    scene: SceneInputs,
+    scene: ManyLightInputs,
     points: Points,
     albedo: Handle,
     bounces: int | None,
     seed: int,
 ) -> tuple[Buffer, int] | None:
     """Declare the paths of light; return their candidates and how many there are, or None if none is needed."""
-    assert scene.vpl is not None
     vertices = min(settings.vertices, bounces or settings.vertices)
     has_sky, has_emitters = scene.features["HAS_ENVIRONMENT"], scene.features["HAS_EMITTERS"]
     if not has_sky and not has_emitters and vertices == 1:

@@ -20,9 +20,9 @@ import numpy as np
 
 from ...errors import GiError
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer, Texture
+from ...gpu.handles import Buffer, Shared, Texture
 from .culling import CameraDraws, ViewCulling
-from .scene_inputs import SceneInputs
+from .scene_inputs import RasterInputs
 
 SURFACE = np.dtype((np.uint32, 4))
 TWO_FLOATS = np.dtype((np.float32, 2))
@@ -54,7 +54,7 @@ class Gbuffer:
 
 
 def declare_gbuffer(
-    graph: Graph, scene: SceneInputs, *, name: str = "gbuffer", view: str = "view", layers: int = 1
+    graph: Graph, scene: RasterInputs, *, name: str = "gbuffer", view: str = "view", layers: int = 1
 ) -> list[Gbuffer]:
     """Declare the G-buffer of the camera in the uniform `view`, of the viewport's size: the nearest surfaces first.
 
@@ -73,7 +73,7 @@ def declare_gbuffer(
 
 def _declare_layer(
     graph: Graph,
-    scene: SceneInputs,
+    scene: RasterInputs,
     name: str,
     suffix: str,
     view: str,
@@ -116,7 +116,7 @@ def _declare_layer(
 
 def _declare_visibility(
     graph: Graph,
-    scene: SceneInputs,
+    scene: RasterInputs,
     name: str,
     suffix: str,
     view: str,
@@ -124,7 +124,6 @@ def _declare_visibility(
     nearer: Texture | None,
 ) -> tuple[Texture, Texture]:
     """Declare the raster passes of a layer, behind the depth `nearer` if given; return visibility and depth."""
-    assert scene.draws is not None
     # Without instances the second number is always 0, and so is what a one-channel texture gives for it.
     ids = "rg32uint" if scene.features["HAS_INSTANCES"] else "r32uint"
     visibility = graph.texture(f"{name}/visibility{suffix}", ids)
@@ -152,12 +151,11 @@ def _declare_visibility(
     return visibility, depth
 
 
-def declare_motion(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer) -> Buffer:
+def declare_motion(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer, before_from_now: Shared) -> Buffer:
     """Declare where each pixel's surface was before: (x, y, distance, valid) as `shared/gbuffer/motion.wgsl` has it.
 
     Needs the uniform `view_before`: the view of the frame before.
     """
-    assert scene.direct is not None
     width, height = graph.size
     motion = graph.buffer("gbuffer/motion", dtype=FOUR_FLOATS, count=width * height, width=width)
     graph.compute(
@@ -166,7 +164,7 @@ def declare_motion(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer) -> Buffer
         over=(width, height),
         reads={
             "triangles": scene.surfaces["triangles"],
-            "before_from_now": scene.direct.before_from_now,
+            "before_from_now": before_from_now,
             "visibility": gbuffer.visibility,
             "distance": gbuffer.distance,
         },

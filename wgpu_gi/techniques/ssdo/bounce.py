@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
 from ..deferred.environment import Ambient
+from ..deferred.inputs import DeferredInputs
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
-from ..shared.scene_inputs import SceneInputs
 from ..shared.temporal import TemporalSettings, declare_accumulate
 from ..shared.upsample import declare_upsampling
 from .search import (
@@ -48,7 +48,7 @@ class History:
     settings: TemporalSettings
     motion: Buffer
 
-    def declare(self, graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, light: Buffer, name: str) -> Buffer:
+    def declare(self, graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, light: Buffer, name: str) -> Buffer:
         """Declare the mean of light (r, g, b, -) per pixel, above 0 in the last where there is something to light."""
         if self.settings.frames == 1:
             return light
@@ -58,19 +58,21 @@ class History:
 def declare_occlusion(
     graph: Graph,
     settings: SsdoSettings,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     sources: Sources,
     ambient: Ambient,
     history: History,
     seed: int,
     frames: int,
+    *,
+    directional: bool = True,
 ) -> Occlusion:
     """Declare what the directions of each pixel meet, and the share of the environment's light that gets past it.
 
-    `frames` make a still picture.
+    `frames` make a still picture. Without `directional` it is a grey share: ambient occlusion.
     """
     gbuffer = sources.layers[0]
-    asked = Asked(graph, settings, scene, sources, ambient, seed)
+    asked = Asked(graph, settings, scene, sources, ambient, seed, directional=directional)
     search = declare_search(asked)
     if not ambient.features["HAS_ENVIRONMENT"]:
         graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")
@@ -84,7 +86,7 @@ def declare_occlusion(
 def declare_bounce(
     graph: Graph,
     settings: SsdoSettings,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     sources: Sources,
     occlusion: Occlusion,
     direct: Buffer,
@@ -105,7 +107,7 @@ def declare_bounce(
     return _declare_reflection(graph, scene, gbuffer, history.declare(graph, scene, gbuffer, light, name))
 
 
-def _declare_reflection(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, irradiance: Buffer) -> Buffer:
+def _declare_reflection(graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, irradiance: Buffer) -> Buffer:
     """Declare the radiance that irradiance makes."""
     width, height = graph.size
     radiance = graph.buffer("ssdo/radiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
@@ -124,7 +126,7 @@ def _declare_reflection(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, irra
 def declare_reflected(
     graph: Graph,
     settings: SsdoSettings,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     sources: Sources,
     search: Search,
     senders: Buffer,
@@ -153,7 +155,7 @@ def declare_reflected(
 def declare_unrepresented_reflected(
     graph: Graph,
     settings: SsdoSettings,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     sources: Sources,
     search: Search,
     senders: Buffer,
@@ -181,7 +183,9 @@ def declare_unrepresented_reflected(
     )
 
 
-def _bounce_constants(settings: SsdoSettings, scene: SceneInputs, sources: Sources, search: Search) -> dict[str, float]:
+def _bounce_constants(
+    settings: SsdoSettings, scene: DeferredInputs, sources: Sources, search: Search
+) -> dict[str, float]:
     return {
         **scene.constants("ssdo/bounce.wgsl"),
         **sources.constants,
@@ -196,7 +200,7 @@ def _declare_average(
     graph: Graph,
     name: str,
     settings: SsdoSettings,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     gbuffer: Gbuffer,
     light: Buffer,
     search: Search,

@@ -84,6 +84,7 @@ class Asked:
     seed: int
     number: int = 0
     reach: float | None = None
+    directional: bool = True
 
     @property
     def directions(self) -> int:
@@ -93,7 +94,8 @@ class Asked:
     @property
     def by_picture(self) -> bool:
         """Tell whether directions are drawn by the environment's picture, too."""
-        return self.number == 0 and _draws_by_picture(self.settings, self.ambient)
+        pictured = self.ambient.features["HAS_ENVIRONMENT"] and self.ambient.features["HAS_PICTURED_ENVIRONMENT"]
+        return self.number == 0 and pictured and self.directional and self.settings.sampling == "picture"
 
     def arguments(self, stride: int) -> dict[str, Any]:
         """Return what all passes of `wgsl/ssdo/occlusion.wgsl` have in common; reads are without the G-buffer."""
@@ -114,7 +116,7 @@ class Asked:
                 "DIRECTIONS": self.directions,
                 "STRIDE": stride,
                 "INTERLEAVE": INTERLEAVE,
-                "DIRECTIONAL": settings.occlusion == "directional",
+                "DIRECTIONAL": self.directional,
                 "OUTWARD": sources.is_outward(number),
                 "BY_PICTURE": self.by_picture,
                 "HITS": number == 0,
@@ -192,11 +194,6 @@ def _allocate(asked: Asked, name: str, stride: int) -> Search:
         graph.buffer(f"{name}_hits", dtype=TWO_WORDS, count=hits),
         sent,
     )
-
-
-def _draws_by_picture(settings: SsdoSettings, ambient: Ambient) -> bool:
-    asked = (settings.sampling, settings.occlusion) == ("picture", "directional")
-    return asked and ambient.features["HAS_ENVIRONMENT"] and ambient.features["HAS_PICTURED_ENVIRONMENT"]
 
 
 def _lobe_of(directions: int) -> int:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
 from ..deferred.environment import Ambient
+from ..deferred.inputs import DeferredInputs
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import SURFACE, Gbuffer
-from ..shared.scene_inputs import SceneInputs
 from .search import INTERLEAVE, SENDER_STRIDE, SKY_STRIDE, Asked, declare_search, grid_of
 from .sources import Sources, SsdoSettings
 
@@ -15,7 +15,7 @@ from .sources import Sources, SsdoSettings
 def declare_senders(
     graph: Graph,
     settings: SsdoSettings,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     sources: Sources,
     direct: Buffer,
     atlas: Texture | None,
@@ -39,7 +39,7 @@ def declare_senders(
 
 def declare_shown(
     graph: Graph,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     gbuffer: Gbuffer,
     direct: Buffer,
     senders: Buffer,
@@ -63,7 +63,7 @@ def declare_shown(
 
 def _declare_further(
     graph: Graph,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     sources: Sources,
     number: int,
     atlas: Texture | None,
@@ -73,7 +73,6 @@ def _declare_further(
     first: int,
 ) -> None:
     """Declare what the grid of another source reflects, from `first` on."""
-    assert scene.direct is not None
     gbuffer, shader = sources.gbuffer(number), "ssdo/senders.wgsl"
     graph.compute(
         f"ssdo/senders_{number}",
@@ -104,7 +103,7 @@ def _declare_further(
 def _declare_sky(
     graph: Graph,
     settings: SsdoSettings,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     sources: Sources,
     ambient: Ambient,
     seed: int,

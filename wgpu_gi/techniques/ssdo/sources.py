@@ -18,7 +18,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Handle
 from ...settings import setting
 from ..shared.gbuffer import Gbuffer, declare_gbuffer
-from ..shared.scene_inputs import SceneInputs, ScreenInputs
+from .inputs import ScreenInputs, SsdoInputs
 
 MAX_LAYERS = MAX_CAMERAS = 4
 PLACES = {"wide": ("wide", "above", "behind", "left"), "aside": ("left", "right", "above", "behind")}
@@ -36,11 +36,6 @@ class SsdoSettings:
     )
     steps: int = setting(16, "Points along each direction.", "points", range=(1, 64), presets={"low": 8, "high": 24})
     bounce: bool = setting(True, "Add the light that nearby surfaces reflect.")
-    occlusion: str = setting(
-        "directional",
-        "What is hidden of the environment: light of those directions, or a grey share of all (SSAO, for comparison).",
-        choices=("directional", "ambient"),
-    )
     sampling: str = setting(
         "cosine",
         "Draw directions by the cosine and filter the environment, or draw every other one by the environment's picture"
@@ -189,9 +184,8 @@ def _place(name: str, camera: Camera, box: NDArray[np.float64], size: tuple[int,
     return Camera.look_at(middle + aside, middle, up, 90.0)
 
 
-def declare_sources(graph: Graph, scene: SceneInputs) -> Sources:
+def declare_sources(graph: Graph, scene: SsdoInputs) -> Sources:
     """Declare the G-buffers of the layers and of the further cameras, whose uniforms `view_1` ... are there."""
-    assert scene.screen is not None
     for name, reason in scene.screen.skipped:
         graph.skip(name, reason)
     numbers = range(1, scene.screen.cameras + 1)

@@ -1,1 +1,55 @@
-"""Hierarchical screen-space indirect light with voxel visibility (Soler et al. 2010)."""
+"""SSIL (`--gi ssil`): light from all that the picture shows, gathered at several scales, hidden by voxels.
+
+Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination".
+"""
+
+from __future__ import annotations
+
+from ...gpu.graph import Graph
+from ..deferred.base import declare_base
+from ..deferred.direct import declare_direct
+from ..deferred.sky import declare_sky_occlusion
+from ..shared.technique import Light, Technique
+from .inputs import SsilInputs
+from .ssil import MOST_BOUNCES, declare_bounces, is_amortised
+from .update import SsilOptions, ssil_inputs
+
+
+def _warm_up(settings: SsilOptions) -> int:
+    """Return how many frames come first: bounces that are spread over frames need one each."""
+    return MOST_BOUNCES if is_amortised(settings.ssil, settings.bounces) else 0
+
+
+TECHNIQUE = Technique(
+    sentence="from what the picture shows, at several scales, with visibility by voxels",
+    bounces=None,
+    most_bounces=MOST_BOUNCES,
+    is_random=True,
+    options=SsilOptions,
+    inputs=ssil_inputs,
+    warm_up=_warm_up,
+)
+
+
+def declare_ssil(graph: Graph, settings: SsilOptions, scene: SsilInputs) -> Light:
+    """Declare direct light, and indirect light from what the picture shows, W/(m2 sr)."""
+    seed = settings.seed
+    base = declare_base(graph, settings, scene)
+    gbuffer = base.gbuffer
+    sky = declare_sky_occlusion(graph, settings.environment, scene, gbuffer, seed, scene.frames)
+    direct = declare_direct(graph, settings.direct, scene, gbuffer, base.shadow_atlas, base.ambient, sky)
+    light = Light(gbuffer.emission, direct, views={"motion": base.motion})
+    if settings.bounces != 0:
+        light.indirect = declare_bounces(
+            graph,
+            settings.ssil,
+            settings.voxels,
+            settings.temporal,
+            scene,
+            gbuffer,
+            base.motion,
+            direct,
+            settings.bounces,
+            seed,
+        )
+    return light

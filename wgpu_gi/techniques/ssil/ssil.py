@@ -24,6 +24,7 @@ from ..shared.scene_inputs import SceneInputs
 from ..shared.temporal import TemporalSettings
 from .full import Fine, declare_fine, declare_last
 from .glossy import declare_glossy
+from .inputs import SsilInputs
 from .levels import (
     Levels,
     declare_again,
@@ -115,12 +116,12 @@ def is_amortised(settings: SsilSettings, bounces: int | None) -> bool:
     return settings.amortised and bounces is None and settings.bounces > 1
 
 
-def declare_ssil(
+def declare_bounces(
     graph: Graph,
     settings: SsilSettings,
     voxel_settings: VoxelSettings,
     temporal: TemporalSettings,
-    scene: SceneInputs,
+    scene: SsilInputs,
     gbuffer: Gbuffer,
     motion: Buffer,
     direct: Buffer,

@@ -17,7 +17,7 @@ from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
 from ...settings import setting
 from ...upload.solid_meshes import CHOICES
-from ..shared.scene_inputs import SceneInputs
+from .inputs import SsilInputs
 from .levels import Levels
 
 LEAST_CELLS = 160  # across the picture. Chosen: those of 640x360, and twice as many as 320x180 would have
@@ -84,10 +84,9 @@ class Voxels:
 NO_GRID = {"grid_size": (0, 0), "cell": 1.0, "step": 1.0}
 
 
-def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SceneInputs, levels: Levels) -> Voxels:
+def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SsilInputs, levels: Levels) -> Voxels:
     """Declare the voxels of the camera's frustum at all levels that light is gathered at."""
     solids, draws = scene.solids, scene.draws
-    assert solids is not None and draws is not None
     drawn = bool(draws.opaque or draws.masked)
     bits = -(-settings.bits // 32) * 32
     few = levels.surfels[levels.first + 1].size[0] < LEAST_CELLS
@@ -138,14 +137,13 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SceneInputs, le
 
 def _declare_surfaces(
     graph: Graph,
-    scene: SceneInputs,
+    scene: SsilInputs,
     range_: Buffer,
     cells: Buffer,
     grid: dict[str, object],
     constants: dict[str, float],
 ) -> None:
     """Declare the passes that enter all triangles into the cells; `grid` are the params that all share."""
-    assert scene.draws is not None and scene.solids is not None and scene.raster_indices is not None
     shader = "ssil/voxels/voxelize.wgsl"
     empty = [cells]
     for part, masked in (("opaque", False), ("masked", True)):

@@ -1,0 +1,49 @@
+"""The stages that every deferred technique begins with: G-buffer, motion, environment and shadow maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer, Texture
+from ..shared.gbuffer import Gbuffer, declare_gbuffer, declare_motion
+from .environment import Ambient, EnvironmentSettings, declare_environment
+from .inputs import DeferredInputs
+from .shadow import declare_shadow_maps
+
+
+class BaseOptions(Protocol):
+    """The settings that the stages read."""
+
+    environment: EnvironmentSettings
+
+
+@dataclass
+class Base:
+    """What the camera sees, how it moved, the prefiltered environment, and the atlas of shadow maps if there is one."""
+
+    gbuffer: Gbuffer
+    motion: Buffer
+    ambient: Ambient
+    shadow_atlas: Texture | None
+
+
+def declare_base(
+    graph: Graph,
+    settings: BaseOptions,
+    scene: DeferredInputs,
+    *,
+    gbuffer: Gbuffer | None = None,
+    lobes: bool = False,
+    albedo: bool = False,
+) -> Base:
+    """Declare the stages; `gbuffer` is there if the technique has declared its own.
+
+    `lobes` and `albedo` ask for tables of the environment: see `declare_environment`.
+    """
+    if gbuffer is None:
+        gbuffer = declare_gbuffer(graph, scene)[0]
+    motion = declare_motion(graph, scene, gbuffer, scene.before_from_now)
+    ambient = declare_environment(graph, settings.environment, scene, lobes=lobes, albedo=albedo)
+    return Base(gbuffer, motion, ambient, declare_shadow_maps(graph, scene))

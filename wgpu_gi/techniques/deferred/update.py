@@ -1,0 +1,136 @@
+"""What deferred techniques need of a scene, brought up to date once per frame: lights, shadow views, camera, motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...gpu.graph import Graph
+from ...gpu.wgsl.load import load
+from ...scene.scene import Scene
+from ...upload.direct_lights import DIRECT_SPOT, DIRECT_SUN
+from ...upload.scene_upload import SceneUpload
+from ..shared.sampling import CameraSettings, pixel_offset
+from ..shared.scene_inputs import share_raster
+from ..shared.technique import Shot
+from .direct import DirectSettings
+from .environment import EnvironmentSettings
+from .inputs import DeferredInputs, DirectInputs
+from .shadow_draws import ShadowDraws
+from .shadow_views import ShadowSettings, build_shadow_views
+
+SEQUENCE = load("scene/sequence.wgsl").struct_dtype("Sequence")
+
+
+class DeferredOptions(Protocol):
+    """The settings that every deferred technique reads."""
+
+    camera: CameraSettings
+    direct: DirectSettings
+    shadow: ShadowSettings
+    environment: EnvironmentSettings
+
+
+class DeferredState:
+    """What lasts from frame to frame: shadow views and their draws while lights are still, and the view before."""
+
+    def __init__(self) -> None:
+        self.shadows = ShadowDraws()
+        self._dtype = load("deferred/shadow/views.wgsl").struct_dtype("DirectLight")
+        self._view_before: NDArray[np.void] | None = None
+        self._origin_before = np.zeros(3)
+        self.count = self.bounded = self.atlas_size = 0
+        self.features: dict[str, bool] = {}
+        self._records: NDArray = np.zeros(0)
+        self._key: tuple[object, ...] = ()
+        self._alive: tuple[object, ...] = ()  # what the key names by identity
+
+    def update(
+        self,
+        upload: SceneUpload,
+        scene: Scene,
+        view: NDArray[np.void],
+        direct: DirectSettings,
+        shadow: ShadowSettings,
+    ) -> None:
+        """Send what changed; `upload` is up to date with `scene`."""
+        draws = upload.update_draws(scene)
+        lights = upload.direct_lights(scene, self._dtype, direct.samples, direct.range)
+        samples = upload.surface_samples(scene)
+        # Only a sun's maps follow the camera.
+        follows = bool((lights["kind"] == DIRECT_SUN).any())
+        key = (id(lights), id(samples), upload.box.tobytes(), replace(shadow), view.tobytes() if follows else b"")
+        if key != self._key:
+            self._key, self._alive = key, (lights, samples)
+            found = build_shadow_views(
+                lights,
+                shadow,
+                centre=upload.box.mean(0),
+                radius=float(np.linalg.norm(np.ptp(upload.box, axis=0))) / 2,
+                view=view,
+                surface_samples=samples,
+                box=upload.box,
+            )
+            suns = found.lights["kind"] == DIRECT_SUN
+            ends = (found.lights["kind"] == DIRECT_SPOT) | (found.lights["inverse_range"] > 0)
+            self.bounded = int(ends.sum())
+            self.features = {"HAS_SUNS": bool(suns.any()), "HAS_LAMPS": not suns.all()}
+            self.count, self.atlas_size = len(lights), found.atlas_size if len(found.records) else 0
+            upload.resources.table("light_table", found.table())
+            upload.resources.records("shadow_views", _at_least_one(found.records))
+            self._records = found.records
+        self.shadows.update(self._records, draws)
+
+    def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:
+        """Send where everything was at the last call."""
+        upload.update_motion(scene)
+        before = view
+        # In a picture of another size nothing can be found again.
+        if self._view_before is not None and np.array_equal(self._view_before["size"], view["size"]):
+            before = _about(self._view_before, upload.origin - self._origin_before)
+        graph.uniform("view_before", before)
+        self._view_before, self._origin_before = view.copy(), upload.origin.copy()
+
+
+def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
+    """Bring lights, shadow views, the camera and the motion of a frame up to date; return what passes read.
+
+    Sets the uniforms `scene`, `view`, `view_before` and `sequence`.
+    """
+    graph, upload, state = shot.graph, shot.upload, shot.kept(DeferredState)
+    upload.update_draws(shot.scene)
+    # Shadow maps follow the camera, but not from frame to frame of a still picture.
+    state.update(upload, shot.scene, upload.view(shot.camera, shot.size, False), settings.direct, settings.shadow)
+    jittered = shot.frames if settings.camera.jitter else 1
+    view = upload.view(shot.camera, shot.size, False, pixel_offset(max(shot.frame, 0), jittered))
+    state.note_motion(upload, shot.scene, graph, view)
+    sequence = np.zeros((), SEQUENCE)
+    sequence["index"], sequence["ahead"] = max(shot.frame, 0), max(-shot.frame, 0)
+    graph.uniform("sequence", sequence)
+    graph.uniform("view", view)
+    # Share what passes bind.
+    names = ("light_table", "shadow_views", "before_from_now")
+    lights, views, motion = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
+    raster = share_raster(graph, upload)
+    features = state.features | {"HAS_CUT_OUTS": raster.features["HAS_MASKS"]}
+    raster.features |= features
+    direct = DirectInputs(lights, state.count, state.bounded, views, state.atlas_size)
+    return DeferredInputs(
+        **vars(raster), direct=direct, shadows=state.shadows, before_from_now=motion, frames=shot.frames
+    )
+
+
+def _about(view: NDArray[np.void], shift: NDArray[np.float64]) -> NDArray[np.void]:
+    """Return a view in coordinates relative to an origin that lies `shift` off its own."""
+    moved = view.copy()
+    moved["position"] -= shift
+    moved["clip_from_world"][3] += shift @ view["clip_from_world"][:3]
+    return moved
+
+
+def _at_least_one(records: NDArray[np.void]) -> NDArray[np.void]:
+    """WebGPU binds nothing smaller."""
+    return records if len(records) else np.zeros(1, records.dtype)

@@ -1,0 +1,47 @@
+"""SSAO (`--gi ssao`): the environment's light times a grey share, the ambient occlusion of what the picture shows.
+
+Mittring 2007, "Finding Next Gen: CryEngine 2", section 8.5.4.3. Departure: occluders come from SSDO's search, with its
+settings (`ssdo`), so that the two differ by directional light alone.
+"""
+
+from __future__ import annotations
+
+from ...gpu.graph import Graph
+from ..deferred.base import declare_base
+from ..deferred.direct import declare_direct
+from ..shared.technique import Light, Technique
+from ..ssdo.bounce import History, declare_occlusion
+from ..ssdo.inputs import SsdoInputs
+from ..ssdo.sources import declare_sources
+from ..ssdo.update import OcclusionOptions, ssdo_inputs
+
+TECHNIQUE = Technique(
+    sentence="ambient occlusion in screen space, the baseline that SSDO is held against",
+    bounces=0,
+    most_bounces=0,
+    is_random=True,
+    options=OcclusionOptions,
+    inputs=ssdo_inputs,
+)
+
+
+def declare_ssao(graph: Graph, settings: OcclusionOptions, scene: SsdoInputs) -> Light:
+    """Declare direct light, W/(m2 sr), with the environment occluded by a grey share."""
+    sources = declare_sources(graph, scene)
+    base = declare_base(graph, settings, scene, gbuffer=sources.layers[0], lobes=True)
+    history = History(settings.temporal, base.motion)
+    occlusion = declare_occlusion(
+        graph,
+        settings.ssdo,
+        scene,
+        sources,
+        base.ambient,
+        history,
+        settings.seed,
+        scene.frames,
+        directional=False,
+    )
+    direct = declare_direct(
+        graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, occlusion.share, sources.layers
+    )
+    return Light(base.gbuffer.emission, direct, views={"motion": base.motion})

@@ -1,0 +1,37 @@
+"""Brings what screen-space directional occlusion needs of a scene up to date, once per frame: its further cameras."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ..deferred.update import DeferredOptions, deferred_inputs
+from ..shared.technique import Shot
+from ..shared.temporal import TemporalSettings
+from .inputs import SsdoInputs
+from .sources import SsdoSettings, screen_views, view_name
+
+
+class OcclusionOptions(DeferredOptions, Protocol):
+    """The settings that directional and ambient occlusion read."""
+
+    seed: int
+    ssdo: SsdoSettings
+    temporal: TemporalSettings
+
+
+class SsdoOptions(OcclusionOptions, Protocol):
+    """The settings that SSDO reads."""
+
+    bounces: int | None
+
+
+def ssdo_inputs(shot: Shot, settings: OcclusionOptions) -> SsdoInputs:
+    """Place the further cameras and set their uniforms, `view_1` ...; return what passes read."""
+    deferred = deferred_inputs(shot, settings)
+    upload = shot.upload
+    sky = settings.environment.ambient and upload.features["HAS_ENVIRONMENT"]
+    box, triangles = upload.box + upload.origin, shot.scene.triangle_count
+    screen, cameras = screen_views(shot.camera, box, shot.size, triangles, settings.ssdo, sky)
+    for number, camera in enumerate(cameras, 1):
+        shot.graph.uniform(view_name(number), upload.view(camera, shot.size, False))
+    return SsdoInputs(**vars(deferred), screen=screen)

@@ -1,0 +1,32 @@
+"""Brings what screen-space indirect light needs of a scene up to date, once per frame: which triangles bound solids."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ..deferred.update import DeferredOptions, deferred_inputs
+from ..shared.technique import Shot
+from ..shared.temporal import TemporalSettings
+from .inputs import SolidInputs, SsilInputs
+from .ssil import SsilSettings
+from .voxels import VoxelSettings
+
+
+class SsilOptions(DeferredOptions, Protocol):
+    """The settings that SSIL reads."""
+
+    bounces: int | None
+    seed: int
+    ssil: SsilSettings
+    voxels: VoxelSettings
+    temporal: TemporalSettings
+
+
+def ssil_inputs(shot: Shot, settings: SsilOptions) -> SsilInputs:
+    """Find which triangles bound solids; return what passes read."""
+    deferred = deferred_inputs(shot, settings)
+    upload = shot.upload
+    upload.update_solids(settings.voxels.solids)
+    triangles = shot.graph.share("scene/solid_triangles", *upload.resources["solid_triangles"])
+    solids = SolidInputs(triangles, upload.solids.has_solids, upload.solids.has_shells)
+    return SsilInputs(**vars(deferred), solids=solids)
