@@ -120,7 +120,7 @@ def measure(scene: Any, technique: str, watch: Stopwatch) -> dict[str, Any]:
         renderer.step(show=SHOW)
 
     def brighten() -> None:
-        settings.exposure += 0.01
+        settings.exposure = (settings.exposure or 0.0) + 0.01
         step()
 
     def move(number: int) -> None:

@@ -29,8 +29,8 @@ from rich.console import Console
 from rich.progress import Progress
 from world_surfaces import Floats
 
-from wgpu_gi.__main__ import Parser, _size
 from wgpu_gi.camera import Camera
+from wgpu_gi.cli.arguments import Parser, parse_size
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.atomic_file import check_writable
 from wgpu_gi.scene.files.camera_files import choose_camera
@@ -173,7 +173,7 @@ def build_parser() -> Parser:
     add("scene", metavar="SCENE", help="a file or a built-in scene")
     add("-o", "--output", required=True, metavar="OUT", help="the .npz to write")
     add("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")
-    add("--size", type=_size, default=(160, 90), metavar="WxH", help="pixels (default: 160x90)")
+    add("--size", type=parse_size, default=(160, 90), metavar="WxH", help="pixels (default: 160x90)")
     add("--spp", type=int, default=4096, metavar="N", help="samples per pixel (default: 4096)")
     add("--runs", type=int, default=16, metavar="N", help="independent runs that share the samples (default: 16)")
     add("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")

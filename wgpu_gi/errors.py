@@ -1,4 +1,11 @@
-"""The one exception for what a user can put right: bad files, bad values, missing drivers."""
+"""The one exception for what a user can put right: bad files, bad values, missing drivers; and how to name a name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+FEW = 8  # names that a sentence can list
 
 
 class GiError(Exception):
@@ -6,3 +13,19 @@ class GiError(Exception):
 
     The command line prints it without a traceback and exits with code 2.
     """
+
+
+def known_names(name: str, known: Iterable[str]) -> str:
+    """Return the end of a sentence about an unknown name: all known names if they are few, else the nearest three.
+
+    A name with dots or slashes is also near to one whose last part it resembles.
+    """
+    names = list(known)
+    if len(names) <= FEW:
+        return f"available: {', '.join(names)}"
+
+    def nearness(candidate: str) -> float:
+        last = candidate.replace("/", ".").rpartition(".")[2]
+        return max(difflib.SequenceMatcher(None, name, text).ratio() for text in (candidate, last))
+
+    return f"did you mean {', '.join(sorted(names, key=nearness, reverse=True)[:3])}?"

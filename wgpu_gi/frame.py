@@ -44,7 +44,7 @@ def declare_frame(graph: Graph, settings: Settings, scene: Any) -> dict[str, Sou
         layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}
     # For the screen: exposure and tone curve.
     assert layers["radiance"] is not None
-    display = declare_display(graph, layers["radiance"], settings.exposure)
+    display = declare_display(graph, layers["radiance"], settings.exposure or 0.0)
     # What the centres of pixels show. Passes run only for what is asked for.
     primary = declare_primary(graph, scene)
     return {

@@ -47,14 +47,16 @@ class Settings:
     """What to render and how well. Sections are reached as `section.name` by `--set`."""
 
     gi: str = setting(
-        "path",
+        "many-light",
         "Technique for indirect light: " + ", ".join(TECHNIQUES) + ".",
         choices=(*TECHNIQUES,),
     )
     bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
     spp: int = setting(64, "Samples per pixel of the path tracer.", "samples", range=(1, 10_000_000))
     seed: int = setting(0, "Seed of all random numbers.", range=(0, 2**32 - 1))
-    exposure: float = setting(0.0, "Brighten what is displayed by 2^exposure.", "EV", range=(-60, 60))
+    exposure: float | None = setting(
+        None, "Scale what is displayed by 2^exposure; none for automatic exposure.", "EV", range=(-60, 60)
+    )
     diffuse: bool = setting(False, "Treat every material as Lambert with its base colour.")
     camera: CameraSettings = field(default_factory=CameraSettings)
     path: PathSettings = field(default_factory=PathSettings)

@@ -63,6 +63,7 @@ class Renderer:
         self._graph = Graph(self._device)
         self._upload: SceneUpload | None = None
         self._kept = Kept()
+        self.automatic_exposure = 0.0  # EV of the buffer `display` if the settings give none
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
         self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
@@ -81,6 +82,11 @@ class Renderer:
     def is_cpu(self) -> bool:
         """True if the adapter is a CPU."""
         return self._device.is_cpu
+
+    @property
+    def exposure(self) -> float:
+        """EV of the buffer `display`."""
+        return self.automatic_exposure if self.settings.exposure is None else self.settings.exposure
 
     @property
     def buffers(self) -> tuple[str, ...]:
@@ -242,7 +248,7 @@ class Renderer:
 
     def _prepare(self, show: tuple[str, ...], force: bool) -> None:
         """Send what changed and declare the frame anew if its shape changed."""
-        settings = self.settings
+        settings = replace(self.settings, exposure=self.exposure)
         scene = Fingerprint(self.scene)
         camera = self.camera
         pose = (np.asarray(camera.world_from_view).tobytes(), camera.yfov, camera.orthographic_height)
@@ -300,7 +306,7 @@ class Renderer:
             return
         self._declared = None
         self._graph.begin(self.size)
-        self._sources = declare_frame(self._graph, self.settings, inputs)
+        self._sources = declare_frame(self._graph, replace(self.settings, exposure=self.exposure), inputs)
         wanted = [self._source(name).handle for name in show]
         self._graph.compile([handle for handle in wanted if handle is not None])
         self._declared = declared

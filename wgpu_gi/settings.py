@@ -12,7 +12,6 @@ A setting may have another default for each quality: `presets={"low": 1, "high":
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -20,17 +19,17 @@ from numbers import Integral, Real
 from types import NoneType
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
-from .errors import GiError
+from .errors import GiError, known_names
 
-QUALITIES = ("low", "medium", "high")  # the second is what the defaults of all settings are
+QUALITIES = ("low", "medium", "high")  # the defaults of all settings are those of medium
 
 _TRUTHS = {"true": True, "1": True, "yes": True, "on": True, "false": False, "0": False, "no": False, "off": False}
 _NO_VALUE = ("none", "unlimited")
-_TYPES: dict[type, dict[str, Any]] = {}  # of the fields of each dataclass
+_TYPES: dict[type, dict[str, Any]] = {}  # types of the fields of each dataclass
 
 
 class Row(NamedTuple):
-    """One setting as a user sees it; `name` is what `--set` takes."""
+    """One setting, described for users; `name` is that of `--set`."""
 
     name: str
     value: Any
@@ -41,7 +40,7 @@ class Row(NamedTuple):
     sentence: str
     presets: Mapping[str, Any]
     kind: type  # bool, int, float or str
-    optional: bool  # None is a value, too
+    optional: bool  # None is allowed
 
 
 def setting(
@@ -54,8 +53,8 @@ def setting(
 ) -> Any:
     """Return a dataclass field with its documentation: one sentence, a unit, an inclusive range or the choices.
 
-    `presets` are its values at other qualities than medium, which has the default: {"low": 256, "high": 1024}. A
-    quality that is left out has the default, too.
+    `presets` are the values at other qualities than medium, such as {"low": 256, "high": 1024}. Medium and qualities
+    without a preset have the default.
     """
     metadata = {
         "sentence": sentence,
@@ -68,7 +67,7 @@ def setting(
 
 
 def validate(section: Any, name: str = "") -> None:
-    """Check every setting of a dataclass, and of its sections.
+    """Check every setting of a dataclass and of its sections.
 
     Raises GiError naming the setting (`name.field`), its range and its unit for a value of a wrong type, out of range,
     NaN or infinite.
@@ -78,10 +77,10 @@ def validate(section: Any, name: str = "") -> None:
 
 
 def assign(settings: Any, text: str) -> None:
-    """Carry out `section.name=value` (or `name=value`) on a settings dataclass.
+    """Apply `section.name=value` or `name=value` to a settings dataclass.
 
-    `true false 1 0` are booleans; `none` and `unlimited` unset a setting that allows it. Raises GiError for an unknown
-    name (with the nearest ones) or a value that does not fit.
+    `true false 1 0` are booleans; `none` and `unlimited` mean None where that is allowed. Raises GiError for an unknown
+    name, with the nearest three, and for a value that does not fit.
     """
     name, equals, value_text = text.partition("=")
     name, value_text = name.strip(), value_text.strip()
@@ -89,9 +88,7 @@ def assign(settings: Any, text: str) -> None:
         raise GiError(f"--set takes section.name=value, not {text!r}")
     known = {path: (owner, field) for path, owner, field in _fields(settings)}
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
-        hint = f"did you mean {' or '.join(near)}? " if near else ""
-        raise GiError(f"there is no setting {name!r}; {hint}available: {', '.join(known)}")
+        raise GiError(f"there is no setting {name!r}; {known_names(name, known)}")
     owner, field = known[name]
     kind = _type_of(owner, field)
     value = _parse(name, value_text, kind)
@@ -100,10 +97,10 @@ def assign(settings: Any, text: str) -> None:
 
 
 def apply_quality(settings: Any, quality: str) -> None:
-    """Set every setting with presets, in all sections, to its value at `quality`; leave those without alone.
+    """Set every setting with presets, in all sections, to its value at `quality`.
 
-    Apply it before what a user sets by name. Raises GiError for an unknown quality, and for a preset that the setting
-    itself would refuse.
+    Call it before `assign`, which it would override. Raises GiError for an unknown quality, and for a preset outside
+    the setting's own range.
     """
     if quality not in QUALITIES:
         raise GiError(f"there is no quality {quality!r}; there is {', '.join(QUALITIES)}")
@@ -162,7 +159,7 @@ def _fields(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any, datacla
 
 def _type_of(owner: Any, field: dataclasses.Field) -> Any:
     kind = type(owner)
-    # Resolving annotations takes longer than all else here.
+    # Resolving annotations is slow, so it is done once per class.
     if kind not in _TYPES:
         _TYPES[kind] = get_type_hints(kind)
     return _TYPES[kind][field.name]

@@ -165,7 +165,7 @@ def test_samples_do_not_depend_on_how_they_are_divided():
     """Sixty samples in one run of the pass, or in runs of 16 or 7 of them."""
     pictures = []
     for samples in (60, 16, 7):
-        settings = Settings(spp=60, camera=CameraSettings(jitter=True))
+        settings = Settings(gi="path", spp=60, camera=CameraSettings(jitter=True))
         settings.path.samples_per_run = samples
         renderer = Renderer(builtin.cornell(), size=SIZE, settings=settings)
         renderer.run(show=("radiance", "standard_error"))
@@ -179,7 +179,7 @@ def test_samples_do_not_depend_on_how_they_are_divided():
 def test_away_and_back_is_the_same_frame():
     """What moves is entered through its instance from then on; the picture stays what a fresh renderer shows."""
     scene = builtin.cornell()
-    renderer = Renderer(scene, size=SIZE, settings=Settings(spp=16))
+    renderer = Renderer(scene, size=SIZE, settings=Settings(gi="path", spp=16))
 
     def picture():
         renderer.run(show=("radiance", "position"))
@@ -191,7 +191,7 @@ def test_away_and_back_is_the_same_frame():
     home = block.world_from_local, light.world_from_local
     block.world_from_local, light.world_from_local = translation(0.5, 0, 1.0), translation(-1.0, -0.2, 0)
     away = picture()
-    fresh = Renderer(scene, size=SIZE, settings=Settings(spp=16))
+    fresh = Renderer(scene, size=SIZE, settings=Settings(gi="path", spp=16))
     fresh.run(show=("radiance", "position"))
     assert_same_picture(away, (fresh.read_back("radiance"), fresh.read_back("position")))
     assert not np.allclose(away[0], before[0], rtol=0.01)

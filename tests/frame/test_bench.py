@@ -60,7 +60,22 @@ def test_bench_measures_compares_and_draws(capsys, folder):
 
 def test_truth_of_a_file_is_taken_with_its_size(capsys):
     shows = [f"--show={name}" for name in ("radiance", "direct", "indirect", "standard_error", "depth")]
-    assert main(["render", "cornell", "-o", "t.npz", "--size=16x9", "--spp=64", "--set=camera.jitter=0", *shows]) == 0
+    assert (
+        main(
+            [
+                "render",
+                "cornell",
+                "-o",
+                "t.npz",
+                "--size=16x9",
+                "--gi=path",
+                "--spp=64",
+                "--set=camera.jitter=0",
+                *shows,
+            ]
+        )
+        == 0
+    )
     assert main(["bench", "cornell", "--truth", "t.npz", "--frames", "1", "--gi", "none", "--json", "b.json"]) == 0
     scene = load_json("b.json").scenes[0]
     assert (scene.size, scene.references[0].truth) == ((16, 9), "t.npz")

@@ -14,12 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
 
-TINY = ["--size", "32x18", "--spp", "2"]
+TINY = ["--size", "32x18", "--spp", "2", "--gi", "path"]
 BUFFERS = ["radiance", "direct", "indirect", "emission", "albedo", "normal", "depth", "position", "instance"]
 BUFFERS += ["standard_error"]
 
@@ -41,10 +42,10 @@ def picture(*arguments: str, name: str = "p.npy") -> np.ndarray:
 
 
 def test_command_makes_a_picture(folder):
-    process = start("render", "cornell", "-o", "out.png", *TINY, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process = start("render", "cornell", "--size", "32x18", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     out, err = process.communicate()
     assert process.returncode == 0, err
-    assert re.fullmatch(r"out\.png: 32x18, 2 spp, [\d.]+ s on .+\n", out)
+    assert re.fullmatch(r"out\.png: 32x18, 24 frames, exposure \+[\d.]+ EV \(automatic\), [\d.]+ s on .+\n", out)
     assert "\r" not in err  # no progress bar off a terminal
     assert load_image("out.png").shape == (18, 32, 3)
     assert os.listdir(folder) == ["out.png"]
@@ -98,10 +99,15 @@ def test_exposure_by_flag_or_by_setting(gi):
         assert main(["render", "-o", "p.png", "--gi", gi, *TINY, *arguments]) == 0
         return load_image("p.png")
 
-    plain, brighter = shown(), shown("--exposure", "1.5")
+    plain, brighter = shown("--exposure", "0"), shown("--exposure", "1.5")
     assert brighter.mean() > 1.5 * plain.mean()
     assert np.array_equal(shown("--set", "exposure=1.5"), brighter)
     assert np.array_equal(shown("--exposure", "-3", "--set", "exposure=1.5"), brighter)
+    automatic = shown()
+    with Image.open("p.png") as picture:
+        stops, _, word = picture.text["exposure"].partition(" EV ")
+    assert word == "(automatic)"
+    assert np.array_equal(shown("--exposure", stops), automatic)
 
 
 def test_light_environment_and_camera_of_the_command_line(folder):
@@ -219,7 +225,7 @@ def test_light_that_is_no_number_is_refused():
     scene = gi.load("cornell-point")
     scene.lights[0].intensity = float("nan")
     with pytest.raises(gi.GiError, match="light"):
-        gi.render(scene, size=(8, 8), spp=1)
+        gi.render(scene, size=(8, 8), gi="path", spp=1)
 
 
 def test_no_adapter_is_one_sentence(folder):
@@ -238,7 +244,9 @@ def test_no_adapter_is_one_sentence(folder):
 def test_interrupt_leaves_no_file(folder):
     """Interrupt a render that would take minutes, on a terminal, once its progress bar shows that it runs."""
     master, slave = pytest.importorskip("pty").openpty()
-    process = start("render", "-o", "out.exr", "--size", "640x360", "--spp", "100000", stdout=slave, stderr=slave)
+    process = start(
+        "render", "-o", "out.exr", "--size", "640x360", "--gi", "path", "--spp", "100000", stdout=slave, stderr=slave
+    )
     os.close(slave)
     seen = b""
     while b"rendering" not in seen:

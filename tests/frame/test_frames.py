@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.cli import frames as cli_frames
@@ -141,6 +142,34 @@ def test_video():
         assert np.abs(blocks).max() < 12
 
 
+def test_exposure_of_the_first_frame_is_that_of_all(capsys, folder):
+    """In one go, in parts, and after a stop; another number is another command."""
+
+    def exposures() -> set[str]:
+        found = set()
+        for file in folder.glob("f_*.png"):
+            with Image.open(file) as picture:
+                found.add(picture.text["exposure"])
+        return found
+
+    assert frames("--gi", "none", output="f_{frame}.png", range_="0:3") == 0
+    (text,) = exposures()
+    assert f"exposure {text}, " in capsys.readouterr().out
+    stops = json.loads(Path("f_job.json").read_text())["exposure"]
+    assert text == f"{stops:+g} EV (automatic)"
+    whole = Path("f_2.png").read_bytes()
+    for file in folder.glob("f_*"):
+        file.unlink()
+    for part in ("3/3", "1/3", "2/3"):
+        assert frames("--gi", "none", "--shard", part, output="f_{frame}.png", range_="0:3") == 0
+    assert Path("f_2.png").read_bytes() == whole
+    Path("f_2.png").unlink()
+    assert frames("--gi", "none", output="f_{frame}.png", range_="0:3") == 0
+    assert Path("f_2.png").read_bytes() == whole
+    assert frames("--gi", "none", "--exposure", "1", output="f_{frame}.png", range_="0:3") == 2
+    assert "exposure" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -152,7 +181,7 @@ def test_video():
         (["-o", "{frame}/a.png", "--frames", "0:3"], "{frame}"),
         (["-o", "{frame}.npz", "--frames", "0:3", "--layers", "depth"], "--show"),
         (["-o", "{frame}.png", "--frames", "0:3", "--layers", "depht"], "depht"),
-        (["-o", "{frame}.png", "--frames", "0:3", "--layers", "motion"], "motion"),  # the path tracer has none
+        (["-o", "{frame}.png", "--frames", "0:3", "--layers", "motion", "--gi", "path"], "motion"),
         (["-o", "{frame}.png", "--frames", "3:3"], "0:240"),
         (["-o", "{frame}.png", "--frames", "0:9:0"], "0:240"),
         (["-o", "{frame}.png", "--frames", "0:3", "--shard", "0/2"], "1/N"),

@@ -25,7 +25,7 @@ def averaged(frames=4, **fields):
 
 
 def traced(spp, **fields):
-    return Settings(spp=spp, path=PathSettings(samples_per_run=8), **fields)
+    return Settings(gi="path", spp=spp, path=PathSettings(samples_per_run=8), **fields)
 
 
 def fresh(scene, settings, show=SHOWN):

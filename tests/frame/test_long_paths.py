@@ -26,7 +26,11 @@ def bright_cave() -> gi.Scene:
 def test_every_sample_is_taken_once(samples_per_run):
     scene = bright_cave()
     renderers = [
-        Renderer(scene, size=(16, 9), settings=Settings(spp=64, diffuse=True, path=PathSettings(samples_per_run=k)))
+        Renderer(
+            scene,
+            size=(16, 9),
+            settings=Settings(gi="path", spp=64, diffuse=True, path=PathSettings(samples_per_run=k)),
+        )
         for k in (8, samples_per_run)
     ]
     for renderer in renderers:
@@ -36,7 +40,7 @@ def test_every_sample_is_taken_once(samples_per_run):
 
 
 def test_forced_frames_do_their_work_again():
-    renderer = Renderer(bright_cave(), size=(16, 9), settings=Settings(spp=32))
+    renderer = Renderer(bright_cave(), size=(16, 9), settings=Settings(gi="path", spp=32))
     renderer.run(show=("radiance",))
     before = renderer.read_back()
     assert not renderer.step(show=("radiance",))

@@ -180,7 +180,20 @@ def test_a_still_camera_does_not_flicker():
 def test_visible_only_by_the_command_line(tmp_path, capsys):
     """It says where it changes nothing; of the path tracer it leaves light out, and never adds any."""
     target = str(tmp_path / "a.npy")
-    common = ["render", "cornell-point", "-o", target, "--size", "32x18", "--spp", "16", "--show", "indirect"]
+    common = [
+        "render",
+        "cornell-point",
+        "-o",
+        target,
+        "--size",
+        "32x18",
+        "--gi",
+        "path",
+        "--spp",
+        "16",
+        "--show",
+        "indirect",
+    ]
     means = []
     for more in ([], ["--visible-only"]):
         assert main([*common, "--bounces", "1", *more]) == 0

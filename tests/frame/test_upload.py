@@ -78,7 +78,7 @@ def material(scene, name):
 
 
 def settings(**fields):
-    return Settings(spp=4, bounces=2, **fields)
+    return Settings(gi="path", spp=4, bounces=2, **fields)
 
 
 def picture(scene, **fields):
@@ -322,7 +322,7 @@ def test_division_into_runs_does_not_matter():
     names = ("radiance", "direct", "indirect", "emission", "standard_error")
 
     def rendered(samples):
-        chosen = Settings(spp=16, bounces=2, path=PathSettings(samples_per_run=samples))
+        chosen = Settings(gi="path", spp=16, bounces=2, path=PathSettings(samples_per_run=samples))
         renderer = Renderer(everything(), size=SIZE, settings=chosen)
         renderer.run(show=names)
         return {name: renderer.read_back(name) for name in names}
@@ -335,7 +335,7 @@ def test_division_into_runs_does_not_matter():
 
 
 def test_steps_go_on_until_all_samples_are_there():
-    chosen = Settings(spp=5, bounces=1, path=PathSettings(samples_per_run=2))
+    chosen = Settings(gi="path", spp=5, bounces=1, path=PathSettings(samples_per_run=2))
     renderer = Renderer(everything(), size=SIZE, settings=chosen)
     fractions = []
     assert [renderer.step(fractions.append) for _ in range(4)] == [True, True, True, False]
@@ -376,7 +376,7 @@ CAMERA = Camera.look_at((0, 1, 5), (0, 0, 0))
 
 
 def rendered(scene, **fields):
-    renderer = Renderer(scene, size=SIZE, camera=CAMERA, settings=Settings(spp=2, diffuse=True, **fields))
+    renderer = Renderer(scene, size=SIZE, camera=CAMERA, settings=Settings(gi="path", spp=2, diffuse=True, **fields))
     renderer.run(show=SHOW, check=True)
     return {name: renderer.read_back(name) for name in SHOW}
 
@@ -392,7 +392,7 @@ def test_scenes_without_geometry(instances):
 def test_geometry_that_comes_and_goes():
     """The same renderer, from nothing to something, to an empty mesh more, and back."""
     scene = Scene(environment=Environment((1.0, 1.0, 1.0)))
-    renderer = Renderer(scene, size=SIZE, camera=CAMERA, settings=Settings(spp=2, diffuse=True, bounces=0))
+    renderer = Renderer(scene, size=SIZE, camera=CAMERA, settings=Settings(gi="path", spp=2, diffuse=True, bounces=0))
     empty = shown(renderer)
     scene.instances = [Instance(quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), Material(base_color=(0.5, 0.5, 0.5, 1.0))))]
     seen = shown(renderer)

@@ -14,6 +14,7 @@ from wgpu_gi.__main__ import main
 from wgpu_gi.camera import Camera
 from wgpu_gi.gpu.wgsl import load as wgsl
 from wgpu_gi.options import TECHNIQUES, CameraSettings, Settings
+from wgpu_gi.pictures.exposure import automatic_exposure
 from wgpu_gi.pictures.image import load_image
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.resources import resource_dir
@@ -23,8 +24,9 @@ from wgpu_gi.settings import describe
 from wgpu_gi.viewer import navigation
 from wgpu_gi.viewer import session as session_module
 from wgpu_gi.viewer.comparison import Comparison
-from wgpu_gi.viewer.pace import COARSEST, Pace, pixels_at
+from wgpu_gi.viewer.dynamic_resolution import LAST_LEVEL, DynamicResolution, pixels_at
 from wgpu_gi.viewer.probe import PROBED, Probe
+from wgpu_gi.viewer.saving import command_of, save
 from wgpu_gi.viewer.session import DISPLAY, Session
 from wgpu_gi.viewer.thumbnails import SIZE as THUMBNAIL
 from wgpu_gi.viewer.thumbnails import sheet, thumbnails
@@ -66,7 +68,7 @@ def test_while_moving_there_are_fewer_pixels_and_as_much_light():
     session = make_session()
     settle(session)
     moved(session)
-    session.pace.coarseness = 6
+    session.resolution.level = 6
     session.step()
     assert session.renderer.size == (23, 13)
     coarse = session.values().mean()
@@ -83,35 +85,35 @@ def test_while_moving_there_are_fewer_pixels_and_as_much_light():
         (0.001, 0.03, (0, 0)),
         (0.001, 0.2, (4, 6)),
         (0.001, 1.0, (8, 9)),
-        (0.001, 100.0, (COARSEST,) * 2),
+        (0.001, 100.0, (LAST_LEVEL,) * 2),
         (0.1, 0.05, (0, 4)),  # fewer pixels would not help
     ],
 )
 def test_slow_frames_get_coarser_until_they_are_in_time(fixed, pixels, expected):
     """By seconds that a frame takes, besides its pixels and for all of them."""
-    for start in range(COARSEST + 1):
-        pace = Pace()
-        pace.coarseness = start
+    for start in range(LAST_LEVEL + 1):
+        resolution = DynamicResolution()
+        resolution.level = start
         for _ in range(30):
-            pace.note(fixed + pixels * pixels_at(pace.coarseness))
+            resolution.note(fixed + pixels * pixels_at(resolution.level))
         seen = set()
         for _ in range(10):
-            pace.note(fixed + pixels * pixels_at(pace.coarseness))
-            seen.add(pace.coarseness)
+            resolution.note(fixed + pixels * pixels_at(resolution.level))
+            seen.add(resolution.level)
         assert expected[0] <= min(seen) <= max(seen) <= expected[1], (start, seen)
 
 
 def test_a_single_slow_frame_changes_nothing():
-    pace = Pace()
+    resolution = DynamicResolution()
     for seconds in (0.03, 0.03, 0.5, 0.03, 0.03):
-        pace.note(seconds)
-        assert pace.coarseness == 0
+        resolution.note(seconds)
+        assert resolution.level == 0
 
 
 def test_pictures_after_a_move_are_those_of_a_new_view():
     session = make_session()
     settle(session)
-    session.pace.coarseness = 8
+    session.resolution.level = 8
     for _ in range(5):
         moved(session)
         session.step()
@@ -162,6 +164,43 @@ def test_moving_frames_share_light_and_pictures_at_rest_know_nothing_of_it(gi):
     assert np.allclose(session.values(), fresh.values(), rtol=1e-4, atol=1e-6)
 
 
+def test_exposure_is_automatic_and_stands_while_the_view_moves():
+    session = make_session()
+    session.step()
+    opened = session.exposure  # no frame of a new scene is shown without
+    assert opened == automatic_exposure(session.values())
+    assert session.renderer.read_back(DISPLAY).mean() > 60
+    settle(session)
+    session.renderer.scene.lights[0].intensity /= 8
+    session.relit()
+    session.step()
+    assert session.moving
+    assert session.exposure == opened
+    settle(session)
+    assert session.exposure == pytest.approx(opened + 3, abs=0.4)
+    before = session.exposure
+    session.change("gi", "path")  # techniques are compared by eye in one exposure
+    session.change("bounces", 0)
+    settle(session)
+    assert session.exposure == before
+
+
+def test_exposure_is_held_or_automatic_as_chosen():
+    session = make_session()
+    settle(session)
+    automatic = session.exposure
+    session.expose(False)
+    assert session.settings.exposure == automatic
+    session.change("exposure", 4.0)
+    settle(session)
+    assert session.exposure == 4.0
+    assert settle(session) == 0
+    session.expose(True)
+    settle(session)
+    assert session.settings.exposure is None
+    assert session.exposure == pytest.approx(automatic, abs=0.4)
+
+
 def test_buffer_that_another_technique_lacks_gives_way():
     session = make_session("path")
     session.show("standard_error")
@@ -180,9 +219,9 @@ def test_copied_command_renders_the_view(gi, tmp_path, monkeypatch):
     session.change("bounces", 1 if gi == "path" else None)
     session.set_quality("low")
     settle(session)
-    words = shlex.split(session.command("view.npy"))
+    words = shlex.split(command_of(session, "view.npy"))
     assert words[0] == "wgpu-gi"
-    assert "exposure=0.123456789" in words
+    assert words[words.index("--exposure") + 1] == "0.123456789"
     assert main(words[1:]) == 0
     difference = np.abs(load_image("view.npy") - session.values())
     assert (difference > 1e-3).mean() < 0.01  # the camera is as written down, but for its last digits
@@ -197,17 +236,17 @@ def test_changed_lights_are_in_the_command_and_in_saved_files(tmp_path, monkeypa
     scene.lights += [parse_light(sun[1])]
     settings = Settings(gi="none", camera=CameraSettings(frames=2))
     session = Session(Renderer(scene, size=SIZE, settings=settings), source=("courtyard", *sun))
-    assert "--relight" not in session.command()
+    assert "--relight" not in command_of(session)
     scene.lights[0].intensity, scene.lights[0].color = 2.5, (0.9, 0.5, 0.1)
     scene.lights[0].direction = (-0.557, -0.5, 0.663)
     scene.environment.color = (0.05, 0.1, 0.4)
     session.relit()
     settle(session)
-    assert main(shlex.split(session.command("view.npy"))[1:]) == 0
+    assert main(shlex.split(command_of(session, "view.npy"))[1:]) == 0
     found, expected = load_image("view.npy"), session.values()
     assert expected.mean() > 0.01
     assert (np.abs(found - expected) > 1e-3 * expected.max()).mean() < 0.01
-    with Image.open(session.save(tmp_path)[0]) as picture:
+    with Image.open(save(session, tmp_path)[0]) as picture:
         assert "--relight '0=2.25,1.25,0.25 " in picture.text["command"]
 
 
@@ -217,7 +256,7 @@ def test_command_names_the_buffer_and_all_settings():
     names = [row.name for row in describe(session.settings) if row.kind is bool]
     for name in names:
         session.change(name, not next(row.value for row in describe(session.settings) if row.name == name))
-    command = session.command()
+    command = command_of(session)
     assert "--show normal" in command
     assert all(f"{name}=" in command for name in names)
 
@@ -229,7 +268,7 @@ def test_parallel_projection_is_in_the_command(tmp_path, monkeypatch):
     camera.orthographic_height = 3.0
     session.camera = camera
     settle(session)
-    assert main(shlex.split(session.command("view.npy"))[1:]) == 0
+    assert main(shlex.split(command_of(session, "view.npy"))[1:]) == 0
     assert (np.abs(load_image("view.npy") - session.values()) > 1e-3).mean() < 0.01
 
 
@@ -238,7 +277,7 @@ def test_saved_files_hold_picture_camera_and_command(tmp_path):
 
     session = make_session()
     settle(session)
-    files = session.save(tmp_path) + session.save(tmp_path)
+    files = save(session, tmp_path) + save(session, tmp_path)
     assert [file.name for file in files] == [
         f"cornell-point-{number}.{suffix}" for number in ("001", "002") for suffix in ("png", "exr")
     ]
@@ -296,14 +335,15 @@ def test_saved_shader_is_seen_and_a_broken_one_keeps_the_picture(tmp_path, monke
     shutil.copytree(resource_dir("wgsl"), folder)
     for module in (wgsl, session_module):
         monkeypatch.setattr(module, "resource_dir", lambda name: folder)
-    wgsl._cache.clear()
+    for name in ("_loaded", "_outdated", "_times"):
+        monkeypatch.setattr(wgsl, name, {})
     session = make_session()
     settle(session)
     before = session.renderer.read_back(DISPLAY)
     shader = folder / "shared/composite/display.wgsl"
     text = shader.read_text()
     shader.write_text(text.replace("srgb_from_linear(color), 1.0", "srgb_from_linear(color.bgr), 1.0"))
-    monkeypatch.setattr(session_module, "LOOK_SECONDS", 0.0)
+    monkeypatch.setattr(session_module, "WATCH_SECONDS", 0.0)
     assert session.watch_shaders()
     assert not session.watch_shaders()
     settle(session)
@@ -319,7 +359,6 @@ def test_saved_shader_is_seen_and_a_broken_one_keeps_the_picture(tmp_path, monke
     settle(session)
     assert not session.error
     assert np.array_equal(session.renderer.read_back(DISPLAY), before)
-    wgsl._cache.clear()
 
 
 def test_truth_refines_and_tells_the_error():

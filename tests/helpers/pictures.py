@@ -21,7 +21,8 @@ def shoot(
     diffuse: bool = True,
     **settings: object,
 ) -> dict[str, np.ndarray]:
-    """Render a scene and return the buffers `show` by name as float64; `settings` are fields of Settings."""
+    """Render a scene and return the buffers `show` by name as float64; `settings` are fields of Settings (gi: path)."""
+    settings.setdefault("gi", "path")
     chosen = Settings(camera=CameraSettings(jitter=jitter), diffuse=diffuse, **settings)
     renderer = Renderer(scene, size=size, camera=camera, settings=chosen)
     renderer.run(show=show)

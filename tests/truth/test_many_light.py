@@ -138,7 +138,7 @@ def test_the_dark_side_stays_dark(name, bounces):
 @pytest.mark.parametrize("bounces", [1, None])
 def test_coated_surfaces_reflect_as_the_path_tracer_has_it(bounces):
     """Most of what a rough coat does not let through is lost: it reflects far less than Fresnel's factor alone."""
-    settings = Settings(bounces=bounces, spp=512)
+    settings = Settings(gi="path", bounces=bounces, spp=512)
     truth = Renderer(load("cornell-point"), size=(64, 48), settings=settings)
     truth.run(show=("indirect",))
     settings = Settings(gi="many-light", bounces=bounces)

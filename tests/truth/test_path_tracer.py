@@ -53,7 +53,7 @@ def layers_of(name: str) -> dict[str, np.ndarray]:
 def renderer_of(name: str, spp: int, bounces: int | None) -> Renderer:
     camera = meta_of(name)["camera"]
     scene = gi.load(source_of(name), environment=CASES[name][1])
-    settings = Settings(spp=spp, bounces=bounces, diffuse=True, camera=CameraSettings(jitter=False))
+    settings = Settings(gi="path", spp=spp, bounces=bounces, diffuse=True, camera=CameraSettings(jitter=False))
     view = gi.Camera(np.array(camera["world_from_view"]), camera["yfov"])
     renderer = Renderer(scene, size=(128, 72), camera=view, settings=settings)
     renderer.run()

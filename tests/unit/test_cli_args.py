@@ -5,20 +5,24 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 from contextlib import suppress
 from types import SimpleNamespace
 
 import numpy as np
+import PIL.Image
 import pytest
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.cli import common as cli_common
 from wgpu_gi.cli import info as cli_info
+from wgpu_gi.cli import messages as cli_messages
+from wgpu_gi.cli.messages import Messages
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.image import load_image
 from wgpu_gi.scene.scene import DirectionalLight, Scene
 
-DEFAULTS = ("path", None, 64, 0, False)  # gi, bounces, spp, seed, diffuse
+DEFAULTS = ("many-light", None, 64, 0, False)  # gi, bounces, spp, seed, diffuse
 
 
 class FakeRenderer:
@@ -33,7 +37,8 @@ class FakeRenderer:
         self.size = arguments["size"]
 
     def run(self, progress, *, show, check, timings):
-        self.ran = (progress, show, check, timings)
+        self.ran = (show, check, timings)
+        progress(0.5)
         if self.interrupt is not None:
             raise self.interrupt()
 
@@ -70,12 +75,12 @@ def test_defaults(capsys, tmp_path):
     assert made.arguments["adapter"] is None
     settings = made.arguments["settings"]
     assert (settings.gi, settings.bounces, settings.spp, settings.seed, settings.diffuse) == DEFAULTS
-    assert made.ran == (None, ("radiance",), False, False)
+    assert made.ran == (("radiance",), False, False)
     printed = capsys.readouterr()
-    assert printed.out.startswith("out.png: 640x360, 64 spp, ")
+    assert printed.out.startswith("out.png: 640x360, 24 frames, exposure -1.5 EV (automatic), ")
     assert printed.out.endswith(" s on a fake\n")
     assert "note: a remark\n" in printed.err
-    assert "a fake IS A CPU" in printed.err
+    assert "a fake is a CPU" in printed.err
     assert (tmp_path / "out.png").stat().st_size > 0
 
 
@@ -87,7 +92,7 @@ def test_everything_is_passed_on(capsys):
     made = FakeRenderer.made
     assert made.arguments["camera"] == "camera front"
     assert made.arguments["adapter"] == "lavapipe"
-    assert made.ran == (None, ("radiance", "depth"), True, True)
+    assert made.ran == (("radiance", "depth"), True, True)
     assert made.scene.environment.color == (1.0, 2.0, 3.0)
     assert [type(light) for light in made.scene.lights] == [DirectionalLight, DirectionalLight]
     settings = made.arguments["settings"]
@@ -105,10 +110,19 @@ def test_everything_is_passed_on(capsys):
         ("--gi none --bounces 2", ["--gi none has at most 0 indirect bounces, not 2"]),
         ("--gi ssil --bounces 17", ["--gi ssil has at most 16 indirect bounces, not 17"]),
         ("--gi none --set bounces=1", ["--gi none has at most 0 indirect bounces, not 1"]),
-        ("--gi none --spp 7", ["--gi none averages frames, set by camera.frames; spp=7 changes nothing"]),
+        ("--gi none --spp 7", ["--spp changes nothing: --gi none averages frames, set by camera.frames"]),
         ("--gi none --bounces 0", []),
         ("--gi none --bounces unlimited", []),
-        ("--bounces 2 --spp 7", []),
+        ("--gi path --bounces 2 --spp 7", []),
+        ("--gi none --visible-only", ["--visible-only changes nothing: --gi none does not use it"]),
+        ("--gi none --seed 3", ["--seed changes nothing: --gi none does not use it"]),
+        (
+            "--gi path --set camera.frames=3",
+            ["camera.frames changes nothing: --gi path averages samples, set by --spp"],
+        ),
+        ("--gi none --set vpl.count=512", ["vpl.count changes nothing: --gi none does not use it"]),
+        ("--gi ssil --set vpl.count=512 --set ssil.levels=3", ["vpl.count changes nothing: --gi ssil does not use it"]),
+        ("--set vpl.count=512 --seed 3 --set exposure=1", []),
     ],
 )
 def test_what_changes_nothing_is_noted(arguments, words, capsys):
@@ -142,7 +156,7 @@ def test_what_changes_nothing_is_noted(arguments, words, capsys):
         ("render --env missing.hdr", "missing.hdr"),
         ("render --light sun", "sun"),
         ("render --relight 3=1,1,1", "there is no light '3'; this scene has none"),
-        ("render --show beauty", "--show takes one of radiance, direct"),
+        ("render --show beauty", "--show beauty: --gi many-light has no such buffer; did you mean "),
         ("render --set camera.jitter", "section.name=value"),
         ("render --set camera.shake=1", "no setting 'camera.shake'"),
         ("render --set camera.jitter=maybe", "true or false"),
@@ -183,8 +197,10 @@ def test_a_bug_shows_itself(monkeypatch):
         main(["render", "--size", "8x8"])
 
 
-@pytest.mark.parametrize(("flag", "words"), [("--set", "camera.jitter="), ("--show", "radiance direct")])
-def test_help_lists_settings_and_buffers(flag, words, capsys, tmp_path):
+@pytest.mark.parametrize(
+    ("flag", "words"), [("--set", "camera.jitter="), ("--show", "radiance\ndirect\n"), ("--gi", "path   ")]
+)
+def test_help_lists_settings_buffers_and_techniques(flag, words, capsys, tmp_path):
     assert main(["render", flag, "help"]) == 0
     assert words in capsys.readouterr().out
     assert not list(tmp_path.iterdir())
@@ -198,19 +214,86 @@ def test_help(arguments, capsys):
     assert "wgpu" in capsys.readouterr().out
 
 
-def test_progress_bar_is_silent_off_a_terminal_and_counts_on_one(monkeypatch, capsys):
-    with cli_common.progress_bar() as report:
-        assert report is None
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    with cli_common.progress_bar() as report:
+def test_exposure_is_of_displayed_light_only(capsys):
+    for arguments, words, text in (
+        ("-o a.png", "exposure -1.5 EV (automatic)", "-1.5 EV (automatic)"),
+        ("-o a.png --exposure automatic", "exposure -1.5 EV (automatic)", "-1.5 EV (automatic)"),
+        ("-o a.png --exposure 2.25", "exposure +2.25 EV, ", "+2.25 EV"),
+        ("-o a.png --set exposure=1", "exposure +1 EV, ", "+1 EV"),
+        ("-o a.png --show normal", "", None),
+        ("-o a.exr", "", None),
+        ("-o a.exr --exposure 2", "", None),
+    ):
+        assert main(["render", "--size", "8x8", *arguments.split()]) == 0
+        printed = capsys.readouterr().out
+        assert words in printed
+        assert ("exposure" in printed) == bool(words)
+        if arguments.startswith("-o a.png"):
+            with PIL.Image.open("a.png") as picture:
+                assert picture.text.get("exposure") == text
+        else:
+            assert np.all(load_image("a.exr") == 0.5)
+
+
+def test_quiet_and_verbose(capsys):
+    assert main(["render", "--size", "8x8", "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main(["render", "--size", "8x8", "-q", "--timings"]) == 0
+    assert capsys.readouterr() == ("THE TIMINGS\n", "")
+    assert main(["render", "--size", "8x8", "-v"]) == 0
+    assert "cornell: 0 triangles, 0 instances, 0 lights" in capsys.readouterr().err
+    assert main(["render", "-q", "-v"]) == 2
+
+
+def test_progress_appears_on_a_terminal_only_when_it_takes_long(monkeypatch, capsys):
+    with Messages().progress("rendering") as report:
         report(0.5)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(cli_messages, "LINE_SECONDS", 0.0)
+    with Messages().progress("rendering") as report:
+        report(0.5)
+    assert capsys.readouterr().err.startswith("rendering: 50% 0:0")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with Messages().progress("rendering") as report:
         report(1.0)
-    assert "rendering" in capsys.readouterr().err
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(cli_messages, "BAR_SECONDS", 0.0)
+    with Messages().progress("rendering") as report:
+        for _ in range(20):
+            time.sleep(0.02)
+            report(0.25)
+    printed = capsys.readouterr().err
+    assert "rendering" in printed
+    assert "25%" in printed
+    assert "left" in printed
+    with Messages(quiet=True).progress("rendering") as report:
+        time.sleep(0.05)
+        report(0.5)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("seconds", "fraction", "words"),
+    [(0.0, 0.0, ""), (10.0, 0.5, "0:10 left"), (3.0, 0.01, "4:57 left"), (60.0, 0.005, "3 h 19 min left")],
+)
+def test_time_left(seconds, fraction, words):
+    assert cli_messages._time_left(seconds, fraction) == words
+
+
+def test_reader_that_leaves_ends_the_command_quietly():
+    process = subprocess.Popen(
+        [sys.executable, "-m", "wgpu_gi", "render", "--set", "help=all"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    process.stdout.close()
+    assert process.wait() == 141
+    assert process.stderr.read() == b""
 
 
 def test_an_interrupt_that_got_lost_is_told_again(monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    with pytest.raises(KeyboardInterrupt), cli_common.progress_bar() as report:
+    with pytest.raises(KeyboardInterrupt), Messages().progress("rendering") as report:
         with suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         report(0.5)

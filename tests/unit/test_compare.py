@@ -197,7 +197,7 @@ def test_one_sentence_for_every_bad_input(capsys, folder):
     Image.fromarray(np.arange(HEIGHT * WIDTH, dtype=np.uint8).reshape(HEIGHT, WIDTH)).save("smooth.png")
 
     assert "gone.npz: no such file" in fails(capsys, "gone.npz", "b.npz")
-    assert "8 bits are no measure" in fails(capsys, "mask.png", "b.npz")
+    assert "8-bit tone-mapped values cannot be measured" in fails(capsys, "mask.png", "b.npz")
     assert "takes .npy .npz .exr" in fails(capsys, "a.jpg", "b.npz")
     assert "not a readable .npz" in fails(capsys, "broken.npz", "b.npz")
     missing = fails(capsys, "a.npz:indirect", "b.npz:glow")
@@ -214,7 +214,7 @@ def test_one_sentence_for_every_bad_input(capsys, folder):
     assert "black.npy is black" in fails(capsys, "a.npz", "black.npy")
     assert "12x4" in fails(capsys, "a.npz", "b.npz", "--noise", "small.npy")
     assert "negative" in fails(capsys, "a.npz", "b.npz", "--noise", "noise.npy")
-    assert "do not add up" in fails(capsys, "a.npz", "b.npz", "--noise", "b.npz:se+one")
+    assert "cannot be added" in fails(capsys, "a.npz", "b.npz", "--noise", "b.npz:se+one")
     assert "small.png is 12x4, but b.npz 12x9" in fails(capsys, "a.npz", "b.npz", "--mask", "small.png")
     assert "108 distinct values" in fails(capsys, "a.npz", "b.npz", "--mask", "smooth.png")
     assert "gone.png: no such file" in fails(capsys, "a.npz", "b.npz", "--mask", "gone.png")

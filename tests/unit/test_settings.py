@@ -55,7 +55,7 @@ def test_assign_reads_optional_numbers(text, value):
     ("text", "words"),
     [
         ("path.samples_per_run", "section.name=value"),
-        ("path.sample_per_run=1", "did you mean path.samples_per_run"),
+        ("path.sample_per_run=1", "available: gi, bounces, path.samples_per_run, path.clamp"),
         ("nonsense=1", "available: gi, bounces, path.samples_per_run, path.clamp"),
         ("internal=1", "no setting 'internal'"),
         ("path=1", "no setting 'path'"),
@@ -166,3 +166,18 @@ def test_every_preset_of_the_renderer_is_allowed(quality):
     settings = Settings()
     apply_quality(settings, quality)
     validate(settings)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("vpl.cout=3", "there is no setting 'vpl.cout'; did you mean vpl.count, "),
+        ("rays=3", "gather.rays"),
+        ("nonsense=1", "did you mean "),
+    ],
+)
+def test_of_many_names_the_nearest_three_are_told(text, words):
+    with pytest.raises(GiError) as error:
+        assign(Settings(), text)
+    assert words in str(error.value)
+    assert len(str(error.value).partition("did you mean ")[2].split(", ")) == 3

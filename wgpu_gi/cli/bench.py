@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection
 from functools import partial
 from itertools import product
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress as Bar
 from rich.table import Table
 
 from ..camera import Camera
@@ -23,14 +21,13 @@ from ..measure.results import PRESET, Report, SceneReport
 from ..measure.truth import Progress, Truth, truth_by_path, truth_from_file
 from ..options import TECHNIQUES, Settings, check_size
 from ..pictures.atomic_file import check_writable
-from ..scene.files.camera_files import choose_camera
-from ..scene.load import NO_CAMERA_NOTE
 from ..scene.scene import Scene
 from ..settings import QUALITIES, apply_quality, assign, describe, format_rows, validate
-from .common import scene_from
+from .common import LISTS, prepare_scene, warn_of_cpu
+from .messages import Messages
 
 DEFAULT_SIZE = (640, 360)
-# Settings that a measurement has of its own, and why, or what to use instead.
+# Settings that bench sets itself, and why, or what to use instead.
 OWN_SETTINGS = {
     "gi": "use --gi",
     "diffuse": "use --diffuse",
@@ -38,31 +35,33 @@ OWN_SETTINGS = {
     "camera.jitter": "pictures are of the pixel centres, as the truth is",
     "camera.frames": "pictures are of the pixel centres, so there is nothing to average",
 }
-# What techniques are held against, as these with settings of their own: ssao is ambient light times a share of it.
-TABLE_WIDTH = 140  # where the output is no terminal
+TABLE_WIDTH = 140  # characters, if the output is no terminal
 MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
 
 
 def bench(arguments: Namespace) -> int:
     """Carry out `wgpu-gi bench`; return the exit code. Raises GiError for all that the user can put right."""
-    if "help" in arguments.set:
+    if not set(LISTS).isdisjoint(arguments.set):
         print(format_rows(describe(Settings())))
         return 0
+    say = Messages(arguments.verbose, arguments.quiet)
+
     # Refuse what cannot work before any time is spent on it.
     candidates = candidates_from(arguments)
     check_outputs(arguments)
     scenes = list(dict.fromkeys(arguments.scene))
     size = size_from(arguments, scenes)
     old = None if arguments.compare is None else load_json(arguments.compare)
+
+    # Look at the machine.
     here = machine(arguments.adapter)
-    if here["is_cpu"]:
-        print(f"warning: {here['adapter']} IS A CPU, not a GPU: this is slow", file=sys.stderr)
+    warn_of_cpu(here["adapter"], here["is_cpu"], say)
     difference = None if old is None else different_machine(old, here)
     if difference is not None:
-        print(f"warning: {arguments.compare} was {difference}", file=sys.stderr)
+        say.warning(f"{arguments.compare} was {difference}")
 
-    with progress_bar() as progress:
-        reports = [bench_scene(arguments, name, size, candidates, progress) for name in scenes]
+    # Measure, write the files, print the tables.
+    reports = [bench_scene(arguments, name, size, candidates, say) for name in scenes]
     report = Report(here, arguments.frames, WARM_UP_FRAMES, reports)
     if arguments.json is not None:
         save_json(arguments.json, report)
@@ -75,41 +74,46 @@ def bench(arguments: Namespace) -> int:
 
 
 def candidates_from(arguments: Namespace) -> list[Candidate]:
-    """Return what `--gi`, `--quality` and `--set` ask for: each technique at each quality, at the pixel centres."""
-    # The path tracer is measured in any case, as the curve that all are held against.
-    known = [*TECHNIQUES]
-    names = [name for name in known if name != "path"] if arguments.gi is None else _split("--gi", arguments.gi)
-    for name in names:
-        if name not in known:
-            raise GiError(f"--gi takes techniques out of {', '.join(known)}, with commas between, not {name!r}")
+    """Return what `--gi`, `--quality`, `--set` and `--sweep` ask for: each technique at each quality and variant."""
+    # The path tracer is always measured, as the reference.
+    names = [name for name in TECHNIQUES if name != "path"]
+    if arguments.gi is not None:
+        names = _split("--gi", arguments.gi)
+    qualities = _split("--quality", arguments.quality)
+    checks: list[tuple[str, list[str], Collection[str]]] = [
+        ("--gi", names, TECHNIQUES),
+        ("--quality", qualities, QUALITIES),
+    ]
+    for flag, given, known in checks:
+        for name in given:
+            if name not in known:
+                raise GiError(f"{flag} takes {', '.join(known)}, with commas between, not {name!r}")
     for flag, texts in (("--set", arguments.set), ("--sweep", arguments.sweep)):
         for text in texts:
             name = text.partition("=")[0].strip()
             if name in OWN_SETTINGS:
-                raise GiError(f"bench has its own {name}, so it does not take {flag} {text}: {OWN_SETTINGS[name]}")
+                raise GiError(f"bench sets {name} itself, so it does not take {flag} {text}: {OWN_SETTINGS[name]}")
     variants = [" ".join(texts) for texts in product(*map(_swept, arguments.sweep))]
-    candidates = []
-    for name in names:
-        for quality in _split("--quality", arguments.quality):
-            if quality not in QUALITIES:
-                raise GiError(f"--quality takes {', '.join(QUALITIES)}, with commas between, not {quality!r}")
-            for variant in variants:
-                settings, preset = Settings(), Settings()
-                apply_quality(settings, quality)
-                apply_quality(preset, quality)
-                for text in (*arguments.set, *variant.split()):
-                    assign(settings, text)
-                name_of_variant = f"{variant} {PRESET}" if variant and settings == preset else variant
-                settings.gi, settings.diffuse, settings.camera.jitter = name, arguments.diffuse, False
-                if name == "path":
-                    settings.spp = settings.path.samples_per_run  # a frame of it is one run
-                validate(settings)
-                candidates.append(Candidate(name, quality, settings, name_of_variant))
-    return candidates
+    return [_candidate(arguments, *choice) for choice in product(names, qualities, variants)]
+
+
+def _candidate(arguments: Namespace, gi: str, quality: str, variant: str) -> Candidate:
+    """Return a technique with its settings, at the pixel centres."""
+    settings, preset = Settings(), Settings()
+    apply_quality(settings, quality)
+    apply_quality(preset, quality)
+    for text in (*arguments.set, *variant.split()):
+        assign(settings, text)
+    title = f"{variant} {PRESET}" if variant and settings == preset else variant
+    settings.gi, settings.diffuse, settings.camera.jitter = gi, arguments.diffuse, False
+    if TECHNIQUES[gi].averages_samples:
+        settings.spp = settings.path.samples_per_run  # a frame of the path tracer is one run
+    validate(settings)
+    return Candidate(gi, quality, settings, title)
 
 
 def check_outputs(arguments: Namespace) -> None:
-    """Raise GiError if numbers make no sense, or a file could not be written at the end."""
+    """Raise GiError for numbers out of range, and for files that could not be written at the end."""
     for flag, number, least, most in (
         ("--frames", arguments.frames, 1, MOST_FRAMES),
         ("--truth-spp", arguments.truth_spp, 2, MOST_SPP),
@@ -140,36 +144,31 @@ def size_from(arguments: Namespace, scenes: list[str]) -> tuple[int, int]:
 
 
 def bench_scene(
-    arguments: Namespace, name: str, size: tuple[int, int], candidates: list[Candidate], progress: Progress | None
+    arguments: Namespace, name: str, size: tuple[int, int], candidates: list[Candidate], say: Messages
 ) -> SceneReport:
     """Load and measure one scene."""
-    scene = scene_from(Namespace(scene=name, light=arguments.light, relight=arguments.relight, env=arguments.env))
-    camera = choose_camera(scene, arguments.camera, Path(name).parent)
-    for note in scene.notes:
-        if note != NO_CAMERA_NOTE or arguments.camera is None:
-            print(f"note: {name}: {note}", file=sys.stderr)
-
-    def report(what: str, fraction: float) -> None:
-        if progress is not None:
-            progress(f"{name}: {what}", fraction)
-
-    # Held against the same path tracer, all of them.
+    scene, camera = prepare_scene(arguments, name, say)
+    # All techniques are held against the same path tracer.
     visible_only = candidates[0].settings.path.visible_only
-    truth_of = truth_source(arguments, scene, camera, size, visible_only, report)
-    try:
-        measured = measure_scene(
-            scene,
-            camera,
-            size,
-            candidates,
-            truth_of,
-            frames=arguments.frames,
-            adapter=arguments.adapter,
-            progress=report,
-        )
-    except GiError as error:
-        raise GiError(f"{name}: {error}") from None
-    techniques, references = measured
+    with say.progress(name) as bar:
+
+        def report(what: str, fraction: float) -> None:
+            bar(fraction, f"{name}: {what}")
+
+        truth_of = truth_source(arguments, scene, camera, size, visible_only, report)
+        try:
+            techniques, references = measure_scene(
+                scene,
+                camera,
+                size,
+                candidates,
+                truth_of,
+                frames=arguments.frames,
+                adapter=arguments.adapter,
+                progress=report,
+            )
+        except GiError as error:
+            raise GiError(f"{name}: {error}") from None
     return SceneReport(
         name,
         arguments.camera,
@@ -231,17 +230,6 @@ def _print_table(title: str, table: Table) -> None:
     console.print(title, style="bold", markup=False, soft_wrap=True)
     console.print(table)
     console.print()
-
-
-@contextmanager
-def progress_bar() -> Iterator[Progress | None]:
-    """Yield a function that takes what is done and the fraction of it, or None where no person watches."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("measuring", total=1.0)
-        yield lambda what, fraction: bar.update(task, description=what, completed=fraction)
 
 
 def _swept(text: str) -> list[str]:

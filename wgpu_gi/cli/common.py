@@ -1,19 +1,18 @@
-"""What several commands share: scene, settings and buffers from arguments, a progress bar, a record."""
+"""What several commands share: settings, scene, renderer and buffers from arguments, and a picture's metadata."""
 
 from __future__ import annotations
 
-import math
-import signal
-import sys
 from argparse import Namespace
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
+
+from numpy.typing import ArrayLike
 
 from ..buffers import buffers_of, views_of
-from ..errors import GiError
+from ..camera import Camera
+from ..errors import GiError, known_names
 from ..options import TECHNIQUES, Settings
+from ..pictures.exposure import automatic_exposure, is_exposed
 from ..renderer import Renderer
 from ..scene.files.camera_files import choose_camera
 from ..scene.files.environment_files import load_environment
@@ -22,38 +21,48 @@ from ..scene.load import NO_CAMERA_NOTE, load
 from ..scene.scene import Scene
 from ..settings import apply_quality, assign, describe, format_rows, validate
 from ..version import __version__
+from .messages import Messages
+
+FOR_ALL = ("gi", "exposure", "diffuse", "camera")  # settings and sections that the renderer itself uses
+DISPLAYED_FORMATS = (".png", ".mp4")  # 8 bits, with exposure and tone curve
+FLAGS = {"spp": "--spp", "seed": "--seed", "path.visible_only": "--visible-only"}  # settings with a flag of their own
+REASONS = {
+    "spp": "averages frames, set by camera.frames",
+    "camera.frames": "averages samples, set by --spp",
+}
+LISTS = ("help", "help=all")  # what --set takes in place of a setting
 
 
 def list_names(arguments: Namespace) -> bool:
-    """Print the techniques or the settings if that is what is asked for; return whether it is."""
+    """Print the techniques or the settings if arguments ask for them; return whether they do."""
     if arguments.gi == "help":
         print("\n".join(f"{name:<12} {technique.sentence}" for name, technique in TECHNIQUES.items()))
         return True
-    if "help" in arguments.set:
-        print(format_rows(describe(settings_from(arguments))))
-        return True
-    return False
+    if set(LISTS).isdisjoint(arguments.set):
+        return False
+    print(settings_list(settings_from(arguments), everything="help=all" in arguments.set))
+    return True
 
 
-def renderer_from(arguments: Namespace, settings: Settings) -> Renderer:
-    """Load the scene and return a renderer of it, with notes and warnings to a person printed."""
-    scene = scene_from(arguments)
-    camera = choose_camera(scene, arguments.camera, Path(arguments.scene).parent)
-    for note in scene.notes:
-        if note != NO_CAMERA_NOTE or arguments.camera is None:
-            print(f"note: {note}", file=sys.stderr)
-    for note in without_effect(settings):
-        print(f"note: {note}", file=sys.stderr)
-    renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
-    if renderer.is_cpu:
-        print(f"warning: {renderer.adapter_name} IS A CPU, not a GPU: this is slow", file=sys.stderr)
-    return renderer
+def settings_list(settings: Settings, everything: bool = False) -> str:
+    """Return a table of the settings that the technique uses, and how many there are besides; or of `everything`."""
+    rows = describe(settings)
+    used = [row for row in rows if everything or uses(settings.gi, row.name)]
+    table = format_rows(used)
+    if len(used) < len(rows):
+        table += f"\n{len(rows) - len(used)} more that --gi {settings.gi} does not use: --set help=all"
+    return table
 
 
-def settings_from(arguments: Namespace) -> Settings:
-    """Return the settings that the flags and then every `--set` ask for, checked."""
-    if not math.isfinite(arguments.exposure):
-        raise GiError(f"--exposure takes a finite number of stops, not {arguments.exposure}")
+def uses(gi: str, name: str) -> bool:
+    """Return whether a technique uses a setting, by the section of its name."""
+    if name == "camera.frames":
+        return not TECHNIQUES[gi].averages_samples
+    return name.partition(".")[0] in {*FOR_ALL, *TECHNIQUES[gi].sections}
+
+
+def settings_from(arguments: Namespace, first: Sequence[str] = ()) -> Settings:
+    """Return the settings that the flags, then `first`, then every `--set` ask for, checked."""
     settings = Settings(
         gi=arguments.gi,
         bounces=arguments.bounces,
@@ -65,50 +74,90 @@ def settings_from(arguments: Namespace) -> Settings:
     settings.path.visible_only = arguments.visible_only
     validate(settings)
     apply_quality(settings, arguments.quality)
-    for text in arguments.set:
-        if text != "help":
+    for text in (*first, *arguments.set):
+        if text not in LISTS:
             assign(settings, text)
     return settings
 
 
-def without_effect(settings: Settings) -> list[str]:
-    """Return a sentence for each setting that is not the default and that the technique has no use for."""
-    notes = []
-    gi = settings.gi
-    most = TECHNIQUES[gi].most_bounces
+def without_effect(settings: Settings, texts: Sequence[str]) -> list[str]:
+    """Return a sentence for each setting that the technique ignores, of `--set` (`texts`) and of flags."""
+    gi, technique, notes = settings.gi, TECHNIQUES[settings.gi], []
+    most = technique.most_bounces
     if most is not None and (settings.bounces or 0) > most:
         notes.append(f"--gi {gi} has at most {most} indirect bounces, not {settings.bounces}")
-    if gi != "path" and settings.spp != Settings().spp:
-        notes.append(f"--gi {gi} averages frames, set by camera.frames; spp={settings.spp} changes nothing")
-    if gi != "path" and settings.path.visible_only:
-        notes.append(f"--gi {gi} is no truth; --visible-only changes nothing")
+    changed = {row.name for row in describe(settings) if row.name in FLAGS and row.value != row.default}
+    given = [text.partition("=")[0].strip() for text in texts if text not in LISTS]
+    for name in dict.fromkeys([*sorted(changed), *given]):
+        if name != "bounces" and not uses(gi, name):
+            reason = REASONS.get(name, "does not use it")
+            notes.append(f"{FLAGS.get(name, name)} changes nothing: --gi {gi} {reason}")
     return notes
 
 
-def buffers_from(arguments: Namespace, settings: Settings) -> list[str]:
-    """Return the buffers to write, each once, in the order given."""
-    shown = list(dict.fromkeys(arguments.show or ["radiance"]))
-    known = (*buffers_of(settings.gi), *views_of(settings.gi))
-    for name in shown:
-        if name not in known:
-            raise GiError(f"with --gi {settings.gi}, --show takes one of {', '.join(known)}, not {name!r}")
-    return shown
-
-
-def scene_from(arguments: Namespace) -> Scene:
-    """Load the scene, with the environment and the lights of the command line."""
+def load_scene(source: str, env: str | None, lights: Sequence[str], changes: Sequence[str]) -> Scene:
+    """Load a scene with an environment, further lights and changed lights, each as the command line writes them."""
     notes: list[str] = []
-    lights = [parse_light(text) for text in arguments.light]
-    environment = None if arguments.env is None else load_environment(arguments.env, notes)
-    scene = load(arguments.scene, environment=environment, lights=lights)
+    added = [parse_light(text) for text in lights]
+    environment = None if env is None else load_environment(env, notes)
+    scene = load(source, environment=environment, lights=added)
     scene.notes.extend(notes)
-    for text in arguments.relight:
+    for text in changes:
         relight(scene, text)
     return scene
 
 
+def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Scene, Camera]:
+    """Load a scene as the arguments say, choose its camera, and tell what there is to note."""
+    with say.timed(f"loading {source}"):
+        scene = load_scene(source, arguments.env, arguments.light, arguments.relight)
+        camera = choose_camera(scene, arguments.camera, Path(source).parent)
+    for note in scene.notes:
+        if note != NO_CAMERA_NOTE or arguments.camera is None:
+            say.note(note)
+    say.detail(
+        f"{source}: {scene.triangle_count} triangles, {len(scene.instances)} instances, {len(scene.lights)} lights,"
+        f" {'an' if scene.environment else 'no'} environment"
+    )
+    return scene, camera
+
+
+def renderer_from(arguments: Namespace, settings: Settings, say: Messages) -> Renderer:
+    """Load the scene and return a renderer of it; tell which settings have no effect, and a slow adapter."""
+    scene, camera = prepare_scene(arguments, arguments.scene, say)
+    for note in without_effect(settings, arguments.set):
+        say.note(note)
+    renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
+    warn_of_cpu(renderer.adapter_name, renderer.is_cpu, say)
+    return renderer
+
+
+def warn_of_cpu(adapter: str, is_cpu: bool, say: Messages) -> None:
+    """Tell the adapter, and warn if it is a CPU."""
+    if is_cpu:
+        say.warning(f"{adapter} is a CPU, not a GPU: rendering is slow")
+    else:
+        say.detail(f"adapter: {adapter}")
+
+
+def checked_buffers(flag: str, names: Sequence[str], gi: str) -> list[str]:
+    """Return the buffers to write, each once, in the order given. Raises GiError for one that the technique lacks."""
+    known = (*buffers_of(gi), *views_of(gi))
+    for name in names:
+        if name not in known:
+            raise GiError(f"{flag} {name}: --gi {gi} has no such buffer; {known_names(name, known)}")
+    return list(dict.fromkeys(names))
+
+
+def exposure_for(output: str, settings: Settings, name: str, layer: ArrayLike) -> float | None:
+    """Return the exposure of a buffer in a file, None for linear files and for buffers that hold no light."""
+    if Path(output).suffix.lower() not in DISPLAYED_FORMATS or not is_exposed(name):
+        return None
+    return automatic_exposure(layer) if settings.exposure is None else settings.exposure
+
+
 def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> dict[str, object]:
-    """Return what a picture file says of its making; the same for the same command, so that files can be compared."""
+    """Return what a picture file says of its making; equal for equal commands, so that files can be compared."""
     return {
         "software": f"wgpu_gi {__version__}",
         "scene": arguments.scene,
@@ -125,37 +174,3 @@ def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> 
         "settings": " ".join(arguments.set),
         "adapter": adapter_name,
     }
-
-
-@contextmanager
-def progress_bar() -> Iterator[Callable[[float], None] | None]:
-    """Yield a function that takes the fraction done, or None where no person watches.
-
-    The function raises KeyboardInterrupt if Ctrl+C came while C code called Python back, which drops exceptions.
-    """
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    interrupted = False
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal interrupted
-        interrupted = True
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, interrupt)
-    try:
-        with Progress(console=Console(stderr=True), transient=True) as progress:
-            task = progress.add_task("rendering", total=1.0)
-
-            def report(fraction: float) -> None:
-                if interrupted:
-                    raise KeyboardInterrupt
-                progress.update(task, completed=fraction)
-
-            yield report
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -24,20 +24,21 @@ MISSING = "-"
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture, or the sum of some layers of a file, and how the user may call it."""
+    """A layer of a file, or a sum of layers, and its name for messages."""
 
     name: str
     values: Array  # (h, w, 3) or (h, w), finite
 
     @property
     def size(self) -> str:
-        """Width, height and kind, for people."""
+        """Width, height and kind, in words."""
         height, width = self.values.shape[:2]
         return f"{width}x{height}, {'colour' if self.values.ndim == 3 else 'grey'}"
 
 
 def compare(arguments: Namespace) -> int:
     """Carry out `wgpu-gi compare`; return the exit code. Raises GiError for all that the user can put right."""
+    # Read the inputs.
     _check_output("--html", arguments.html, ".html")
     _check_output("--json", arguments.json, ".json")
     image = load_picture(arguments.image, arguments.layer)
@@ -48,15 +49,17 @@ def compare(arguments: Namespace) -> int:
     noise = None if arguments.noise is None else load_noise(arguments.noise, truth)
     masks = {} if arguments.mask is None else load_regions(arguments.mask, truth)
 
+    # Measure and print.
     rows, remarks = measured(image, truth, noise, masks)
     print(f"A      {image.name}\nB      {truth.name}: the truth, {truth.size}, mean {truth.values.mean():.4g}")
     if noise is not None:
-        print(f"noise  {noise.name}: its floor is taken off the relMSE of A")
+        print(f"noise  {noise.name}: its floor is subtracted from the relMSE of A")
     cells = table_cells(rows)
     print("\n" + aligned(cells))
     for remark in remarks:
         print(f"note: {remark}")
 
+    # Write the files.
     if arguments.json is not None:
         report = json_report(image, truth, noise, arguments.mask, rows)
         _write(arguments.json, json.dumps(report, indent=2) + "\n")
@@ -69,15 +72,15 @@ def compare(arguments: Namespace) -> int:
 
 
 def load_picture(text: str, default_layer: str | None = None) -> Picture:
-    """Read `FILE`, `FILE:layer` or `FILE:a+b`, the sum of layers; `default_layer` serves where the file has layers.
+    """Read `FILE`, `FILE:layer` or `FILE:a+b`, a sum of layers; `default_layer` applies to files with layers.
 
-    Without any layer, .exr means its R, G, B, and .npz its layer `radiance`. Raises GiError in one sentence for what
-    is no linear picture, for a layer that is not there, and for NaN and Inf, with the first pixel that holds one.
+    Without any layer, .exr means its R, G, B, and .npz its layer `radiance`. Raises GiError for a file that is no
+    linear picture, for a missing layer, and for NaN and Inf, naming the first pixel that holds one.
     """
     path, layer = split_layer(text)
     suffix = path.suffix.lower()
     if suffix == ".png":
-        raise GiError(f"{path}: tone-mapped 8 bits are no measure of light; render to .exr, .npy or .npz")
+        raise GiError(f"{path}: 8-bit tone-mapped values cannot be measured; render to .exr, .npy or .npz")
     if suffix not in LINEAR_FORMATS:
         raise GiError(f"{path}: not a linear picture; compare takes {' '.join(LINEAR_FORMATS)}")
     if layer is None and suffix != ".npy":
@@ -107,7 +110,7 @@ def load_noise(text: str, truth: Picture) -> Picture:
     """Read the standard error of the truth, one layer shaped like it."""
     _, layer = split_layer(text)
     if layer is not None and "+" in layer:
-        raise GiError(f"--noise {text}: standard errors do not add up; name one layer that holds that of the truth")
+        raise GiError(f"--noise {text}: standard errors cannot be added; name the one layer of the truth")
     noise = load_picture(text)
     _check_same_size(noise, truth)
     if (noise.values < 0).any():
@@ -149,12 +152,12 @@ def measured(
         remarks.append(f"the truth is black in {', '.join(black)}: there is no error relative to it")
     near = [name for name, e in rows.items() if e is not None and e.floor is not None and e.relmse <= e.floor]
     if near:
-        remarks.append(f"the relMSE is within the noise of the truth in: {', '.join(near)}; lower says nothing more")
+        remarks.append(f"the relMSE is within the noise of the truth in: {', '.join(near)}; lower values mean nothing")
     return rows, remarks
 
 
 def table_cells(rows: dict[str, Errors | None]) -> list[list[str]]:
-    """Return the table as text, a header and a line for each row; the column of the floor only where it is known."""
+    """Return header and rows of the table as text; without the column of the floor if no row knows it."""
     with_floor = any(errors is not None and errors.floor is not None for errors in rows.values())
     header = ["", "relMSE", "noise floor", "bias", "99.9th percentile", "FLIP", "pixels"]
     cells = [header]
@@ -170,7 +173,7 @@ def table_cells(rows: dict[str, Errors | None]) -> list[list[str]]:
 
 
 def aligned(cells: list[list[str]]) -> str:
-    """Return the cells as lines of text, the first column to the left and the numbers to the right."""
+    """Return the cells as lines of text, the first column flush left, the numbers flush right."""
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = []
     for first, *numbers in cells:
@@ -222,7 +225,7 @@ def _load_png_labels(path: Path) -> np.ndarray:
         with Image.open(path, formats=("PNG",)) as image:
             plain = image if image.mode in ("1", "L", "P", "I", "I;16") else image.convert("RGB")
             return np.asarray(plain).astype(np.int64)
-    except Exception as error:  # whatever a decoder makes of a damaged file
+    except Exception as error:  # decoders raise anything for damaged files
         raise GiError(f"{path}: not a readable .png picture ({error})") from None
 
 
@@ -244,7 +247,7 @@ def _check_same_size(one: Picture, truth: Picture) -> None:
 
 
 def _check_output(flag: str, path: str | None, suffix: str) -> None:
-    """Refuse what cannot be written, and another extension, so that no picture is overwritten by a slip."""
+    """Raise GiError for a path that cannot be written, or with another suffix, which could overwrite a picture."""
     if path is None:
         return
     if Path(path).suffix.lower() != suffix:

@@ -1,124 +1,100 @@
-"""`wgpu-gi render --frames`: a sequence of pictures, in parts on several machines, going on where it was stopped.
+"""`wgpu-gi render --frames`: a sequence of pictures, in parts on several machines, resumed where it was stopped.
 
-A picture depends on its command alone, not on what the same process rendered before it. Where a technique has a memory
-of earlier frames, blocks of frames begin with an empty one and first render some frames that are not kept.
+A picture depends on its command alone, not on what the same process rendered before it. Where a technique has a
+temporal history, frames come in blocks; each block starts without history and renders some frames that are not written.
 """
 
 from __future__ import annotations
 
-import json
-import re
-import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
-
-from numpy.typing import NDArray
 
 from ..errors import GiError
 from ..options import Settings
-from ..pictures.atomic_file import atomic_file
-from ..pictures.image import check_output, save_image
+from ..pictures.exposure import exposure_text
 from ..pictures.video import check_video, is_video, video_file
 from ..renderer import Renderer
 from ..scene.files.camera_paths import CameraAt, load_camera_path, turntable
-from .common import buffers_from, metadata_of, progress_bar, renderer_from
+from .common import checked_buffers, exposure_for, metadata_of, renderer_from
+from .frame_files import FrameFiles, Pictures
+from .messages import Messages, Report
 
-BLOCK = 32  # frames that are rendered in a row where there is a memory: chosen
-WARM_UP = 8  # frames before them, to fill it: chosen
-REPORT_SECONDS = 30.0  # from line to line of progress where no person watches: chosen
-
-_NUMBER = re.compile(r"\{frame(?::(0?\d{0,2})d?)?\}")
-
-Pictures = dict[str, NDArray]
+# Frames that share a history, and frames before them to fill it: the warm-up costs a quarter, and an average over 8
+# frames, as the viewer has it, is full.
+BLOCK, WARM_UP = 32, 8
 
 
-class FrameFiles:
-    """The files of a sequence: a picture for each frame, its layers beside it, and what made them."""
+@dataclass(frozen=True)
+class Job:
+    """What is to be rendered of a sequence."""
 
-    def __init__(self, arguments: Namespace, shown: Sequence[str], layers: Sequence[str]) -> None:
-        """Make the folder. Raises GiError for names that cannot be."""
-        self.output, self.shown, self.layers = arguments.output, list(shown), list(layers)
-        if len(_NUMBER.findall(Path(self.output).name)) != 1 or _NUMBER.search(str(Path(self.output).parent)):
-            raise GiError(f"-o {self.output}: the names of frames hold {{frame}} once, such as f_{{frame:04d}}.exr")
-        if layers and Path(self.output).suffix.lower() == ".npz":
-            raise GiError(f"-o {self.output}: --layers writes .npz files of the same name; use --show here instead")
-        try:
-            Path(self.output).parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise GiError(f"-o {self.output}: its folder cannot be made ({error.strerror or error})") from None
-        check_output(self._name(0), shown)
-
-    def _name(self, frame: int) -> Path:
-        return Path(_NUMBER.sub(lambda match: format(frame, f"{match[1] or ''}d"), self.output))
-
-    def is_there(self, frame: int) -> bool:
-        """Tell whether all files of a frame exist."""
-        name = self._name(frame)
-        return name.exists() and (not self.layers or name.with_suffix(".npz").exists())
-
-    def add(self, frame: int, pictures: Pictures, exposure: float, metadata: dict[str, object]) -> None:
-        """Write the files of a frame."""
-        name = self._name(frame)
-        if self.layers:
-            save_image(name.with_suffix(".npz"), {layer: pictures[layer] for layer in self.layers})
-        shown = {layer: pictures[layer] for layer in self.shown}
-        save_image(name, shown, exposure=exposure, metadata={**metadata, "frame": frame})
-
-    def claim(self, command: dict[str, object], cameras: dict[int, dict[str, object]]) -> None:
-        """Write what makes the frames. Raises GiError if those that are there were made by anything else."""
-        job = Path(_NUMBER.sub("job", self.output)).with_suffix(".json")
-        text = json.dumps({"command": command, "cameras": cameras}, indent=1)
-        if job.exists():
-            try:
-                before = json.loads(job.read_text(encoding="utf-8"))
-                there, now = (what["command"] | {"cameras": what["cameras"]} for what in (before, json.loads(text)))
-            except (OSError, ValueError, TypeError, KeyError):
-                raise GiError(f"{job}: not a record of frames; move it away, or give -o another name") from None
-            differing = sorted(name for name in there | now if there.get(name) != now.get(name))
-            if differing:
-                raise GiError(
-                    f"{job}: the frames there were made by another command ({', '.join(differing)} differ);"
-                    " give -o another name, or delete the frames with that file"
-                )
-        else:
-            with atomic_file(job) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+    frames: range
+    shard: tuple[int, int]  # (I, N), from 1
+    camera_at: CameraAt
+    show: tuple[str, ...]
+    exists: Callable[[int], bool]  # the files of a frame
+    check: bool = False
+    timings: bool = False
 
 
-def render_frames(arguments: Namespace, settings: Settings, shown: list[str]) -> int:
-    """Render the frames that are not there yet; return the exit code. Raises GiError for what a user can put right."""
-    layers = buffers_from(Namespace(show=arguments.layers.split(",")), settings) if arguments.layers else []
+def render_frames(arguments: Namespace, settings: Settings, shown: list[str], say: Messages) -> int:
+    """Render the frames that do not exist yet; return the exit code. Raises GiError for what a user can put right."""
+    # Refuse what cannot work before any time is spent on it.
+    layers = checked_buffers("--layers", arguments.layers.split(","), settings.gi) if arguments.layers else []
     _check(arguments, shown)
-    files = None if is_video(arguments.output) else FrameFiles(arguments, shown, layers)
+    files = None if is_video(arguments.output) else FrameFiles(arguments.output, shown, layers)
     path = None if arguments.camera_path is None else load_camera_path(arguments.camera_path)
-    renderer = renderer_from(arguments, settings)
-    camera_at = path or _without_path(arguments, renderer)
+
+    # Load the scene, and see what is to be rendered of it.
+    renderer = renderer_from(arguments, settings, say)
+    sequence = Job(
+        frames=arguments.frames,
+        shard=arguments.shard or (1, 1),
+        camera_at=path or _without_path(arguments, renderer, say),
+        show=tuple(dict.fromkeys((*shown, *layers))),
+        exists=(lambda frame: False) if files is None else files.exist,
+        check=arguments.check,
+        timings=arguments.timings,
+    )
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
-    show = tuple(dict.fromkeys((*shown, *layers)))
+    if files is not None:
+        files.claim(_command(arguments, shown, layers, metadata), _cameras(sequence))
+
+    # Choose the exposure of all frames, by the first.
+    def measure() -> float | None:
+        return _exposure(renderer, settings, sequence, arguments.output, shown[0], say)
 
     start = time.perf_counter()
+    exposure = None
+    if not all(map(sequence.exists, sequence.frames)):
+        exposure = measure() if files is None else files.exposure(measure)
+    if exposure is not None:
+        metadata["exposure"] = exposure_text(exposure, settings.exposure is None)
+
+    # Render and write.
     count = 0
     if files is None:
         with video_file(arguments.output, arguments.size, arguments.fps) as add:
-            for _, pictures in _render(renderer, arguments, camera_at, show, lambda frame: False):
-                add(shown[0], pictures[shown[0]], settings.exposure)
+            for _, pictures in _render(renderer, sequence, say):
+                add(shown[0], pictures[shown[0]], exposure or 0.0)
                 count += 1
     else:
-        files.claim(_command(arguments, shown, layers, metadata), _cameras(arguments, camera_at))
-        for frame, pictures in _render(renderer, arguments, camera_at, show, files.is_there):
-            files.add(frame, pictures, settings.exposure, metadata)
+        for frame, pictures in _render(renderer, sequence, say):
+            files.add(frame, pictures, exposure, metadata)
             count += 1
+
+    # Tell what was done.
     if arguments.plan:
         print(renderer.plan())
     if arguments.timings:
         print(renderer.timings())
-    width, height = arguments.size
+    told = f", exposure {metadata['exposure']}" if exposure is not None else ""
+    size = "{}x{}".format(*arguments.size)
     seconds = time.perf_counter() - start
-    print(f"{arguments.output}: {count} new frames of {width}x{height}, {seconds:.1f} s on {renderer.adapter_name}")
+    say.result(f"{arguments.output}: {count} new frames of {size}{told}, {seconds:.1f} s on {renderer.adapter_name}")
     return 0
 
 
@@ -133,10 +109,10 @@ def _check(arguments: Namespace, shown: Sequence[str]) -> None:
     check_video(arguments.output, arguments.size, arguments.fps)
 
 
-def _without_path(arguments: Namespace, renderer: Renderer) -> CameraAt:
+def _without_path(arguments: Namespace, renderer: Renderer, say: Messages) -> CameraAt:
     if arguments.turntable:
         return turntable(renderer.camera, renderer.scene, arguments.frames)
-    print("note: nothing moves, so all frames are the same; see --turntable and --camera-path", file=sys.stderr)
+    say.note("nothing moves, so all frames are the same; see --turntable and --camera-path")
     camera = renderer.camera
     return lambda frame: camera
 
@@ -150,17 +126,17 @@ def _command(
         **{name: value for name, value in metadata.items() if name != "adapter"},
         "size": list(arguments.size),
         "frames": [frames.start, frames.stop, frames.step],
-        "exposure": arguments.exposure,
+        "exposure": "automatic" if arguments.exposure is None else arguments.exposure,
         "show": list(shown),
         "layers": list(layers),
     }
 
 
-def _cameras(arguments: Namespace, camera_at: CameraAt) -> dict[int, dict[str, object]]:
+def _cameras(sequence: Job) -> dict[int, dict[str, object]]:
     """Return pose and lens of every frame, as cameras of a data set need them."""
     cameras = {}
-    for frame in arguments.frames:
-        camera = camera_at(frame)
+    for frame in sequence.frames:
+        camera = sequence.camera_at(frame)
         cameras[frame] = {
             "world_from_view": camera.world_from_view.tolist(),
             "yfov": camera.yfov,
@@ -169,81 +145,75 @@ def _cameras(arguments: Namespace, camera_at: CameraAt) -> dict[int, dict[str, o
     return cameras
 
 
-def _render(
-    renderer: Renderer,
-    arguments: Namespace,
-    camera_at: CameraAt,
-    show: tuple[str, ...],
-    is_there: Callable[[int], bool],
-) -> Iterator[tuple[int, Pictures]]:
-    """Yield the frames of this shard that are not there yet, rendered."""
-    if all(map(is_there, arguments.frames)):
+def _exposure(
+    renderer: Renderer, settings: Settings, sequence: Job, output: str, name: str, say: Messages
+) -> float | None:
+    """Return the exposure of every frame, None for a file without; the first frame is rendered if it decides."""
+    given = exposure_for(output, settings, name, [[0.0]])
+    if given is None or settings.exposure is not None:
+        return given
+    renderer.camera = sequence.camera_at(sequence.frames[0])
+    with say.progress("exposure of the first frame") as report:
+        renderer.run(report, show=sequence.show)
+    return exposure_for(output, settings, name, renderer.read_back(name))
+
+
+def _render(renderer: Renderer, sequence: Job, say: Messages) -> Iterator[tuple[int, Pictures]]:
+    """Yield number and pictures of the frames of this shard that do not exist yet."""
+    frames, exists = sequence.frames, sequence.exists
+    if all(map(exists, frames)):
         return
-    # Only a declared frame tells whether it has a memory; of the frame before, motion is one.
-    renderer.camera = camera_at(arguments.frames[0])
-    renderer.step(show=show)
-    has_memory = renderer.has_history or "motion" in show
-    blocks = list(_blocks(arguments.frames, arguments.shard or (1, 1), BLOCK if has_memory else 1))
-    needed = [block for block in blocks if not all(map(is_there, block))]
-    rows = [_row(arguments.frames, block, is_there) if has_memory else (block[0],) for block in needed]
-    with _progress(sum(map(len, rows))) as report:
-        for block, row in zip(needed, rows, strict=True):
-            if has_memory:
+    # Only a declared frame tells whether it has a history; `motion` is one of the frame before.
+    renderer.camera = sequence.camera_at(frames[0])
+    renderer.step(show=sequence.show)
+    has_history = renderer.has_history or "motion" in sequence.show
+    blocks = list(_blocks(frames, sequence.shard, BLOCK if has_history else 1))
+    needed = [block for block in blocks if not all(map(exists, block))]
+    runs = [_with_warm_up(frames, block, exists) if has_history else (block[0],) for block in needed]
+    total, done = sum(map(len, runs)), 0
+    with say.progress("rendering") as report:
+        for block, run in zip(needed, runs, strict=True):
+            if has_history:
                 renderer.forget()
-            for frame in row:
-                renderer.camera = camera_at(frame)
-                pictures = _picture(renderer, arguments, show, report)
-                report.frames += 1
-                if frame in block and not is_there(frame):
+            for frame in run:
+                renderer.camera = sequence.camera_at(frame)
+                pictures = _pictures(renderer, sequence, _part_of(report, done, total))
+                done += 1
+                if frame in block and not exists(frame):
                     yield frame, pictures
 
 
 def _blocks(frames: range, shard: tuple[int, int], length: int) -> Iterator[range]:
-    """Yield the blocks of `frames` that are one shard's."""
+    """Yield the blocks of `frames` that belong to one shard."""
     index, count = shard
     for start in range((index - 1) * length, len(frames), count * length):
         yield frames[start : start + length]
 
 
-def _row(frames: range, block: range, is_there: Callable[[int], bool]) -> tuple[int, ...]:
-    """Return what must be rendered for the frames of a block that are missing: from its warm-up to the last of them."""
+def _with_warm_up(frames: range, block: range, exists: Callable[[int], bool]) -> tuple[int, ...]:
+    """Return the frames to render for those of a block that do not exist: from its warm-up to the last of them."""
     start = frames.index(block[0])
-    end = start + max(i for i, frame in enumerate(block) if not is_there(frame))
+    end = start + max(i for i, frame in enumerate(block) if not exists(frame))
     return tuple(frames[max(start - WARM_UP, 0) : end + 1])
 
 
-def _picture(renderer: Renderer, arguments: Namespace, show: tuple[str, ...], progress: _Progress) -> Pictures:
+def _pictures(renderer: Renderer, sequence: Job, report: Report) -> Pictures:
     """Render a frame and return its buffers."""
-    options: dict[str, Any] = {"show": show, "check": arguments.check, "timings": arguments.timings}
+    show = sequence.show
+    options: dict[str, Any] = {"show": show, "check": sequence.check, "timings": sequence.timings}
     pictures: Pictures = {}
     if "motion" in show:
-        # From the second step on, nothing has moved since the one before.
+        # Only the first step knows the motion: none of the following sees a change.
         renderer.step(**options)
         pictures["motion"] = renderer.read_back("motion")
-    renderer.run(progress, **options)
+    renderer.run(report, **options)
     return {**{name: renderer.read_back(name) for name in show}, **pictures}
 
 
-class _Progress:
-    """What is told of the work: a bar to a person, else a line now and then."""
+def _part_of(report: Report, done: int, total: int) -> Report:
+    """Return what takes the fraction of one frame, after `done` of `total` frames, and reports that of all."""
 
-    def __init__(self, bar: Callable[[float], None] | None, total: int) -> None:
-        self.frames = 0  # that are rendered
-        self._bar, self._total = bar, total
-        self._start = self._last = time.monotonic()
+    def part(fraction: float, what: str | None = None) -> None:
+        report((done + fraction) / total, what or f"frame {done + 1} of {total}")
 
-    def __call__(self, part: float) -> None:
-        """Note how much of the present frame is done, 0 to 1."""
-        done, now = self.frames + part, time.monotonic()
-        if self._bar is not None:
-            self._bar(done / self._total)
-        elif now - self._last > REPORT_SECONDS and done > 0:
-            self._last = now
-            left = (now - self._start) * (self._total - done) / done
-            print(f"{self.frames} of {self._total} frames, about {left:.0f} s left", file=sys.stderr, flush=True)
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[_Progress]:
-    with progress_bar() as bar:
-        yield _Progress(bar, total)
+    return part

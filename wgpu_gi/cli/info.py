@@ -1,4 +1,4 @@
-"""`wgpu-gi info`: versions, adapters, what will be used, what is missing and how to get it."""
+"""`wgpu-gi info`: versions, adapters, which one is used, and what is missing with how to install it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..version import __version__
 if TYPE_CHECKING:
     from ..gpu.device import AdapterInfo
 
-CORE_PACKAGES = ("wgpu", "rendercanvas", "numpy", "trimesh", "Pillow", "OpenEXR", "rich")
+CORE_PACKAGES = ("wgpu", "numpy", "trimesh", "Pillow", "OpenEXR", "rich")
 EXTRAS = {
     "gltf": ("compressed glTF (Draco, meshopt)", ("DracoPy", "meshoptimizer")),
     "bench": ("perceptual errors and plots", ("flip-evaluator", "matplotlib")),
@@ -35,7 +35,7 @@ NO_ADAPTER = (
 
 
 def info() -> int:
-    """Print what this machine offers; return 0 if something can be rendered with it, else 2."""
+    """Print what this machine offers; return 0 if an adapter can be used, else 2."""
     adapters = list_adapters()
     usable = [adapter for adapter in adapters if adapter.usable]
     print(f"wgpu_gi {__version__} on Python {platform.python_version()}, {platform.platform()}")
@@ -52,7 +52,7 @@ def info() -> int:
 
 
 def describe_adapter(adapter: AdapterInfo, will_be_used: bool) -> str:
-    """Return a paragraph: name, backend, driver, whether it is used or why not, features, limits."""
+    """Return a paragraph: name, backend, driver, whether it will be used or why not, features, limits."""
     fate = "will be used" if will_be_used else "can be used with --adapter" if adapter.usable else "not usable"
     lines = [f"  {adapter.name}: {adapter.backend}, {adapter.type}, {adapter.driver or 'unknown driver'}: {fate}"]
     if not adapter.usable:
@@ -66,7 +66,7 @@ def describe_adapter(adapter: AdapterInfo, will_be_used: bool) -> str:
 
 
 def missing_things(has_adapter: bool) -> list[str]:
-    """Return a sentence with a remedy for everything that is not there."""
+    """Return a sentence with a remedy for everything that is missing."""
     sentences = [] if has_adapter else [NO_ADAPTER]
     absent = [name for name in CORE_PACKAGES if _version(name) is None]
     if absent:

@@ -8,8 +8,10 @@ from argparse import Namespace
 from ..buffers import buffers_of, views_of
 from ..errors import GiError
 from ..options import check_size, picture_count
+from ..pictures.exposure import exposure_text
 from ..pictures.image import check_output, save_image
-from .common import buffers_from, list_names, metadata_of, progress_bar, renderer_from, settings_from
+from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, settings_from
+from .messages import Messages
 
 
 def render(arguments: Namespace) -> int:
@@ -18,46 +20,56 @@ def render(arguments: Namespace) -> int:
         return 0
     settings = settings_from(arguments)
     if "help" in arguments.show:
-        print(*buffers_of(settings.gi), *views_of(settings.gi))
+        print(*buffers_of(settings.gi), *views_of(settings.gi), sep="\n")
         return 0
     # Refuse what cannot work before any time is spent on it.
-    shown = buffers_from(arguments, settings)
+    shown = checked_buffers("--show", arguments.show or ["radiance"], settings.gi)
     check_size(*arguments.size)
+    say = Messages(arguments.verbose, arguments.quiet)
     if arguments.frames is not None:
         from .frames import render_frames
 
-        return render_frames(arguments, settings, shown)
-    check_alone(arguments)
+        return render_frames(arguments, settings, shown, say)
+    check_single(arguments)
     check_output(arguments.output, shown)
 
-    renderer = renderer_from(arguments, settings)
+    # Render.
+    renderer = renderer_from(arguments, settings, say)
     start = time.perf_counter()
-    with progress_bar() as report:
+    with say.progress("rendering") as report:
         renderer.run(progress=report, show=tuple(shown), check=arguments.check, timings=arguments.timings)
     layers = {name: renderer.read_back(name) for name in shown}
     seconds = time.perf_counter() - start
 
+    # Write the file.
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
-    save_image(arguments.output, layers, exposure=settings.exposure, metadata=metadata)
+    exposure = exposure_for(arguments.output, settings, shown[0], layers[shown[0]])
+    told = ""
+    if exposure is not None:
+        metadata["exposure"] = exposure_text(exposure, settings.exposure is None)
+        told = f"exposure {metadata['exposure']}, "
+    save_image(arguments.output, layers, exposure=exposure, metadata=metadata)
+
+    # Tell what was done.
     if arguments.plan:
         print(renderer.plan())
     if arguments.timings:
         print(renderer.timings())
     width, height = arguments.size
     samples = f"{settings.spp} spp" if settings.gi == "path" else f"{picture_count(settings)} frames"
-    print(f"{arguments.output}: {width}x{height}, {samples}, {seconds:.1f} s on {renderer.adapter_name}")
+    say.result(f"{arguments.output}: {width}x{height}, {samples}, {told}{seconds:.1f} s on {renderer.adapter_name}")
     return 0
 
 
-def check_alone(arguments: Namespace) -> None:
-    """Raise GiError if anything is asked for that one picture cannot have."""
-    of_frames = {
+def check_single(arguments: Namespace) -> None:
+    """Raise GiError for a flag that only a sequence takes."""
+    of_sequences = {
         "--turntable": arguments.turntable,
         "--camera-path": arguments.camera_path,
         "--layers": arguments.layers,
         "--shard": arguments.shard,
         "{frame}": "{frame" in arguments.output,
     }
-    for name, given in of_frames.items():
+    for name, given in of_sequences.items():
         if given:
             raise GiError(f"{name} is for several frames; add --frames 0:240, say")

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from argparse import Namespace
 
 from ..errors import GiError
 from ..options import check_size
 from .common import list_names, renderer_from, settings_from
+from .messages import Messages
 
-FOR_VIEWING = ("path.samples_per_run=1",)  # something to see soon
+FIRST = ("path.samples_per_run=1",)  # settings of a viewer: the path tracer shows its first sample at once
 
 
 def view(arguments: Namespace) -> int:
     """Carry out `wgpu-gi view`; return the exit code. Raises GiError for all that the user can put right."""
     if list_names(arguments):
         return 0
-    arguments.set = [*FOR_VIEWING, *arguments.set]
-    settings = settings_from(arguments)
+    settings = settings_from(arguments, FIRST)
     check_size(*arguments.size)
     try:
         from ..viewer import app, window
@@ -25,8 +24,8 @@ def view(arguments: Namespace) -> int:
     except ImportError as error:
         raise GiError(f"the viewer needs the extra ({error.name} is missing): pip install 'wgpu_gi[viewer]'") from None
     window.start()
-    print(f"loading {arguments.scene} ...", file=sys.stderr, flush=True)
-    renderer = renderer_from(arguments, settings)
+    renderer = renderer_from(arguments, settings, Messages(arguments.verbose, arguments.quiet))
+    # The arguments that make the scene, for the command that the viewer copies.
     source = [arguments.scene]
     for name in ("env", "adapter"):
         if getattr(arguments, name) is not None:

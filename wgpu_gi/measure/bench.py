@@ -29,32 +29,32 @@ from .results import CASES, Case, Measurement, PathPoint, Reference, Stats, titl
 from .truth import LAYERS, Progress, Truth
 
 PACKAGES = ("wgpu", "numpy")
-WARM_UP_FRAMES = 3  # of each case; chosen: the first compiles shaders, the second meets what the first left behind
-# The camera goes round on a circle that is small against the scene, so that it stays on its side of the walls.
-ORBIT_RADIUS = 1 / 400  # of the diagonal of the scene's box; chosen
-ORBIT_FRAMES = 16  # to go round once; chosen
+WARM_UP_FRAMES = 3  # frames per case: the first compiles shaders, the second fills histories, the third is spare
+# The camera moves on a circle that is small against the scene, so that it stays on its side of the walls.
+ORBIT_RADIUS = 1 / 400  # of the diagonal of the scene's bounding box: a step of about 1/1000 of it per frame
+ORBIT_FRAMES = 16  # frames for one turn
 # The path tracer's samples are doubled until a picture takes this many times as long as the slowest technique, and at
-# least this long. Chosen: so the curve passes all techniques in time, and the quick ones in error, too.
+# least this many seconds, so that its curve covers the times of all techniques.
 PATH_TIMES_SLOWEST = 8.0
 PATH_SECONDS = 2.0
-PATH_LEAST_POINTS = 3
-MOST_PER_RUN = 64  # samples per pixel that the path tracer takes in one run at most
+PATH_LEAST_POINTS = 3  # a curve needs three
+MOST_PER_RUN = 64  # most samples per pixel of one run: the range of path.samples_per_run
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A technique with all its settings, as it is to be measured."""
+    """A technique with all its settings."""
 
     gi: str
     quality: str
     settings: Settings
-    variant: str = ""  # what sets it apart from others of the same quality
+    variant: str = ""  # the swept settings
 
 
 def machine(adapter: str | None = None) -> dict[str, Any]:
-    """Describe what the times depend on: adapter, driver, operating system, cores, versions."""
+    """Return what the times depend on: adapter, driver, operating system, cores, versions."""
     device = open_device(adapter, large_buffers=True)
-    # Of a machine that is shared, what this process may use.
+    # On a shared machine, only the cores that this process may use.
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {
         "adapter": device.adapter_name,
@@ -80,11 +80,12 @@ def measure_scene(
     adapter: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[list[Measurement], list[Reference]]:
-    """Measure each candidate over `frames` frames in each case, then the path tracer at equal times.
+    """Measure each candidate over `frames` frames in each case, then the path tracer over the same range of times.
 
-    `truth_of` returns the truth of so many indirect bounces (None: all); it is asked once for each number. `progress`
-    is called with what is being done and the fraction of it. Raises GiError for a picture that cannot be measured.
+    `truth_of` returns the truth of a number of indirect bounces (None: all); it is called once per number. `progress`
+    is called with the present step and its fraction done. Raises GiError for a picture that cannot be measured.
     """
+    # Measure the techniques.
     report = progress or (lambda what, fraction: None)
     truths: dict[int | None, Truth] = {}
     measurements = []
@@ -97,6 +98,8 @@ def measure_scene(
             measurements.append(_measure_technique(renderer, candidate, truths[bounces], bounces, frames, report))
         finally:
             renderer.release()
+
+    # Measure the path tracer against each truth.
     slowest = max(m.cases["all"].gpu_ms.median for m in measurements)
     budget = max(path_seconds * 1e3, PATH_TIMES_SLOWEST * slowest)
     like = candidates[0].settings
@@ -114,9 +117,9 @@ def measure_scene(
 
 
 def truth_bounces(settings: Settings) -> int | None:
-    """Return the indirect bounces of the truth for a technique: as set, else as it promises, None for all of them.
+    """Return the indirect bounces of the truth for a technique: as set, else as it promises; None for all.
 
-    A technique without indirect light is held against all of it: that is what it leaves out.
+    A technique without indirect light is compared with all bounces: its error is what it leaves out.
     """
     return settings.bounces if settings.bounces is not None else TECHNIQUES[settings.gi].bounces or None
 
@@ -156,7 +159,7 @@ def _measure_technique(
 
 
 def layer_errors(pictures: dict[str, NDArray[np.float32]], truth: Truth) -> dict[str, Errors | None]:
-    """Return the errors of each layer over the pixels that see a surface; None where the truth is black or unknown."""
+    """Return the errors of each layer over the pixels that see a surface; None if its truth is black or unknown."""
     errors: dict[str, Errors | None] = dict.fromkeys(LAYERS)
     for layer, t in truth.layers.items():
         if truth.surface.any() and t[truth.surface].mean() > 0:
@@ -165,16 +168,19 @@ def layer_errors(pictures: dict[str, NDArray[np.float32]], truth: Truth) -> dict
 
 
 def measure_case(renderer: Renderer, case: str, frames: int, report: Callable[[float], None]) -> Case:
-    """Time frames of one of `CASES` after a warm-up.
+    """Time the frames of one of `CASES` after a warm-up.
 
-    Where all is moving, the camera moves and every pass is forced. Passes are measured in every second frame, since
-    that may slow a frame down; the others give the wall time, so that whatever else the machine does hits both alike.
+    In "all", the camera moves and every pass is forced. Frames alternate: one measures its passes, which may slow it
+    down, the next gives the wall time. So other load on the machine affects both.
     """
+    # Prepare.
     at_rest = renderer.camera
     radius = ORBIT_RADIUS * float(np.linalg.norm(np.ptp(renderer.scene.bounds(), axis=0))) or ORBIT_RADIUS
     timing, device = renderer.graph.timing, renderer.graph.device
     wall, passes, passes_run = [], [], 0
     renderer.run(show=("radiance",))
+
+    # Render pairs of frames, one with timed passes and one without.
     for number, (frame, timed) in enumerate(product(range(-WARM_UP_FRAMES, frames), (False, True))):
         if case != "still":
             renderer.camera = orbit(at_rest, radius, number / ORBIT_FRAMES)
@@ -190,6 +196,8 @@ def measure_case(renderer: Renderer, case: str, frames: int, report: Callable[[f
             wall.append(elapsed)
         report((number + 1) / (2 * (WARM_UP_FRAMES + frames)))
     renderer.camera = at_rest
+
+    # Summarise.
     measured = {p.name: [frame[p.name] for frame in passes if p.name in frame] for p in renderer.graph.order}
     by_pass = {name: stats(samples) for name, samples in measured.items() if samples}
     return Case(passes_run, stats(wall), stats([sum(frame.values()) for frame in passes]), by_pass)
@@ -201,7 +209,7 @@ def stats(samples: Sequence[float]) -> Stats:
 
 
 def orbit(camera: Camera, radius: float, turns: float) -> Camera:
-    """Return the camera moved to a place on a circle about its own, across its view; `radius` in metres."""
+    """Return the camera moved on a circle of `radius` metres about its position, in its image plane."""
     world_from_view = camera.world_from_view.copy()
     angle = 2 * np.pi * turns
     world_from_view[:3, 3] += camera.world_from_view[:3, :2] @ (radius * np.array([np.cos(angle), np.sin(angle)]))
@@ -211,7 +219,7 @@ def orbit(camera: Camera, radius: float, turns: float) -> Camera:
 def path_curve(
     renderer: Renderer, settings: Settings, truth: Truth, budget_ms: float, report: Progress
 ) -> list[PathPoint]:
-    """Render with 1, 2, 4 ... samples per pixel until a picture takes `budget_ms` or is as good as the truth.
+    """Render with 1, 2, 4 ... samples per pixel until a picture takes `budget_ms` or reaches the noise of the truth.
 
     `settings` give bounces, seed, diffuse and path.visible_only.
     """
@@ -221,7 +229,7 @@ def path_curve(
     renderer.run(show=tuple(LAYERS.values()), timings=True)  # warm-up: compiles
     while True:
         spp = 2 ** len(points)
-        # With a seed of its own, or it would go on with the samples of the picture before.
+        # Another seed, or the renderer would continue from the samples of the last picture.
         renderer.settings = replace(_path_settings(settings, spp), seed=settings.seed ^ spp)
         timing.clear()
         started = time.perf_counter()
@@ -238,7 +246,7 @@ def path_curve(
 
 
 def _path_settings(settings: Settings, spp: int) -> Settings:
-    """Return settings of the path tracer that take as few runs as they can."""
+    """Return settings of the path tracer with as few runs as possible."""
     return Settings(
         gi="path",
         bounces=settings.bounces,

@@ -1,7 +1,7 @@
 """The page of a comparison: one HTML file with both pictures, their difference, a heat map and the table of errors.
 
-`compare_page.html` is its text. Nothing is fetched: pictures are PNG data URIs, and the values for the sliders and the
-probe are half floats, deflated, in base64. Without scripts the four pictures and the table remain.
+`compare_page.html` is its template. The page fetches nothing: pictures are PNG data URIs, and the values for sliders
+and probe are half floats, deflated, in base64. Without scripts the four pictures and the table remain.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from .metrics import display_scale, in_color, relative_error
 
 Colors = tuple[tuple[int, int, int], ...]
 
-# sRGB, evenly spaced from the lower to the upper end. Chosen: blue and red that colour-blind eyes tell apart, about a
-# light middle; and nine samples of matplotlib's "magma" (CC0), whose lightness rises evenly.
+# sRGB, evenly spaced from the lower to the upper end: blue and red about a light middle, distinguishable with any
+# colour vision; and nine samples of matplotlib's "magma" (CC0), whose lightness rises evenly.
 DIVERGING: Colors = ((5, 48, 120), (60, 130, 210), (245, 245, 245), (225, 100, 70), (120, 10, 20))
 HEAT: Colors = (
     *((0, 0, 4), (29, 17, 71), (81, 18, 124), (131, 38, 129), (183, 55, 121)),
     *((231, 82, 99), (252, 137, 97), (254, 196, 136), (252, 253, 191)),
 )
-HEAT_DECADES = (-3, 0)  # 0.001 to 1, chosen and fixed, so that the maps of two pages can be compared
-DIFFERENCE_EXTENT = 4.0  # chosen: the scale of the difference ends at this many times its mean size
+HEAT_DECADES = (-3, 0)  # 0.001 to 1; fixed, so that the maps of two pages can be compared
+DIFFERENCE_EXTENT = 4.0  # end of the scale in mean absolute differences: 98 % of an exponential distribution
 TICKS = (-1.0, -0.5, 0.0, 0.5, 1.0)  # of the scale of the difference
-SMALL_WIDTH = 800  # pixels; chosen: narrower pictures are shown enlarged, with visible pixels
+SMALL_WIDTH = 800  # pixels: narrower pictures are enlarged with visible pixels
 
 
 def comparison_page(

@@ -1,7 +1,7 @@
-"""How far a picture is from the truth, on linear radiance: relMSE, bias, percentile of the error, FLIP.
+"""Errors of a picture against a truth, on linear radiance: relMSE, bias, percentile of the error, FLIP.
 
-Departures: all of them are independent of exposure, by a floor relative to the mean of the truth, not an absolute one
-as is common; FLIP by an exposure that the truth sets.
+FLIP: Andersson et al. 2020. Departures: all measures are independent of exposure. relMSE and the percentile have a
+floor relative to the mean of the truth, where an absolute one is common; FLIP takes its exposure from the truth.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from ..errors import GiError
 from ..pictures.color import REC709_LUMINANCE
 from ..pictures.image import Array
 
-MIDDLE_GREY = 0.18  # what the mean luminance of the truth becomes on display: the reflectance of a photographer's card
-MOST_REGIONS = 64  # chosen: more are a smooth-edged mask, or no mask at all
+MIDDLE_GREY = 0.18  # displayed mean luminance of the truth: the reflectance of a photographer's grey card
+MOST_REGIONS = 64  # more distinct values are a mask with smooth edges, or a picture
 
 
 @dataclass(frozen=True)
 class Errors:
-    """What `measure` found in the pixels that count."""
+    """The result of `measure`."""
 
     pixels: int
-    relmse: float  # less the noise floor, where the noise of the truth is known
-    floor: float | None  # the relMSE of a perfect picture, None where that noise is not known
+    relmse: float  # minus the noise floor, if the noise of the truth is known
+    floor: float | None  # the relMSE of a perfect picture, None if the noise of the truth is unknown
     bias: float  # a fraction, not percent
     percentile: float  # 99.9th
     flip: float | None  # mean, None without a map

@@ -1,4 +1,4 @@
-"""The picture of a bench: error against time, one line per technique, the path tracer, and the noise of the truth."""
+"""The plot of a bench: error against time, a line per technique, the path tracer, and the noise of the truth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DOTS_PER_INCH = 130
 
 
 def require_matplotlib() -> None:
-    """Raise GiError in one sentence if the package that draws is not there."""
+    """Raise GiError if matplotlib is not installed."""
     try:
         importlib.import_module("matplotlib.figure")
     except ImportError:
@@ -27,14 +27,14 @@ def require_matplotlib() -> None:
 
 
 def save_plot(path: str | Path, report: Report) -> None:
-    """Draw a row of two panels, full image and indirect part, for each scene; write .png, .svg or .pdf.
+    """Plot two panels, full image and indirect part, for each scene; write .png, .svg or .pdf.
 
-    x is the time of a frame in which all is moving, or of a whole picture of the path tracer, or (hollow) of all frames
-    that a still picture of a technique with random numbers averages. Both axes are
-    logarithmic, so that a point is left out where an error is not positive: it is lost in the noise of the truth. Of
-    swept settings only those have a line that no other beats in both time and error; these and the preset have names,
-    of still pictures the first and last and the preset.
+    x is the time of a frame with all moving (filled marks), of all frames that a still picture averages (hollow marks),
+    or of a whole picture of the path tracer. Both axes are logarithmic; an error that is not positive is lost in the
+    noise of the truth and left out. Of swept settings, the line connects the Pareto front. Labels: the front and the
+    preset; of still pictures the first, the last and the preset.
     """
+    # Lay out the panels.
     require_matplotlib()
     figure_module = importlib.import_module("matplotlib.figure")
     rows = len(report.scenes)
@@ -42,6 +42,8 @@ def save_plot(path: str | Path, report: Report) -> None:
     panels = figure.subplots(rows, len(LAYERS), squeeze=False, sharex="row")
     names = list(dict.fromkeys(m.gi for scene in report.scenes for m in scene.techniques))
     colors = {name: COLORS[number % len(COLORS)] for number, name in enumerate(names)}
+
+    # Draw them, with one legend for all.
     for scene, row in zip(report.scenes, panels, strict=True):
         for layer, panel in zip(LAYERS, row, strict=True):
             _draw_panel(panel, scene, layer, colors)
@@ -80,7 +82,7 @@ def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, st
 
 
 def _draw_reference(panel: Any, reference: Reference, layer: str, style: str) -> None:
-    """Draw the path tracer's way, with its samples per pixel at both ends, and the noise of the truth."""
+    """Draw the curve of the path tracer, with its samples per pixel at both ends, and the noise of the truth."""
     bounces = bounces_text(reference.bounces)
     errors = ((p, p.errors[layer]) for p in reference.curve)
     points = [(p.spp, p.gpu_ms, e.relmse) for p, e in errors if e is not None and e.relmse > 0 and p.gpu_ms > 0]
@@ -101,7 +103,7 @@ def _draw_technique(panel: Any, name: str, color: str, points: list[tuple[Measur
     best = frontier(points) if swept else points
     panel.plot([x for _, x, _ in best], [y for _, _, y in best], color=color)
     for m, x, y in points:
-        # A name in the legend once, by the first of its qualities.
+        # One entry in the legend per technique.
         label = name if m is points[0][0] else None
         panel.plot(x, y, color=color, marker=MARKERS[m.quality], linestyle="-", label=label)
         if len(points) > 1 and ((m, x, y) in best or PRESET in m.variant):
@@ -109,7 +111,7 @@ def _draw_technique(panel: Any, name: str, color: str, points: list[tuple[Measur
 
 
 def frontier(points: list[tuple[Measurement, float, float]]) -> list[tuple[Measurement, float, float]]:
-    """Return the points (what, time, error) that no other beats in both time and error, by time."""
+    """Return the Pareto front of points (measurement, time, error), by time."""
     best: list[tuple[Measurement, float, float]] = []
     for point in sorted(points, key=lambda p: p[1:]):
         if not best or point[2] < best[-1][2]:
@@ -118,7 +120,7 @@ def frontier(points: list[tuple[Measurement, float, float]]) -> list[tuple[Measu
 
 
 def _draw_settled(panel: Any, color: str, layer: str, measurements: list[Measurement]) -> None:
-    """Draw hollow marks where still pictures come to, after the time of all their frames."""
+    """Draw hollow marks for still pictures, at the time of all their frames."""
     swept = any(m.variant for m in measurements)
     errors = ((m, *_point(m, layer), m.settled[layer]) for m in measurements)
     points = [(m, x, y, e.relmse) for m, x, y, e in errors if e is not None and e.relmse > 0 and x > 0 and y > 0]
@@ -139,7 +141,7 @@ def _draw_settled(panel: Any, color: str, layer: str, measurements: list[Measure
 
 
 def _values(m: Measurement) -> str:
-    """Return the values that a sweep has set, for a label."""
+    """Return the values of the swept settings, for a label."""
     return " ".join(text.partition("=")[2] or text for text in m.variant.split())
 
 

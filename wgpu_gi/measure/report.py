@@ -1,8 +1,8 @@
-"""What `wgpu-gi bench` shows of its measurements: tables for the terminal, a JSON file, ratios to an earlier one.
+"""Reports of `wgpu-gi bench`: tables for the terminal, a JSON file, ratios to an earlier report.
 
-The JSON file is `bench_results.Report`, field by field, with "schema": "wgpu_gi.bench" and "version", which goes up
-when a field changes its meaning. Errors are `metrics.Errors`: relmse less the noise floor of the truth where that is
-known, bias a fraction. Times are milliseconds; null is what could not be measured.
+The JSON file is `results.Report`, field by field, with "schema": "wgpu_gi.bench" and "version", which increases when
+a field changes its meaning. Errors are `metrics.Errors`: relmse minus the noise floor of the truth if that is known,
+bias a fraction. Times are milliseconds. null stands for what could not be measured.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def load_json(path: str | Path) -> Report:
             raise KeyError("schema")
         version = document["version"]
         if version != VERSION:
-            raise GiError(f"{path}: version {version} of the report; this program reads {VERSION}: measure anew")
+            raise GiError(f"{path}: version {version} of the report; this program reads {VERSION}: measure again")
         scenes = [_scene(scene) for scene in document["scenes"]]
         return Report(dict(document["machine"]), document["frames"], document["warm_up"], scenes)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What a bench measures, as plain data."""
+"""The results of a bench, as plain data."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from .metrics import Errors
 
 CASES = {"still": "still", "camera": "camera moving", "all": "all moving"}
-PRESET = "(preset)"  # mark of swept settings that are as the quality has them
+PRESET = "(preset)"  # marks swept settings that equal those of the quality
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,9 @@ class Stats:
 class Case:
     """Times of the frames of one of `CASES`.
 
-    `gpu_ms` is the sum over the passes of a frame, measured apart from `wall_ms`, which is from the call to the last
-    work of the GPU. `passes` are over the frames in which each ran, `passes_run` the most in any frame.
+    `gpu_ms` is the sum over the passes of a frame. `wall_ms` lasts from the call until the GPU is done, in other frames
+    than `gpu_ms`. `passes` has the times of each pass over the frames in which it ran, `passes_run` the largest number
+    of passes in a frame.
     """
 
     passes_run: int
@@ -35,11 +36,11 @@ class Case:
 
 @dataclass(frozen=True)
 class Measurement:
-    """A technique measured: errors by layer (None: the truth is black or unknown), times by case, bytes of its graph.
+    """A measured technique: errors by layer (None: the truth is black or unknown), times by case, bytes of its graph.
 
-    `bounces` are the indirect bounces of the truth that it is held against, None for all. `errors` are those of a
-    single frame, `settled` those of the mean that a still picture comes to after `settled_frames`; without random
-    numbers these are one. `variant` says what `--sweep` has set.
+    `bounces` are the indirect bounces of the truth, None for all. `errors` are those of a single frame, `settled` those
+    of a still picture, the mean of `settled_frames`; both are equal for a technique without random numbers. `variant`
+    holds the settings of `--sweep`.
     """
 
     gi: str
@@ -54,13 +55,13 @@ class Measurement:
 
     @property
     def title(self) -> str:
-        """What sets it apart from others of its scene, in words."""
+        """Technique, quality and variant, in words."""
         return title_of(self.gi, self.quality, self.variant)
 
 
 @dataclass(frozen=True)
 class PathPoint:
-    """A picture of the path tracer: what it takes from nothing, and how good it is."""
+    """A picture of the path tracer: its time from the first sample on, and its errors."""
 
     spp: int
     gpu_ms: float
@@ -70,7 +71,7 @@ class PathPoint:
 
 @dataclass(frozen=True)
 class Reference:
-    """A truth that was used, with its noise as relMSE by layer, and the path tracer's way towards it."""
+    """A truth, with its noise as relMSE by layer, and the path tracer's curve against it."""
 
     bounces: int | None
     truth: str
@@ -80,7 +81,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class SceneReport:
-    """All that was measured in one scene; the fields before `size`, and `relight`, are as on the command line."""
+    """The results of one scene. The fields before `size`, and `relight`, are as on the command line."""
 
     scene: str
     camera: str | None
@@ -96,7 +97,7 @@ class SceneReport:
 
 @dataclass(frozen=True)
 class Report:
-    """All that was measured in one go."""
+    """The results of one bench."""
 
     machine: dict[str, Any]
     frames: int

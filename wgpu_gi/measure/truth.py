@@ -1,8 +1,8 @@
-"""The truth that techniques are held against: made by the path tracer and kept in a cache, or read from a file.
+"""The truth that techniques are compared with: path traced and cached, or read from a file.
 
 The path tracer renders it twice, with half of the samples and another seed each. The mean is the truth, half of the
-difference its standard error: unlike the one of the samples within a picture, this counts what stratification gains,
-and there is one for each layer.
+difference its standard error. Unlike the variance of the samples within one picture, this includes the gain of
+stratification, and exists for each layer.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ from ..scene.scene import Scene
 
 Progress = Callable[[str, float], None]
 
-# The layers that are measured, and the renderer's buffers that hold them.
+# The measured layers and the renderer's buffers that hold them.
 LAYERS = {"full": "radiance", "direct": "direct", "indirect": "indirect"}
-# Of the two halves; any will do that nobody gives to a technique.
+# Seeds of the two halves: numbers that nobody gives to a technique, or its noise would be that of the truth.
 SEEDS = (0x7275_7468, 0x7275_7469)
 TRACER_SHADERS = ("reference/path.wgsl", "reference/resolve.wgsl", "reference/primary.wgsl")
 FILE_FORMATS = (".npz", ".exr")
 NOISE_LAYERS = {"se_full": "full", "standard_error": "full", "se_indirect": "indirect"}
 FILE_LAYERS = (*LAYERS.values(), "emit", "one", "multi", *NOISE_LAYERS, "depth")
-NO_MATTER = ("name", "notes", "cameras")  # fields of a scene that no picture shows
+INVISIBLE = ("name", "notes", "cameras")  # fields of a scene that do not change a picture
 
 
 @dataclass
 class Truth:
-    """Linear radiance at the pixel centres, (h, w, 3) float32 by layer, and its standard error where that is known.
+    """Linear radiance at the pixel centres, (h, w, 3) float32 by layer, and its standard error where known.
 
-    `surface` (h, w) tells which pixels see one: only these are measured. `source` is for people.
+    `surface` (h, w) marks the pixels that see a surface; only these are measured. `source` describes it in words.
     """
 
     source: str
@@ -70,10 +70,10 @@ def truth_by_path(
     adapter: str | None = None,
     progress: Progress | None = None,
 ) -> Truth:
-    """Return the truth with `bounces` indirect bounces (None: all) from the cache, or render it and keep it there.
+    """Return the truth with `bounces` indirect bounces (None: all) from the cache, or render and cache it.
 
-    With `visible_only`, light leaves only surfaces in the picture, as techniques in screen space have it.
-    Raises GiError where the cache cannot be written, before any time is spent.
+    With `visible_only`, only surfaces in the picture send light, as in screen-space techniques. Raises GiError if the
+    cache cannot be written, before anything is rendered.
     """
     folder = cache_folder()
     key = truth_key(scene, camera, size, spp=spp, bounces=bounces, diffuse=diffuse, visible_only=visible_only)
@@ -93,12 +93,13 @@ def truth_by_path(
 
 
 def truth_from_file(path: str | Path, bounces: int | None = None) -> Truth:
-    """Read a truth from the layers of an .npz or .exr, which are named in one of two ways.
+    """Read a truth from the layers of an .npz or .exr.
 
-    As `wgpu-gi render` names them: radiance, direct, indirect, emission, standard_error, depth. Or by the number of
-    scatterings: emit, direct, one, multi, and se_full, se_indirect, depth; then one bounce can be asked for. What is
-    not there is not measured, but the whole picture must be. Raises GiError if it is not, or the file unreadable.
+    They are named as `wgpu-gi render` does: radiance, direct, indirect, emission, standard_error, depth. Or by the
+    number of scatterings, which also gives a truth of one bounce: emit, direct, one, multi, se_full, se_indirect,
+    depth. Missing layers are not measured. Raises GiError without a full picture, and for an unreadable file.
     """
+    # Read all layers that exist.
     path = Path(path)
     if path.suffix.lower() not in FILE_FORMATS:
         raise GiError(f"{path}: a truth has layers; give a file of {' or '.join(FILE_FORMATS)}")
@@ -106,15 +107,19 @@ def truth_from_file(path: str | Path, bounces: int | None = None) -> Truth:
     for name in FILE_LAYERS:
         with suppress(GiError):
             found[name] = load_image(path, name)
+
+    # Add up the layers that are measured, and choose the noise that belongs to them.
     if {"emit", "direct", "one"} <= found.keys():
         indirect = found["one"] if bounces == 1 or "multi" not in found else found["one"] + found["multi"]
         layers = {"full": found["emit"] + found["direct"] + indirect, "direct": found["direct"], "indirect": indirect}
     else:
         layers = {"full": load_image(path, "radiance")}
         layers |= {layer: found[layer] for layer in ("direct", "indirect") if layer in found}
-    # A file's standard errors are those of all bounces: of the first alone, most of that noise is not there.
+    # The standard errors of a file include all bounces, far more noise than the first bounce has.
     cut = bounces == 1 and "one" in found and "multi" in found
     noise = {} if cut else {layer: found[n] for n, layer in NOISE_LAYERS.items() if n in found}
+
+    # Check that they fit together.
     shape = layers["full"].shape[:2]
     surface = found["depth"] > 0 if "depth" in found else np.ones(shape, bool)
     for name, layer in [*layers.items(), *noise.items()]:
@@ -124,7 +129,7 @@ def truth_from_file(path: str | Path, bounces: int | None = None) -> Truth:
 
 
 def cache_folder() -> Path:
-    """Return where truths are kept: in WGPU_GI_CACHE, or in wgpu_gi in the user's cache folder."""
+    """Return the folder of cached truths: in WGPU_GI_CACHE, or in wgpu_gi in the user's cache folder."""
     own = os.environ.get("WGPU_GI_CACHE")
     users = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return (Path(own) if own else Path(users) / "wgpu_gi") / "truth"
@@ -140,21 +145,21 @@ def truth_key(
     diffuse: bool,
     visible_only: bool = False,
 ) -> str:
-    """Return a name for the truth that differs if any thing does that it depends on, the path tracer included."""
+    """Return a name that depends on everything the truth depends on, the path tracer's shaders included."""
     tracer = [load(shader).text for shader in TRACER_SHADERS]
     return _digest([tracer, scene, camera, list(size), spp, bounces, diffuse, visible_only, list(SEEDS)], {}).hex()
 
 
 def _digest(value: Any, known: dict[int, bytes]) -> bytes:
-    """Hash plain data: dataclasses without their names, arrays, lists, numbers, texts. `known` is by id of object."""
+    """Hash dataclasses, arrays, lists, numbers and texts; `known` holds the hashes of dataclasses by id."""
     if id(value) in known:
         return known[id(value)]
     total = hashlib.blake2b(type(value).__name__.encode(), digest_size=16)
     if is_dataclass(value):
         for field in fields(value):
-            if field.name not in NO_MATTER:
+            if field.name not in INVISIBLE:
                 total.update(field.name.encode() + _digest(getattr(value, field.name), known))
-        known[id(value)] = total.digest()  # a mesh may have many instances
+        known[id(value)] = total.digest()  # a mesh with many instances is hashed once
     elif isinstance(value, np.ndarray):
         total.update(f"{value.dtype.str}{value.shape}".encode() + value.tobytes())
     elif isinstance(value, list | tuple):
@@ -189,7 +194,7 @@ def _render(renderer: Renderer, progress: Progress | None) -> dict[str, NDArray]
 
 
 def _cached(path: Path, size: tuple[int, int]) -> dict[str, NDArray] | None:
-    """Return the arrays of a cached truth; None if there is none, or a damaged one, which will be made anew."""
+    """Return the arrays of a cached truth, None if it is missing or damaged."""
     shape = (size[1], size[0], 3)
     with suppress(Exception):  # whatever a decoder makes of a damaged file
         with np.load(path, allow_pickle=False) as file:

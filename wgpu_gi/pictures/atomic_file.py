@@ -1,4 +1,4 @@
-"""Files that appear complete or not at all, whatever interrupts their writing."""
+"""Atomic files: they appear complete or not at all, whatever interrupts the writing."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ..errors import GiError
 
 @contextmanager
 def atomic_file(path: str | Path) -> Iterator[Path]:
-    """Yield a name to write to; the file there becomes `path` at the end, unless anything was raised.
+    """Yield a temporary name to write to; the file is renamed to `path` at the end, unless an exception was raised.
 
-    Raises GiError in one sentence for what the file system refuses.
+    Raises GiError for what the file system refuses.
     """
     final = Path(os.path.realpath(path))
     temporary = _temporary_name(final)
@@ -29,27 +29,27 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 
 
 def check_writable(path: str | Path) -> None:
-    """Raise GiError now if `path` could not be written later: its folder or the rights to it."""
+    """Raise GiError now if `path` could not be written later: a missing folder, missing rights."""
     path = Path(path)
     if not path.parent.is_dir():
         raise GiError(f"{path}: there is no folder {path.parent}; make it first")
     with _errors_for(path):
         if path.is_dir():
             raise GiError(f"{path} is a folder; give a file name")
-        # Only trying tells: names may be too long, file systems full or read-only.
+        # Try it: names may be too long, file systems full or read-only.
         temporary = _temporary_name(Path(os.path.realpath(path)))
         temporary.touch(exist_ok=False)
         temporary.unlink()
 
 
 def _temporary_name(final: Path) -> Path:
-    """Return a short, unused name beside the final file: a rename must not cross file systems."""
+    """Return a short, unused name beside the final file, since a rename must not cross file systems."""
     return final.with_name(f".wgpu_gi-{os.getpid()}-{secrets.token_hex(4)}.tmp")
 
 
 @contextmanager
 def _errors_for(path: str | Path) -> Iterator[None]:
-    """Turn a refusal of the file system into one sentence."""
+    """Turn an OSError into a GiError."""
     try:
         yield
     except OSError as error:

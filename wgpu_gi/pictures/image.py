@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import GiError
 from .atomic_file import atomic_file, check_writable
 from .color import linear_from_srgb, srgb_from_linear
+from .exposure import automatic_exposure, exposure_text, is_exposed
 
 Array = NDArray[np.float32]
 
 FORMATS = (".png", ".exr", ".npy", ".npz")
 ONE_LAYER_FORMATS = (".png", ".npy")
-GOLDEN = (5**0.5 - 1) / 2  # multiples of it lie far apart on a circle
+GOLDEN = (5**0.5 - 1) / 2  # its multiples are well spread on a circle of hues
 
 _EXR_MAIN_NAME = "wgpu_gi.main"  # header attribute: the layer that R, G, B hold
 
@@ -40,15 +41,15 @@ def save_image(
     path: str | Path,
     layers: Mapping[str, ArrayLike],
     *,
-    exposure: float = 0.0,
+    exposure: float | None = None,
     metadata: Mapping[str, object] | None = None,
 ) -> None:
     """Write `layers`, the first of which is the main one, in the format that the extension names.
 
-    `.npy` the layer as it stands; `.npz` every layer by name; `.exr` the main layer as R, G, B (Z for depth, Y for
+    `.npy` the layer unchanged; `.npz` every layer by name; `.exr` the main layer as R, G, B (Z for depth, Y for
     another single channel) and the others as `name.R` ... (`name.Z`, `name.V`), float32; `.png` the main layer in
-    8-bit sRGB, with 2^`exposure` and the tone curve if it is radiance, else by `display_layer`. `metadata` goes into
-    the EXR header and PNG text. The file appears complete or not at all. Raises GiError if it cannot be written.
+    8-bit sRGB by `display_layer`, where None is the automatic exposure. `metadata` goes into the EXR header and PNG
+    text, which also has the exposure. The file appears complete or not at all. Raises GiError if it cannot be written.
     """
     path = Path(path)
     arrays = {name: _checked(name, layer) for name, layer in layers.items()}
@@ -72,7 +73,7 @@ def load_image(path: str | Path, layer: str | None = None) -> Array:
         raise GiError(f"{path}: no such file")
     try:
         layers = _READERS[suffix](path)
-    except Exception as error:  # whatever a decoder makes of a damaged file
+    except Exception as error:  # decoders raise anything for damaged files
         raise GiError(f"{path}: not a readable {suffix} picture ({error})") from None
     if layer is not None and suffix in ONE_LAYER_FORMATS:
         raise GiError(f"{path}: {suffix} holds one buffer, without a name; leave out {layer!r}")
@@ -85,15 +86,15 @@ def load_image(path: str | Path, layer: str | None = None) -> Array:
 
 
 def tone_map(linear: ArrayLike, exposure: float = 0.0) -> Array:
-    """Bring linear radiance (..., 3), times 2^`exposure`, into linear [0, 1] with the Khronos PBR Neutral curve.
+    """Map linear radiance (..., 3), times 2^`exposure`, to linear [0, 1] with the Khronos PBR Neutral curve.
 
-    The curve is the identity up to 0.76, so that base colours keep their hue and value, and compresses and desaturates
-    what lies above. Source: Khronos Group, ToneMapping repository, PBR_Neutral/README.md (2024). Departure: without its
-    toe, which takes 0.04 off everything for the reflection of a studio's walls, and so blackens indirect light. NaN
-    becomes 0, infinity the largest float.
+    The curve is the identity up to 0.76, so that base colours keep hue and value, and compresses and desaturates
+    higher values. Source: Khronos Group, ToneMapping repository, PBR_Neutral/README.md (2024). Departure: no toe, which
+    subtracts 0.04 for the reflection of a studio's walls and blackens indirect light. NaN becomes 0, infinity the
+    largest float.
     """
     start_compression, desaturation = 0.76, 0.15
-    # In float64, so that neither the exposure nor the sums below overflow.
+    # In float64, so that neither exposure nor sums overflow.
     color = np.nan_to_num(np.asarray(linear, np.float32)).astype(np.float64)
     color = np.maximum(color * np.exp2(np.clip(exposure, -127.0, 127.0)), 0.0)
     peak = color.max(-1, keepdims=True)
@@ -106,11 +107,11 @@ def tone_map(linear: ArrayLike, exposure: float = 0.0) -> Array:
 
 
 def display_layer(name: str, layer: ArrayLike, exposure: float = 0.0) -> Array:
-    """Turn a buffer into sRGB-encoded values (height, width, 3) in [0, 1] for a screen.
+    """Return a buffer as sRGB-encoded values (height, width, 3) in [0, 1] for a screen.
 
-    normal: n/2 + 1/2 as it stands; depth: nearest white, farthest black, nothing there black; position: its box scaled
-    to the unit cube; instance: a colour each; albedo: encoded without tone curve; all else is radiance, with exposure
-    and tone curve.
+    normal: n/2 + 1/2, not encoded; depth: nearest white, farthest dark, no surface black; position: its bounding box
+    scaled to the unit cube; instance: a colour each; albedo: encoded without tone curve; all others with exposure and
+    tone curve.
     """
     values = _checked(name, layer)
     if name == "normal":
@@ -132,15 +133,25 @@ def display_layer(name: str, layer: ArrayLike, exposure: float = 0.0) -> Array:
     return srgb_from_linear(np.nan_to_num(values) if name == "albedo" else tone_map(values, exposure))
 
 
-def png_bytes(name: str, layer: ArrayLike, exposure: float = 0.0, texts: Mapping[str, str] | None = None) -> bytes:
-    """Return a buffer as a PNG, 8-bit sRGB, by `display_layer`; bytes are taken as they are."""
+def png_bytes(
+    name: str, layer: ArrayLike, exposure: float | None = None, texts: Mapping[str, str] | None = None
+) -> bytes:
+    """Return a buffer as a PNG, 8-bit sRGB, by `display_layer`; bytes are taken as they are.
+
+    `exposure` None is automatic. The text "exposure" says what it is, unless `texts` do.
+    """
     from PIL import Image, PngImagePlugin
 
     pixels = np.asarray(layer)
-    if pixels.dtype != np.uint8:
-        pixels = np.round(display_layer(name, layer, exposure) * 255.0).astype(np.uint8)
     info = PngImagePlugin.PngInfo()
-    for key, text in (texts or {}).items():
+    texts = dict(texts or {})
+    if pixels.dtype != np.uint8:
+        stops = 0.0
+        if is_exposed(name):
+            stops = automatic_exposure(pixels) if exposure is None else exposure
+            texts.setdefault("exposure", exposure_text(stops, exposure is None))
+        pixels = np.round(display_layer(name, layer, stops) * 255.0).astype(np.uint8)
+    for key, text in texts.items():
         info.add_itxt(key, text)
     file = BytesIO()
     # Level 1 takes a third of the time of the default and makes files a sixth larger.
@@ -153,7 +164,7 @@ def _nearest_bright(depth: Array) -> Array:
     if not seen.any():
         return np.zeros_like(depth)
     near, far = float(depth[seen].min()), float(depth[seen].max())
-    # From 1 down to 0.1, so that the farthest surface still differs from nothing.
+    # From 1 down to 0.1, so that the farthest surface differs from no surface.
     brightness = 1.0 - 0.9 * (np.where(seen, depth, far) - near) / max(far - near, 1e-30)
     return np.where(seen, brightness, 0.0).astype(np.float32)
 
@@ -167,22 +178,22 @@ def _checked(name: str, layer: ArrayLike) -> Array:
     return array
 
 
-def _write_npy(path: Path, layers: dict[str, Array], exposure: float, texts: dict[str, str]) -> None:
+def _write_npy(path: Path, layers: dict[str, Array], exposure: float | None, texts: dict[str, str]) -> None:
     with path.open("wb") as file:
         np.save(file, next(iter(layers.values())))
 
 
-def _write_npz(path: Path, layers: dict[str, Array], exposure: float, texts: dict[str, str]) -> None:
+def _write_npz(path: Path, layers: dict[str, Array], exposure: float | None, texts: dict[str, str]) -> None:
     with path.open("wb") as file:
         np.savez(file, **layers)  # type: ignore[arg-type]
 
 
-def _write_png(path: Path, layers: dict[str, Array], exposure: float, texts: dict[str, str]) -> None:
+def _write_png(path: Path, layers: dict[str, Array], exposure: float | None, texts: dict[str, str]) -> None:
     name, layer = next(iter(layers.items()))
     path.write_bytes(png_bytes(name, layer, exposure, texts))
 
 
-def _write_exr(path: Path, layers: dict[str, Array], exposure: float, texts: dict[str, str]) -> None:
+def _write_exr(path: Path, layers: dict[str, Array], exposure: float | None, texts: dict[str, str]) -> None:
     import OpenEXR
 
     main = next(iter(layers))
@@ -199,7 +210,7 @@ def _write_exr(path: Path, layers: dict[str, Array], exposure: float, texts: dic
     try:
         with OpenEXR.File({**texts, **header}, channels) as file:
             file.write(str(path))
-    except RuntimeError as error:  # the library's word for a full disk
+    except RuntimeError as error:  # what OpenEXR raises for a full disk
         raise OSError(str(error)) from None
 
 

@@ -1,4 +1,4 @@
-"""An array of a picture that a notebook shows as one."""
+"""Arrays that a notebook displays as pictures."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from .image import png_bytes
 
 
 class Picture(np.ndarray):
-    """A buffer `name` as numbers, shown with 2^`exposure`; what is computed from it is one, too."""
+    """A buffer `name` as an array, displayed with 2^`exposure`; arrays computed from it inherit both.
+
+    None exposes each array automatically by its own values. A number makes several comparable.
+    """
 
     name = "radiance"
-    exposure = 0.0
+    exposure: float | None = None
 
-    def __new__(cls, values: NDArray, name: str = "radiance", exposure: float = 0.0) -> Picture:
+    def __new__(cls, values: NDArray, name: str = "radiance", exposure: float | None = None) -> Picture:
         """Return a view of the values."""
         picture = np.asarray(values).view(cls)
         picture.name, picture.exposure = name, exposure
@@ -33,6 +36,6 @@ class Picture(np.ndarray):
         return super().__array_wrap__(array, context, return_scalar)
 
     def _repr_png_(self) -> bytes | None:
-        """Return the picture; None for what has not the shape of one."""
+        """Return the picture, None if the shape is not that of one."""
         is_picture = (self.ndim == 3 and self.shape[2] == 3) or (self.ndim == 2 and self.name in ("depth", "instance"))
         return png_bytes(self.name, self, self.exposure) if is_picture and self.size else None

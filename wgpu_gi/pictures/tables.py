@@ -1,4 +1,4 @@
-"""Text that a notebook shows as a table."""
+"""Texts that a notebook displays as tables."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from html import escape
 
 
 class Table(str):
-    """Text as it is printed; `rows` are what a notebook shows of it, under `head`."""
+    """A text to print; a notebook displays `rows` under `head` instead."""
 
     rows: list[Sequence[object]]
     head: Sequence[str]

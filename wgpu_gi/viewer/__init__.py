@@ -1,1 +1,1 @@
-"""The desktop viewer: a window with a scene, a panel of all settings, and what is inside a frame. Nobody imports it."""
+"""The viewer, as a desktop window and in a notebook: the scene, all settings, and the passes of a frame."""

@@ -1,4 +1,4 @@
-"""The viewer: a window on a session. It draws when something happened or a picture gets finer, and else waits."""
+"""The desktop viewer: a window on a session. It draws after events and while a picture converges, and else sleeps."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ import wgpu
 from ..errors import GiError
 from ..pictures.image import display_layer
 from . import navigation
+from .camera_controller import CameraController
 from .comparison import Comparison
-from .hand import Hand
 from .panel import Panel
+from .saving import command_of, save
 from .screen import Screen
 from .session import DISPLAY, Session
 from .thumbnails import sheet, thumbnails
 from .window import SETTLE_FRAMES, Window
 
-FLIGHT = 0.25  # of the scene's size per second: chosen
-DOUBLE_CLICK_SECONDS, DOUBLE_CLICK_REACH = 0.4, 0.01  # the second, a share of the window's height: chosen
-IDLE_SECONDS = 0.5  # of waiting for an event before there is another look at the shaders: chosen
-SHORT_SECONDS = 0.02  # from look to look whether a move has ended: chosen
-TICK_SECONDS = 0.1  # from redraw to redraw while a frame takes long: chosen
-MEASURE_SECONDS = 0.5  # from measurement to measurement of the error: chosen
+FLIGHT = 0.25  # flight speed, scene sizes per second: across a scene in four seconds
+DOUBLE_CLICK_SECONDS, DOUBLE_CLICK_REACH = 0.4, 0.01  # between the clicks; the reach is a share of the window's height
+IDLE_SECONDS = 0.5  # longest wait for an event, as shader files are checked in between
+MOVE_SECONDS = 0.02  # longest wait while the view moves, to see when it comes to rest
+TICK_SECONDS = 0.1  # between redraws during a long frame: less looks stuck
+MEASURE_SECONDS = 0.5  # between measurements of the error, which can be read twice a second
 
 _FLIGHT_KEYS = {
     glfw.KEY_D: (1, 0, 0),
@@ -38,12 +39,12 @@ _FLIGHT_KEYS = {
 
 
 class App:
-    """Turns events into changes of a session, and draws it."""
+    """Turns events into changes of a session, and draws the session."""
 
     def __init__(self, session: Session, title: str) -> None:
-        """Open the window. Raises GiError where that cannot be."""
+        """Open the window. Raises GiError if there is no display."""
         self.session = session
-        self.hand = Hand(session)
+        self.controller = CameraController(session)
         self.comparison = Comparison(session)
         actions = {
             "save (S)": lambda: self._todo.append(self._save),
@@ -54,13 +55,13 @@ class App:
         device = session.renderer.graph.device
         self.window = Window(title, session.size, device, self)
         self.screen = Screen(device, self.window.format)
-        self._pictured = False  # the pictures of the passes are of the present view
+        self._thumbnailed = False  # the thumbnails show the present view
         self._held: int | None = None  # the mouse button that drags
         self._modifiers = 0
         self._place = (0.0, 0.0)
-        self._click = (-1.0, (0.0, 0.0))  # when and where the last one was
+        self._click = (-1.0, (0.0, 0.0))  # time and place of the last click
         self._flown = self._drawn = self._measured = time.monotonic()
-        self._todo: list[Callable[[], None]] = []  # for when no step is at work
+        self._todo: list[Callable[[], None]] = []  # actions to carry out between steps
 
     def run(self) -> None:
         """Show the session until the window is closed."""
@@ -70,17 +71,21 @@ class App:
 
     def turn(self, busy: bool) -> bool:
         """Handle events, render and draw; wait for an event first unless `busy`. Return whether there is more to do."""
+        # Handle events.
         session, window = self.session, self.window
         at_once = busy or window.wanted > 0 or self._flying
-        window.events(0.0 if at_once else SHORT_SECONDS if session.moving else IDLE_SECONDS)
+        window.events(0.0 if at_once else MOVE_SECONDS if session.moving else IDLE_SECONDS)
         if 0 in window.size:
             window.events(IDLE_SECONDS)
             return False
         self._prepare()
-        # A person at the panel does not wait for pictures that take long.
-        if window.wanted and session.pace.coarseness and not session.urgent:
+
+        # At the panel, draw first: a slow picture must not delay it.
+        if window.wanted and session.resolution.level and not session.urgent:
             self._draw()
             return True
+
+        # Render the view, else refine the truth beside it.
         ran = session.step(self._tick)
         refined = False
         if ran:
@@ -88,7 +93,9 @@ class App:
             self.comparison.ready = False
         elif not session.moving and not session.error:
             refined = self._compare()
-        self._picture_passes()
+        self._update_thumbnails()
+
+        # Draw if anything changed.
         told, self.panel.status = self.panel.status, session.status()
         if ran or refined or window.wanted or told != self.panel.status:
             self._draw()
@@ -102,7 +109,7 @@ class App:
     # ------------------------------------------------------------------------------------------------ Pictures
 
     def _prepare(self) -> None:
-        """Carry out what was asked for since the last turn."""
+        """Apply resizing, flight, saved shaders and the actions requested since the last turn."""
         session, window = self.session, self.window
         self._follow_size()
         self._fly()
@@ -113,26 +120,26 @@ class App:
             action()
 
     def _follow_size(self) -> None:
-        """Let the picture have as many pixels as the window."""
+        """Give the picture the size of the window."""
         size = self.window.size
         if size != self.session.size and 0 not in size:
             self.session.resize(*size)
 
     def _take(self) -> None:
-        """Keep what was rendered for the screen."""
+        """Copy the rendered buffer to the screen's texture."""
         session = self.session
         self.panel.probe.take()
-        self._pictured = False
+        self._thumbnailed = False
         if session.shown == DISPLAY:
             session.shown_range = None
             self.screen.copy(0, session.renderer.display_texture())
             return
         values = session.values()
         session.shown_range = float(values.min()), float(values.max())
-        self.screen.write(0, display_layer(session.shown, values, session.settings.exposure))
+        self.screen.write(0, display_layer(session.shown, values, session.exposure))
 
     def _compare(self) -> bool:
-        """Refine the truth, keep it for the screen, measure now and then; return False if there was nothing to do."""
+        """Refine the truth, copy it to the screen's texture, measure the error; return False if nothing was to do."""
         comparison, now = self.comparison, time.monotonic()
         was_ready = comparison.ready
         refined = comparison.step(self._tick)
@@ -148,14 +155,14 @@ class App:
         self.window.wanted = max(self.window.wanted, 1)
         return refined
 
-    def _picture_passes(self) -> None:
-        """Make the pictures of the passes of a view that rests, if they are asked for."""
-        if not self.panel.pictured or self._pictured or not self.session.at_rest:
+    def _update_thumbnails(self) -> None:
+        """Make the thumbnails of the passes once the view rests, if the panel shows them."""
+        if not self.panel.shows_thumbnails or self._thumbnailed or not self.session.at_rest:
             return
         found = list(thumbnails(self.session.renderer.graph))
-        self.panel.pictures = [(name, resource) for name, resource, _ in found]
+        self.panel.thumbnails = [(name, resource) for name, resource, _ in found]
         self.panel.sheet = self.window.sheet(sheet([picture for *_, picture in found]))
-        self._pictured, self.window.wanted = True, SETTLE_FRAMES
+        self._thumbnailed, self.window.wanted = True, SETTLE_FRAMES
 
     def _draw(self) -> None:
         comparison = self.comparison
@@ -169,7 +176,7 @@ class App:
         self._drawn = time.monotonic()
 
     def _tick(self, fraction: float) -> None:
-        """Between the parts of a long frame: handle events, and show how far it is over the picture before."""
+        """Handle events during a long frame, and redraw the last picture with the progress of this one."""
         self.window.events(0.0)
         self._follow_size()
         if self._flying:
@@ -182,13 +189,13 @@ class App:
 
     def _save(self) -> None:
         try:
-            self.panel.message = "saved " + " and ".join(file.name for file in self.session.save())
+            self.panel.message = "saved " + " and ".join(file.name for file in save(self.session))
         except GiError as error:
             self.panel.message = str(error)
         self.window.wanted = SETTLE_FRAMES
 
     def _copy(self) -> None:
-        command = self.session.command()
+        command = command_of(self.session)
         self.window.clipboard(command)
         print(command, flush=True)
         self.panel.message = "copied: " + command
@@ -197,13 +204,13 @@ class App:
         self.panel.help = not self.panel.help
 
     def _set_pivot(self, place: tuple[float, float]) -> None:
-        self.panel.message = self.hand.set_pivot(*place)
+        self.panel.message = self.controller.set_pivot(*place)
         self.window.wanted = SETTLE_FRAMES
 
     # ------------------------------------------------------------------------------------------------ Events
 
     def button(self, button: int, down: bool, modifiers: int, place: tuple[float, float]) -> None:
-        """Begin or end a drag; a second click soon after puts the pivot there."""
+        """Begin or end a drag; a double click sets the pivot."""
         self._held, self._modifiers = (button if down else None), modifiers
         self._flown = time.monotonic()
         if not down or button != glfw.MOUSE_BUTTON_LEFT:
@@ -217,19 +224,19 @@ class App:
         self._click = now, place
 
     def move(self, place: tuple[float, float], delta: tuple[float, float]) -> None:
-        """Drag: orbit, pan or look round."""
+        """Drag: orbit, pan or look around."""
         self.panel.pointer = place
         if self._held is None or delta == (0.0, 0.0):
             return
         shifted = self._held == glfw.MOUSE_BUTTON_MIDDLE or self._modifiers & glfw.MOD_SHIFT
-        self.hand.drag("look" if self._held == glfw.MOUSE_BUTTON_RIGHT else "pan" if shifted else "orbit", *delta)
+        self.controller.drag("look" if self._held == glfw.MOUSE_BUTTON_RIGHT else "pan" if shifted else "orbit", *delta)
 
     def scroll(self, amount: float) -> None:
         """Zoom."""
-        self.hand.zoom(amount)
+        self.controller.zoom(amount)
 
     def key(self, key: int, down: bool, modifiers: int) -> None:
-        """Carry out a key, unless it flies."""
+        """Carry out the command of a key, unless the key flies."""
         session, cameras = self.session, self.session.renderer.scene.cameras
         if down and key == glfw.KEY_Q and modifiers & glfw.MOD_CONTROL:
             self.window.quit()
@@ -240,18 +247,18 @@ class App:
         elif key == glfw.KEY_C:
             self._todo.append(self._copy)
         elif key == glfw.KEY_F:
-            self.hand.frame_all()
+            self.controller.frame_all()
         elif key == glfw.KEY_HOME:
-            self.hand.take(session.start_camera)
+            self.controller.take(session.start_camera)
         elif key == glfw.KEY_TAB:
             self.panel.visible = not self.panel.visible
         elif key == glfw.KEY_ESCAPE:
             self.panel.help = False
         elif 0 <= key - glfw.KEY_1 < min(len(cameras), 9):
-            self.hand.take(cameras[key - glfw.KEY_1])
+            self.controller.take(cameras[key - glfw.KEY_1])
 
     def character(self, character: str) -> None:
-        """Open the help, wherever the keyboard has its question mark."""
+        """Toggle the help by "?", on any keyboard layout."""
         if character == "?":
             self._toggle_help()
 
@@ -261,7 +268,7 @@ class App:
         return held and any(map(self.window.is_down, _FLIGHT_KEYS))
 
     def _fly(self) -> None:
-        """Move the camera as far as the keys held ask for since the last call."""
+        """Move the camera by the flight keys held and the time since the last call."""
         now, session = time.monotonic(), self.session
         seconds, self._flown = now - self._flown, now
         if not self._flying:
@@ -273,11 +280,11 @@ class App:
 
 
 def view(session: Session, title: str) -> None:
-    """Show a session in a window until it is closed. Raises GiError where there is none, or the GPU is lost."""
+    """Show a session in a window until it is closed. Raises GiError without a display, or if the GPU is lost."""
     app = App(session, title)
     try:
         app.run()
     except (wgpu.GPUError, RuntimeError) as error:
-        raise GiError(f"the GPU failed ({error}); this view again: {session.command()}") from error
+        raise GiError(f"the GPU failed ({error}); to render this view: {command_of(session)}") from error
     finally:
         app.close()

@@ -1,4 +1,4 @@
-"""The view held against the path tracer, which refines while it rests: side by side, as a difference, in numbers."""
+"""The view compared with the path tracer, which converges while the view rests: split, difference, numbers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .session import DISPLAY, Interrupted, Session
 
 MODES = ("off", "split", "difference")
 TRUTH = "path"
-SPP = 4096  # after which the truth rests, too: chosen
+SPP = 4096  # of the truth: its noise is 1/64 of that of one sample
 
 
 class Comparison:
@@ -24,7 +24,7 @@ class Comparison:
 
     def __init__(self, session: Session) -> None:
         self._mode = "off"
-        self.ready = False  # there is a truth of the present view to show
+        self.ready = False  # the truth shows the present view
         self.split = 0.5
         self.errors: Errors | None = None
         self._session = session
@@ -46,19 +46,20 @@ class Comparison:
         return self.mode != "off" and self._session.shown == DISPLAY
 
     def step(self, tick: Callable[[float], None]) -> bool:
-        """Refine the truth of a view that rests; return False if there is nothing to do, or that was interrupted."""
+        """Refine the truth of a view at rest; return False if there was nothing to do, or it was interrupted."""
         session = self._session
         if not self.on:
             self.close()
             return False
         settings = deepcopy(session.settings)
         settings.gi, settings.spp = TRUTH, SPP
-        settings.path.samples_per_run = 1  # something to see soon
+        settings.path.samples_per_run = 1  # shows the first sample at once
         if self._renderer is None:
             adapter = session.renderer.adapter_name
             self._renderer = Renderer(session.renderer.scene, size=session.size, settings=settings, adapter=adapter)
         truth = self._renderer
         truth.settings, truth.camera, truth.size = settings, session.camera, session.size
+        truth.automatic_exposure = session.exposure
 
         def progress(fraction: float) -> None:
             tick(fraction)

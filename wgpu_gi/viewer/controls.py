@@ -1,4 +1,4 @@
-"""Controls beside a canvas in a notebook, made from the settings themselves."""
+"""The controls beside a canvas in a notebook, made from the settings."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ from ..settings import QUALITIES, Row, describe
 from .session import Session
 
 WIDTH = "260px"
-MAIN = ("gi", "exposure")  # settings that have a control of their own
+MAIN = ("gi", "exposure")  # settings with a control of their own
 
 
 class Controls:
-    """What can be changed about a session; `box` shows it, and `done` is called after each change."""
+    """Widgets that change a session: `box` shows them, `done` is called after each change."""
 
     def __init__(self, session: Session, done: Callable[[], None]) -> None:
         self._session, self._done = session, done
+        self._following = False  # the slider is being moved by `follow`
         self.technique = self._dropdown("technique", (*TECHNIQUES,), session.settings.gi)
         self.quality = self._dropdown("quality", QUALITIES, session.quality)
+        automatic = session.settings.exposure is None
+        self.automatic = widgets.Checkbox(automatic, description="automatic exposure", layout={"width": WIDTH})
         self.exposure = widgets.FloatSlider(
-            session.settings.exposure,
+            session.exposure,
             min=-10.0,
             max=10.0,
             step=0.05,
@@ -36,12 +39,13 @@ class Controls:
         self.setting = self._dropdown("setting", (*self._rows,), "bounces")
         self.value = widgets.VBox()
         self.box = widgets.VBox(
-            [self.technique, self.quality, self.exposure, self.buffer, self.setting, self.value],
+            [self.technique, self.quality, self.exposure, self.automatic, self.buffer, self.setting, self.value],
             layout={"width": "280px"},
         )
         self.technique.observe(self._on_technique, "value")
         self.quality.observe(self._on_quality, "value")
-        self.exposure.observe(lambda change: self._change("exposure", change["new"]), "value")
+        self.exposure.observe(self._on_exposure, "value")
+        self.automatic.observe(self._on_automatic, "value")
         self.buffer.observe(self._on_buffer, "value")
         self.setting.observe(lambda change: self._show_setting(), "value")
         self._show_setting()
@@ -57,6 +61,24 @@ class Controls:
         self._show_setting()
         self._done()
 
+    def follow(self) -> None:
+        """Move the exposure slider to the automatic exposure."""
+        if self.automatic.value and self.exposure.value != self._session.exposure:
+            self._following = True
+            self.exposure.value = self._session.exposure
+            self._following = False
+
+    def _on_exposure(self, change: dict[str, Any]) -> None:
+        if not self._following:
+            self._session.change("exposure", change["new"])
+            self.automatic.value = False
+            self._done()
+
+    def _on_automatic(self, change: dict[str, Any]) -> None:
+        if change["new"] != (self._session.settings.exposure is None):
+            self._session.expose(change["new"])
+            self._done()
+
     def _on_buffer(self, change: dict[str, Any]) -> None:
         if change["new"] not in (None, self._session.shown):
             self._session.show(change["new"])
@@ -67,7 +89,7 @@ class Controls:
         self._done()
 
     def _show_setting(self) -> None:
-        """Put the control of the chosen setting where the last one was."""
+        """Show the control of the selected setting."""
         name = self.setting.value
         row = next(row for row in describe(self._session.settings) if row.name == name)
         control = _control(row)
@@ -84,7 +106,7 @@ class Controls:
 
 
 def close(widget: Any) -> None:
-    """Close a widget with all that it is made of, which ipywidgets would keep for ever."""
+    """Close a widget with its children, layout and style, which ipywidgets would keep alive."""
     for child in getattr(widget, "children", ()):
         close(child)
     parts = [getattr(widget, name, None) for name in ("layout", "style")]
@@ -95,7 +117,7 @@ def close(widget: Any) -> None:
 
 
 def _control(row: Row) -> Any:
-    """Return a control for a setting; what is typed counts when it is done."""
+    """Return a control for a setting; a typed value applies on Enter."""
     options = {"description": "value", "layout": {"width": WIDTH}}
     if row.choices:
         return widgets.Dropdown(options=row.choices, value=row.value, **options)

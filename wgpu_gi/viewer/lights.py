@@ -1,4 +1,4 @@
-"""The part of the panel that has the lights of the scene and its environment."""
+"""The part of the panel for the lights and the environment of the scene."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from imgui_bundle import imgui
 from ..scene.scene import DirectionalLight
 from .session import Session
 
-DIMMEST, BRIGHTEST = 1e-3, 1e6  # candela or lux, of the slider: chosen
+DIMMEST, BRIGHTEST = 1e-3, 1e6  # candela or lux, ends of the slider: a candle has 1 cd, the sun 1e5 lx
 UNITS = {"PointLight": "cd", "SpotLight": "cd", "DirectionalLight": "lx"}
 
 
@@ -22,7 +22,7 @@ class LightPanel:
         self._session = session
 
     def draw(self) -> None:
-        """Say to imgui what there is."""
+        """Draw it with imgui."""
         scene = self._session.renderer.scene
         if not imgui.collapsing_header("lights"):
             return
@@ -52,7 +52,7 @@ class LightPanel:
         return brighter or recoloured or turned
 
     def _direction(self, light: DirectionalLight) -> bool:
-        """Where the sun stands."""
+        """The direction to the sun."""
         azimuth, elevation = angles_of(light)
         round_, azimuth = imgui.slider_float("azimuth (deg)", azimuth, -180.0, 180.0, "%.1f")
         up, elevation = imgui.slider_float("elevation (deg)", elevation, -90.0, 90.0, "%.1f")
@@ -75,12 +75,12 @@ class LightPanel:
 
 
 def angles_of(light: DirectionalLight) -> tuple[float, float]:
-    """Return where a sun stands, in degrees: round from -Z to +X, and up."""
+    """Return azimuth (from -Z towards +X) and elevation of a sun in degrees."""
     x, y, z = -np.asarray(light.direction, np.float64)
     return math.degrees(math.atan2(x, -z)), math.degrees(math.atan2(y, math.hypot(x, z)))
 
 
 def direction_from(azimuth: float, elevation: float) -> tuple[float, float, float]:
-    """Return the direction in which the light of such a sun travels; unit length."""
+    """Return the unit vector along which the light of a sun at these degrees travels."""
     a, e = math.radians(azimuth), math.radians(elevation)
     return -math.sin(a) * math.cos(e), -math.sin(e), math.cos(a) * math.cos(e)

@@ -1,6 +1,6 @@
-"""How a mouse and keys move a camera: orbit and pan about a pivot, zoom to it, look round, fly.
+"""Camera motions: orbit and pan about a pivot, zoom to it, look around, fly.
 
-Angles are radians, lengths metres. World Y stays up, so that no way of dragging rolls the camera.
+Angles are radians, lengths metres. World Y stays up, so no drag rolls the camera.
 """
 
 from __future__ import annotations
@@ -16,16 +16,13 @@ from ..camera import Camera
 from ..scene.scene import Scene
 
 STEEPEST = math.radians(89.0)  # of looking up or down: at 90 degrees a turn about Y is a roll
-NEAREST = 1e-3  # of the scene's size: as near to the pivot as zooming goes; chosen
+NEAREST = 1e-3  # shares of the scene's size to which zooming approaches the pivot
 
 Vector = NDArray[np.float64]
 
 
 def pivot_of(camera: Camera, scene: Scene) -> Vector:
-    """Return a point before the camera to turn about: as far away as the middle of the scene, or inside half its size.
-
-    What is clicked on is a better one.
-    """
+    """Return a pivot in front of the camera: as far as the middle of the scene, at least a quarter of its size."""
     low, high = scene.bounds()
     forward = -camera.world_from_view[:3, 2]
     distance = float(((low + high) / 2 - camera.position) @ forward)
@@ -38,7 +35,7 @@ def size_of(scene: Scene) -> float:
 
 
 def orbit(camera: Camera, pivot: ArrayLike, right: float, down: float) -> Camera:
-    """Turn the scene under the hand, right and down: the camera goes about the pivot to the left and up."""
+    """Turn the scene right and down: the camera moves about the pivot to the left and up."""
     return _turned(camera, np.asarray(pivot, np.float64), -right, -down)
 
 
@@ -48,7 +45,7 @@ def look(camera: Camera, right: float, down: float) -> Camera:
 
 
 def pan(camera: Camera, pivot: ArrayLike, right: float, down: float) -> tuple[Camera, Vector]:
-    """Move camera and pivot such that the pivot moves on the picture, by shares of its height; return both."""
+    """Move camera and pivot so that the scene moves right and down by shares of the picture's height; return both."""
     distance = float((np.asarray(pivot) - camera.position) @ -camera.world_from_view[:3, 2])
     height = camera.orthographic_height or 2 * math.tan(camera.yfov / 2) * max(distance, 0.0)
     shift = camera.world_from_view[:3, :3] @ np.array([-right, down, 0.0]) * height
@@ -56,7 +53,7 @@ def pan(camera: Camera, pivot: ArrayLike, right: float, down: float) -> tuple[Ca
 
 
 def zoom(camera: Camera, pivot: ArrayLike, factor: float, size: float) -> Camera:
-    """Bring the camera to `factor` times its distance from the pivot, or enlarge an orthographic picture likewise."""
+    """Scale the distance to the pivot, or the height of an orthographic view, by `factor`."""
     if camera.orthographic_height is not None:
         return replace(camera, orthographic_height=max(camera.orthographic_height * factor, NEAREST * size))
     offset = camera.position - np.asarray(pivot, np.float64)
@@ -73,7 +70,7 @@ def fly(camera: Camera, steps: Sequence[float]) -> Camera:
 
 
 def frame_all(camera: Camera, scene: Scene, aspect: float) -> Camera:
-    """Return the camera, looking as it does, from where it sees a sphere about the whole scene."""
+    """Return the camera, in its direction, moved to where it sees the bounding sphere of the scene."""
     low, high = scene.bounds()
     radius = size_of(scene) / 2
     back = camera.world_from_view[:3, 2]
@@ -85,7 +82,7 @@ def frame_all(camera: Camera, scene: Scene, aspect: float) -> Camera:
 
 
 def _turned(camera: Camera, centre: Vector, yaw: float, pitch: float) -> Camera:
-    """Rotate about Y and about the camera's own right through `centre`, not past straight up or down."""
+    """Rotate about `centre`, by `yaw` about world Y and `pitch` about the camera's right, short of the poles."""
     axes = camera.world_from_view[:3, :3]
     steepness = math.asin(float(np.clip(-axes[1, 2], -1.0, 1.0)))  # of the view: up is positive
     limited = float(np.clip(steepness + pitch, min(-STEEPEST, steepness), max(STEEPEST, steepness))) - steepness
@@ -93,7 +90,7 @@ def _turned(camera: Camera, centre: Vector, yaw: float, pitch: float) -> Camera:
     placed = np.eye(4)
     placed[:3, :3] = turn @ axes
     placed[:3, 3] = centre + turn @ (camera.position - centre)
-    # Thousands of turns must not add up to a camera that shears.
+    # Orthonormalise, so that rounding does not add up over thousands of turns.
     placed[:3, :3], _ = np.linalg.qr(placed[:3, :3])
     placed[:3, :3] *= np.sign(np.diag(placed[:3, :3].T @ (turn @ axes)))
     return replace(camera, world_from_view=placed)

@@ -1,4 +1,4 @@
-"""A view in a notebook: a live canvas with its controls, and a picture that stays when the notebook is saved."""
+"""The viewer in a notebook: a live canvas with controls, and a still picture that is saved with the notebook."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..renderer import Renderer
 from ..scene.load import load
 from ..scene.scene import Scene
 from ..settings import apply_quality, validate
-from .hand import Hand
+from .camera_controller import CameraController
 from .session import DISPLAY, REST_SECONDS, Session
 
 try:
@@ -35,13 +35,13 @@ try:
 except ImportError as error:
     raise GiError(f"gi.show needs the extra ({error.name} is missing): pip install 'wgpu_gi[jupyter]'") from None
 
-FIRST_SECONDS = 1.0  # that the picture which stays is refined for, before the canvas is there: chosen
-TELL_SECONDS = 0.25  # from line to line of status: chosen
-FRAMES_PER_SECOND = 60  # at most
+FIRST_SECONDS = 1.0  # of rendering before a cell returns, so that its still picture is more than noise
+TELL_SECONDS = 0.25  # between updates of the status line
+FRAMES_PER_SECOND = 60  # upper limit
 LEFT, MIDDLE, RIGHT = 1, 3, 2  # mouse buttons of the canvas
 EVENTS = ("pointer_down", "pointer_move", "pointer_up", "double_click", "wheel", "key_down", "resize")
 
-_views: dict[str, list[weakref.ref[View]]] = {}  # by the cell that showed them
+_views: dict[str, list[weakref.ref[View]]] = {}  # by the cell that shows them
 
 
 def show(
@@ -56,8 +56,8 @@ def show(
 ) -> View:
     """Return a live view of a scene; the last line of a cell shows it, as `display` does.
 
-    Drag to orbit, shift + drag to pan, right drag to look round, wheel to zoom, double-click to choose what to turn
-    about; F frames all, Home goes back. Running the cell again closes the view that it showed before. Raises GiError
+    Drag to orbit, shift + drag to pan, right drag to look around, wheel to zoom, double-click to set the pivot; F
+    frames the scene, Home returns to the first camera. Running the cell again closes its earlier view. Raises GiError
     for bad values.
     """
     if not isinstance(scene, Scene):
@@ -65,14 +65,14 @@ def show(
     if settings is None:
         settings = Settings(gi=gi)
         apply_quality(settings, quality)
-        settings.path.samples_per_run = 1  # something to see soon
+        settings.path.samples_per_run = 1  # shows the first sample at once
     validate(settings)
     renderer = Renderer(scene, size=size, camera=camera, settings=settings, adapter=adapter)
     return View(Session(renderer, quality, (scene.name or "SCENE",)))
 
 
 class _Canvas(RenderCanvas):  # type: ignore[misc]
-    """A canvas that can be closed: that of rendercanvas 2.7.2 calls itself without end."""
+    """A canvas that can be closed: `_rc_close` of rendercanvas 2.7.2 recurses without end."""
 
     _is_closed: bool
 
@@ -83,10 +83,10 @@ class _Canvas(RenderCanvas):  # type: ignore[misc]
 
 
 class View:
-    """A session on a canvas. `close` frees its memory, on the GPU, too."""
+    """A session on a canvas. `close` frees its memory, also on the GPU."""
 
     def __init__(self, session: Session) -> None:
-        self.session, self._hand = session, Hand(session)
+        self.session, self._controller = session, CameraController(session)
         self.canvas = _Canvas(size=session.size, update_mode="ondemand", max_fps=FRAMES_PER_SECOND)
         self._bitmap = self.canvas.get_bitmap_context()
         self.controls = Controls(session, self._changed)
@@ -94,12 +94,12 @@ class View:
         self._passes = widgets.Accordion([widgets.HTML()], titles=("passes",))
         column = widgets.VBox([self.canvas, self._status])
         self.box = widgets.VBox([widgets.HBox([column, self.controls.box]), self._passes, self._live])
-        self._still: Any = None  # what stays in the notebook
-        self._told = 0.0  # when the status was
-        self._seconds = 0.0  # of the last frame
-        self._note = ""  # of what was done last
-        self._run = ""  # in which its cell showed it
-        self._dragged: tuple[str, float, float] | None = None  # kind of drag, and where it was last
+        self._still: Any = None  # the display of the still picture
+        self._told = 0.0  # time of the last status line
+        self._seconds = 0.0  # time of the last frame
+        self._note = ""  # result of the last action
+        self._run = ""  # the run of the cell that shows it
+        self._dragged: tuple[str, float, float] | None = None  # kind of drag, and its last place
         self._closed = False
         self.canvas.request_draw(self._draw)
         self.canvas.add_event_handler(self._on_event, *EVENTS)
@@ -107,7 +107,7 @@ class View:
         self._passes.observe(self._on_passes, "selected_index")
 
     def close(self) -> None:
-        """Take it away and free its memory."""
+        """Remove the widgets and free the memory."""
         if self._closed:
             return
         self._closed = True
@@ -126,13 +126,13 @@ class View:
         self._still = display(HTML(self._still_html()), display_id=True)
 
     def _display_(self) -> Any:
-        """What marimo shows: the live canvas alone, as it takes no other Jupyter widgets."""
+        """Return what marimo shows: the canvas alone, since marimo takes no other Jupyter widgets."""
         return self.canvas
 
     # ------------------------------------------------------------------------------------------------ Drawing
 
     def _draw(self) -> None:
-        """Render a frame when the page is ready for one, and ask for the next as long as there is more to do."""
+        """Render a frame when the page is ready, and request the next while there is more to do."""
         session, start = self.session, time.perf_counter()
         ran = session.step()
         if ran:
@@ -151,7 +151,7 @@ class View:
             self.canvas.request_draw()
 
     def _changed(self) -> None:
-        """Draw what a control changed, or say why it cannot be."""
+        """Draw after a control changed, or show the error."""
         self._tell()
         self._wake()
 
@@ -160,12 +160,13 @@ class View:
         self._bitmap.set_bitmap(np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)]))
 
     def _tell(self) -> None:
-        """Bring the text below the canvas up to date."""
+        """Update the text below the canvas."""
         self._told = time.monotonic()
         session = self.session
         told = f"{session.status()}, {self._seconds * 1e3:.0f} ms a frame" + (self._note and f", {self._note}")
         if session.shown_range is not None:
             told += ", from {:.5g} to {:.5g}".format(*session.shown_range)
+        self.controls.follow()
         self._status.value = f"<b>{escape(session.error)}</b>" if session.error else escape(told)
         if self._passes.selected_index is not None:
             rows = session.renderer.graph.plan()
@@ -173,7 +174,7 @@ class View:
             self._passes.children[0].value = html_table(("pass", "state", "ms", "why"), cells)
 
     def _still_html(self) -> str:
-        """Return the picture as a notebook keeps it."""
+        """Return the still picture as HTML."""
         data = base64.b64encode(png_bytes(DISPLAY, _pixels(self.session))).decode()
         return f"<div class='{self._mark}'><img src='data:image/png;base64,{data}'/></div>"
 
@@ -184,7 +185,7 @@ class View:
     # ------------------------------------------------------------------------------------------------ Events
 
     def _on_visible(self, _change: object) -> None:
-        """Hide the picture that stays for as long as there is a page with the live one."""
+        """Hide the still picture on pages that show the live canvas."""
         self._live.value = f"<style>.{self._mark} {{ display: none }}</style>"
 
     def _on_passes(self, change: dict[str, Any]) -> None:
@@ -198,12 +199,12 @@ class View:
             if (width, height) != self.session.size:
                 self.session.resize(width, height)
         elif kind == "wheel":
-            self._hand.zoom(-event["dy"] / 100.0)
+            self._controller.zoom(-event["dy"] / 100.0)
         elif kind == "key_down":
             self._on_key(event["key"])
         elif kind == "double_click":
             width, height = self.canvas.get_logical_size()
-            self._note = self._hand.set_pivot(event["x"] / width, event["y"] / height)
+            self._note = self._controller.set_pivot(event["x"] / width, event["y"] / height)
             self.session.changed()
         else:
             self._on_pointer(kind, event)
@@ -211,12 +212,12 @@ class View:
 
     def _on_key(self, key: str) -> None:
         if key in ("f", "F"):
-            self._hand.frame_all()
+            self._controller.frame_all()
         elif key == "Home":
-            self._hand.take(self.session.start_camera)
+            self._controller.take(self.session.start_camera)
 
     def _on_pointer(self, kind: str, event: dict[str, Any]) -> None:
-        """Begin, go on with or end a drag."""
+        """Begin, continue or end a drag."""
         x, y = event["x"], event["y"]
         if kind == "pointer_down":
             shifted = event["button"] == MIDDLE or "Shift" in event["modifiers"]
@@ -226,12 +227,12 @@ class View:
         elif self._dragged is not None:
             height = max(self.canvas.get_logical_size()[1], 1)
             what, before_x, before_y = self._dragged
-            self._hand.drag(what, (x - before_x) / height, (y - before_y) / height)
+            self._controller.drag(what, (x - before_x) / height, (y - before_y) / height)
             self._dragged = what, x, y
 
 
 def _pixels(session: Session) -> NDArray[np.uint8]:
-    """Return what is shown, sRGB-coded bytes (height, width, 3); black if nothing was rendered yet."""
+    """Return the buffer shown as sRGB bytes (height, width, 3); black after an error."""
     if session.error:
         return np.zeros((session.size[1], session.size[0], 3), np.uint8)
     if session.shown == DISPLAY:
@@ -239,11 +240,11 @@ def _pixels(session: Session) -> NDArray[np.uint8]:
         return np.asarray(session.renderer.read_back(DISPLAY))
     values = session.values()
     session.shown_range = float(values.min()), float(values.max())
-    return np.round(display_layer(session.shown, values, session.settings.exposure) * 255.0).astype(np.uint8)
+    return np.round(display_layer(session.shown, values, session.exposure) * 255.0).astype(np.uint8)
 
 
 def _close_earlier(view: View) -> None:
-    """Close what the same cell showed when it was run before; note what it shows now."""
+    """Close the views of earlier runs of the same cell; note this one."""
     kernel = getattr(get_ipython(), "kernel", None)
     if kernel is None:
         return

@@ -1,4 +1,4 @@
-"""The panel: what can be changed about a view, made from the settings themselves, and what there is to see."""
+"""The panel of the desktop viewer: controls made from the settings, truth, pixel probe, lights, passes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .thumbnails import SIZE
 
 WIDTH, MARGIN = 380.0, 8.0  # points
 CAPTION = 23  # characters below a picture
-WIDE_RANGE = 100.0  # from this ratio of its ends on, a slider is logarithmic: chosen
+WIDE_RANGE = 100.0  # ratio of its ends from which a slider is logarithmic: two decades
 LARGEST_SLIDER = 2**31 - 1  # a slider's whole numbers have 32 bits
 
 HELP = """\
@@ -26,11 +26,11 @@ left drag            orbit about the pivot
 double click         put the pivot on the surface there
 middle drag          pan; also shift + left drag
 wheel                zoom to the pivot
-right drag           look round; with W A S D Q E held: fly, with shift faster
+right drag           look around; with W A S D Q E held: fly, with shift faster
 F                    frame all
 Home                 the camera as it was at the start
 1 ... 9              the scene's cameras
-S                    save what is seen as .png and .exr
+S                    save the picture as .png and .exr
 C                    copy the command line that renders this view
 Tab                  panel on and off
 Ctrl+Q               quit
@@ -43,26 +43,27 @@ class Panel:
     def __init__(self, session: Session, comparison: Comparison, actions: dict[str, Callable[[], None]]) -> None:
         self.visible = True
         self.help = False
-        self.message = ""  # of what was done last
-        self.status = ""  # how far the picture is
+        self.message = ""  # result of the last action
+        self.status = ""  # progress of the picture
         self._session, self._comparison, self._actions = session, comparison, actions
-        self.pointer = (-1.0, -1.0)  # share of the window's width and height; outside where the panel is
+        self.pointer = (-1.0, -1.0)  # shares of the window's width and height; outside [0, 1) over the panel
         self.probe, self._lights = Probe(session), LightPanel(session)
-        self.pictured = False  # the passes are shown as pictures
-        self.pictures: list[tuple[str, str]] = []  # pass and resource of each
-        self.sheet: Any = None  # they themselves, one below the other
-        self.place = (0.0, 0.0, 0.0, 0.0)  # left, top, right and bottom, shares of the window: its ground is not drawn
+        self.shows_thumbnails = False
+        self.thumbnails: list[tuple[str, str]] = []  # pass and resource of each
+        self.sheet: Any = None  # texture with all of them, one below the other
+        # Left, top, right, bottom, shares of the window: the screen's shader draws the panel's background.
+        self.place = (0.0, 0.0, 0.0, 0.0)
         self._listed: Settings | None = None
-        self._sectioned: dict[str, list[Row]] = {}  # what `_listed` holds
-        self._edited: dict[str, Any] = {}  # values under the mouse, which count when it is let go
+        self._sectioned: dict[str, list[Row]] = {}  # the rows of `_listed` by section
+        self._edited: dict[str, Any] = {}  # values being dragged or typed, which apply on release
 
     def draw(self) -> None:
-        """Say to imgui what there is."""
+        """Draw all of it with imgui."""
         self.place = (0.0, 0.0, 0.0, 0.0)
         if self.visible:
             self._main()
         else:
-            self._session.measure = self.probe.on = self.pictured = False
+            self._session.measure = self.probe.on = self.shows_thumbnails = False
         if self.help:
             self._help()
         if self._session.error:
@@ -91,12 +92,12 @@ class Panel:
         self._probe()
         self._lights.draw()
         self._plan()
-        self._pictures()
+        self._thumbnails()
         self._sections()
         imgui.end()
 
     def _rendering(self) -> None:
-        """What is rendered, how well, and which of its buffers is shown."""
+        """Technique, quality, exposure, and the buffer shown."""
         session = self._session
         technique = _combo("technique", session.settings.gi, tuple(TECHNIQUES))
         imgui.set_item_tooltip(TECHNIQUES[session.settings.gi].sentence)
@@ -106,9 +107,15 @@ class Panel:
         imgui.set_item_tooltip("Sets all settings that have presets.")
         if quality:
             session.set_quality(quality)
-        changed, exposure = imgui.slider_float("exposure (EV)", session.settings.exposure, -10.0, 10.0, "%.2f")
+        imgui.set_next_item_width(WIDTH * 0.4)
+        changed, exposure = imgui.slider_float("exposure (EV)", session.exposure, -10.0, 10.0, "%.2f")
         if changed:
             session.change("exposure", exposure)
+        imgui.same_line()
+        switched, automatic = imgui.checkbox("automatic", session.settings.exposure is None)
+        imgui.set_item_tooltip("Log-average luminance to 0.18; follows the view when it rests.")
+        if switched:
+            session.expose(automatic)
         shown = _combo("buffer", session.shown, session.buffers)
         if shown:
             session.show(shown)
@@ -119,7 +126,7 @@ class Panel:
     def _truth(self) -> None:
         comparison = self._comparison
         mode = _combo("path tracer", comparison.mode, MODES)
-        imgui.set_item_tooltip("Hold the view against the path tracer, which refines while the view rests.")
+        imgui.set_item_tooltip("Compare the view with the path tracer, which converges while the view rests.")
         if mode:
             comparison.mode = mode
         if comparison.on and comparison.mode == "split":
@@ -132,9 +139,9 @@ class Panel:
                 imgui.text(f"noise of the path tracer (taken off): {errors.floor:.3g}")
 
     def _probe(self) -> None:
-        """What is under the mouse."""
+        """The values of the pixel under the mouse."""
         self.probe.on = bool(imgui.collapsing_header("pixel"))
-        nothing = [""] * (1 + len(PROBED))  # what follows keeps its place
+        nothing = [""] * (1 + len(PROBED))  # keeps what follows in place
         for line in (self.probe.lines(*self.pointer) or nothing) if self.probe.on else ():
             imgui.text(line)
 
@@ -154,7 +161,7 @@ class Panel:
                 imgui.pop_id()
 
     def _setting(self, row: Row) -> None:
-        """One setting; its value counts when the mouse or the text field is let go."""
+        """One setting; its value applies when mouse or text field are released."""
         label = row.name.rpartition(".")[2] + (f" ({row.unit})" if row.unit else "")
         imgui.set_next_item_width(WIDTH * 0.4)
         value = self._edited.get(row.name, row.value)
@@ -177,7 +184,7 @@ class Panel:
         imgui.set_item_tooltip(_tooltip(row))
 
     def _plan(self) -> None:
-        """What each pass did in the last step, and how long it took."""
+        """State and time of each pass in the last step."""
         opened = bool(imgui.collapsing_header("passes"))
         self._session.measure = opened
         if not opened:
@@ -195,13 +202,13 @@ class Panel:
                 imgui.set_item_tooltip(row.reason)
         imgui.end_table()
 
-    def _pictures(self) -> None:
-        """What each pass wrote, two in a row."""
-        self.pictured = bool(imgui.collapsing_header("pictures of the passes"))
-        if not self.pictured or self.sheet is None:
+    def _thumbnails(self) -> None:
+        """Thumbnails of what each pass wrote, two in a row."""
+        self.shows_thumbnails = bool(imgui.collapsing_header("pass outputs"))
+        if not self.shows_thumbnails or self.sheet is None:
             return
-        size, count = imgui.ImVec2(*SIZE), len(self.pictures)
-        for i, (name, resource) in enumerate(self.pictures):
+        size, count = imgui.ImVec2(*SIZE), len(self.thumbnails)
+        for i, (name, resource) in enumerate(self.thumbnails):
             if i % 2:
                 imgui.same_line()
             imgui.begin_group()
@@ -228,13 +235,13 @@ class Panel:
 
 
 def _combo(label: str, value: str, choices: tuple[str, ...]) -> str | None:
-    """Return another choice if a person makes one."""
+    """Return the choice that a user makes, else None."""
     changed, index = imgui.combo(label, choices.index(value) if value in choices else -1, list(choices))
     return choices[index] if changed else None
 
 
 def _field(label: str, row: Row, value: Any) -> tuple[bool, Any]:
-    """Return whether a number or a text is being edited, and what it is now."""
+    """Return whether a number or a text is being edited, and its value."""
     limits = row.range
     if row.optional or limits is None or row.kind not in (int, float) or max(map(abs, limits)) > LARGEST_SLIDER:
         return imgui.input_text(label, "none" if value is None else str(value))

@@ -1,4 +1,4 @@
-"""What is under the mouse, in numbers."""
+"""The pixel probe: the values of the pixel under the mouse."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ UNITS = {"position": "m", "radiance": "W/(m2 sr)", "depth": "m"}
 
 
 class Probe:
-    """While it is `on`, steps of a view that rests also make what it tells, and `take` reads it."""
+    """While `on`, steps at rest also compute the probed buffers, and `take` reads them back."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -20,7 +20,7 @@ class Probe:
 
     @property
     def on(self) -> bool:
-        """Whether it is asked for."""
+        """Whether the buffers are computed."""
         return self._on
 
     @on.setter
@@ -31,13 +31,13 @@ class Probe:
             self._session.changed()
 
     def take(self) -> None:
-        """Read what the last step made; nothing while the view moves."""
+        """Read the buffers of the last step back; none while the view moves."""
         self._layers = {}
         if self._on and self._session.made_also:
             self._layers = {name: self._session.renderer.read_back(name) for name in PROBED}
 
     def lines(self, x: float, y: float) -> list[str]:
-        """Return what is seen at a share of the picture's width and height."""
+        """Return a line for each buffer, at a share of the picture's width and height; none outside."""
         if not self._layers or not (0 <= x < 1 and 0 <= y < 1):
             return []
         height, width = self._layers["depth"].shape

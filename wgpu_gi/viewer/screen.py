@@ -1,4 +1,4 @@
-"""What a window shows: a picture, perhaps another one to its right; it keeps them whatever comes."""
+"""The screen: copies of one or two pictures, so that the window can redraw them during the next frame."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Screen:
         self._group: Any = None
 
     def copy(self, which: int, texture: Any) -> None:
-        """Show what an rgba8unorm texture holds now as picture `which`, 0 or 1."""
+        """Copy an rgba8unorm texture as picture `which`, 0 or 1."""
         width, height, _ = texture.size
         target = self._fitting(which, (width, height))
         encoder = self._gpu.create_command_encoder(label="screen")
@@ -45,7 +45,7 @@ class Screen:
         self._gpu.queue.submit([encoder.finish()])
 
     def write(self, which: int, pixels: NDArray[np.float32]) -> None:
-        """Show sRGB-coded values in [0, 1], (height, width, 3), as picture `which`."""
+        """Upload sRGB-coded values in [0, 1], (height, width, 3), as picture `which`."""
         height, width, _ = pixels.shape
         coded = np.full((height, width, 4), 255, np.uint8)
         coded[..., :3] = np.round(pixels * 255.0)
@@ -56,7 +56,7 @@ class Screen:
     def draw(self, render_pass: Any, split: float, width: int, panel: tuple[float, float, float, float]) -> None:
         """Draw the first picture, and the second one right of `split` (a share of the `width` in pixels).
 
-        `panel` is where the ground of a panel lies over them: left, top, right, bottom, shares of width and height.
+        `panel` is the darkened rectangle behind the panel: left, top, right, bottom, shares of width and height.
         """
         self._params["panel"], self._params["split"], self._params["line"] = panel, split, LINE_PIXELS / width
         self._gpu.queue.write_buffer(self._buffer, 0, self._params.tobytes())
@@ -71,7 +71,7 @@ class Screen:
         render_pass.draw(3)
 
     def _fitting(self, which: int, size: tuple[int, int]) -> Any:
-        """Return the texture of a picture, of this size."""
+        """Return the texture of a picture, recreated if its size differs."""
         if self._textures[which].size[:2] != size:
             self._textures[which].destroy()
             self._textures[which], self._group = self._texture(size), None

@@ -1,20 +1,16 @@
-"""What is viewed, and how it is rendered while it moves and while it rests; knows nothing of windows.
+"""The session of a viewer: scene, settings and exposure, rendered while the view moves and while it rests.
 
-While the camera moves, the picture has as many pixels as the adapter renders in time; at rest it gets more from step to
-step until it has all of them, and refines. Everything that is shown is linear radiance over the same part of the world,
-so brightness does not change.
+While the camera moves, dynamic resolution keeps frames in time. At rest the resolution rises to full within a few
+steps, and the picture converges. Knows nothing of windows; the window and the notebook share it.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import shlex
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,52 +19,52 @@ from ..buffers import buffers_of, views_of
 from ..camera import Camera
 from ..errors import GiError
 from ..options import MAX_SIDE, Settings, picture_count
-from ..pictures.image import save_image
 from ..renderer import Renderer
 from ..resources import resource_dir
-from ..scene.files.camera_files import camera_fields
 from ..scene.files.light_texts import light_texts
-from ..settings import apply_quality, assign, describe
+from ..settings import apply_quality, assign
+from .dynamic_resolution import DynamicResolution, pixels_at
+from .exposure_meter import ExposureMeter
 from .navigation import pivot_of
-from .pace import Pace, pixels_at
 
-REST_SECONDS = 0.25  # without a move, until the picture gets all its pixels: chosen
-SHARED_FRAMES = 8  # that indirect light is averaged over while the camera moves: chosen
-TIMING_SECONDS = 0.25  # from measurement to measurement of the passes while moving, as they take time: chosen
-REFINEMENT = 4  # of coarseness, that a step at rest takes back: chosen
-LOOK_SECONDS = 0.4  # from look to look whether a shader was saved: chosen, a look takes 1.4 ms
+REST_SECONDS = 0.25  # after the last move the view is at rest: longer than a hand pauses within a drag
+SHARED_FRAMES = 8  # frames of temporal accumulation while the camera moves: a third of a second at 25 per second
+TIMING_SECONDS = 0.25  # between measurements of the passes while moving: measuring costs time, and nobody reads faster
+REFINEMENT = 4  # levels of resolution that a step at rest rises: from the coarsest to full in three steps
+WATCH_SECONDS = 0.4  # between checks of the shader files, which take 1.4 ms
 DISPLAY = "display"
 
 
 class Interrupted(Exception):
-    """A step was left because what it renders is not wanted any more."""
+    """A step was abandoned because the view changed."""
 
 
 class Session:
-    """A scene in a view: what can be changed are `camera`, `pivot`, the settings, `shown` and `size`."""
+    """A scene in a view. `camera`, `pivot`, settings, `shown` and `size` may change between steps."""
 
     def __init__(self, renderer: Renderer, quality: str = "medium", source: Sequence[str] = ("cornell",)) -> None:
-        """`source` are the arguments of `wgpu-gi render` that make the scene."""
+        """`source` are the arguments of `wgpu-gi render` that give the scene."""
         self.renderer = renderer
         self.quality = quality
         self.source = list(source)
         self.start_camera = renderer.camera
-        self._start_lights = light_texts(renderer.scene)
+        self.start_lights = light_texts(renderer.scene)
         self.pivot = pivot_of(renderer.camera, renderer.scene)
         self.size = renderer.size  # of the picture at rest
         self.shown = DISPLAY
-        self.also: tuple[str, ...] = ()  # buffers that steps at rest make besides
-        self.made_also = False  # the last step made them
+        self.also: tuple[str, ...] = ()  # further buffers that steps at rest compute
+        self.made_also = False  # the last step computed them
         self._measure = self._force = False
         self.error = ""
-        self.pace = Pace()  # while moving
-        self._timed = -math.inf  # when the passes were measured last
-        self._level = 0  # coarseness of the next step at rest
-        self._moved = self._relit = -math.inf  # when the camera did, and when lights changed
-        self.at_rest = False  # there is nothing to do until something changes
+        self.resolution = DynamicResolution()
+        self._timed = -math.inf  # time of the last measurement of the passes
+        self._level = 0  # level of resolution of the next step at rest
+        self._moved = self._relit = -math.inf  # times of the last move and of the last change of a light
+        self.at_rest = False  # the picture is complete; nothing to do until something changes
         self.interrupted = False  # something changed since the last step began
-        self.shown_range: tuple[float, float] | None = None  # of the values shown
-        self._shaders, self._looked = _shader_times(), time.monotonic()
+        self.shown_range: tuple[float, float] | None = None  # least and largest value shown
+        self._meter = ExposureMeter(renderer)
+        self._shaders, self._watched = _shader_times(), time.monotonic()
 
     @property
     def settings(self) -> Settings:
@@ -76,24 +72,30 @@ class Session:
         return self.renderer.settings
 
     @property
+    def exposure(self) -> float:
+        """The exposure in EV with which the view is displayed: as set, or automatic."""
+        return self.renderer.exposure
+
+    @property
     def buffers(self) -> tuple[str, ...]:
-        """The names of all that can be shown."""
+        """The names of the buffers that can be shown."""
         return (DISPLAY, *buffers_of(self.settings.gi), *views_of(self.settings.gi))
 
     @property
     def camera(self) -> Camera:
-        """The camera of the view; setting it makes the view move."""
+        """The camera of the view. Setting it counts as a move."""
         return self.renderer.camera
 
     @camera.setter
     def camera(self, camera: Camera) -> None:
         self.renderer.camera = camera
         self._moved = time.monotonic()
+        self._meter.moved()
         self.changed()
 
     @property
     def measure(self) -> bool:
-        """Whether steps measure their passes; setting it runs all of them once."""
+        """Whether steps measure their passes. Setting it runs every pass once."""
         return self._measure
 
     @measure.setter
@@ -105,18 +107,18 @@ class Session:
 
     @property
     def urgent(self) -> bool:
-        """True if a step is wanted although it may take long: the view moves, or something was changed."""
+        """True if a step must not wait for the panel: the view moves, or something changed."""
         return self.moving or self.interrupted
 
     @property
     def moving(self) -> bool:
-        """True until some time after the last move."""
+        """True until REST_SECONDS after the last move."""
         return time.monotonic() - self._moved < REST_SECONDS
 
     # ------------------------------------------------------------------------------------------------ Changes
 
     def change(self, name: str, value: object) -> None:
-        """Set a setting by its name; one that cannot be is told in `error` and leaves all as it was."""
+        """Set a setting by its name. A bad value changes nothing; `error` says why."""
         text = "none" if value is None else repr(value) if isinstance(value, float) else str(value)
         try:
             assign(self.settings, f"{name}={text}")
@@ -126,8 +128,13 @@ class Session:
         self.error = ""
         self.changed()
 
+    def expose(self, automatic: bool) -> None:
+        """Make the exposure automatic, or fix it at its present value."""
+        self._meter.restart()
+        self.change("exposure", None if automatic else self.exposure)
+
     def set_quality(self, quality: str) -> None:
-        """Set all settings that have presets."""
+        """Set every setting that has presets."""
         self.quality = quality
         apply_quality(self.settings, quality)
         self.changed()
@@ -138,27 +145,28 @@ class Session:
         self.changed()
 
     def resize(self, width: int, height: int) -> None:
-        """Give the picture at rest another size."""
+        """Set the size of the picture at rest, in pixels."""
         self.size = min(max(width, 1), MAX_SIDE), min(max(height, 1), MAX_SIDE)
         self.changed()
 
     def changed(self) -> None:
-        """Note that something else than the camera changed."""
+        """Note a change of anything but the camera."""
         self.interrupted, self.at_rest = True, False
         if self.shown not in self.buffers:
             self.shown = DISPLAY
 
     def relit(self) -> None:
-        """Note that lights changed: there are fewer pixels while they do, as while the camera moves."""
+        """Note a change of lights. It counts as a move, so a light that is dragged gets dynamic resolution, too."""
         self._relit = self._moved = time.monotonic()
+        self._meter.moved()
         self.changed()
 
     def watch_shaders(self) -> bool:
-        """Return True if a shader file was seen to change since the last call; the next step takes it."""
-        if time.monotonic() - self._looked < LOOK_SECONDS:
+        """Return True if a shader file changed since the last call; the next step reloads it."""
+        if time.monotonic() - self._watched < WATCH_SECONDS:
             return False
         before, self._shaders = self._shaders, _shader_times()
-        self._looked = time.monotonic()
+        self._watched = time.monotonic()
         if before == self._shaders:
             return False
         self.renderer.reload()
@@ -168,16 +176,17 @@ class Session:
     # ------------------------------------------------------------------------------------------------ Rendering
 
     def step(self, tick: Callable[[float], None] | None = None) -> bool:
-        """Render a frame, a finer one if nothing changed; return False if there was nothing to do.
+        """Render a frame, or refine the last one if nothing changed; return False if there was nothing to do.
 
-        `tick` is called now and then while a frame at rest takes long, with the share that is done; if it changes
-        anything, the frame is left. What goes wrong is told in `error`, and the picture before stays.
+        During a long frame at rest, `tick` is called with the fraction done; if it changes anything, the frame is
+        abandoned. After a failure `error` says why, and the last picture remains.
         """
         if self.at_rest:
             return False
+        # Choose the resolution.
         self.interrupted = False
         moving = self.moving
-        size = self._size_at(self.pace.coarseness if moving else self._level)
+        size = self._size_at(self.resolution.level if moving else self._level)
         resized, self.renderer.size = size != self.renderer.size, size
 
         def progress(fraction: float) -> None:
@@ -186,11 +195,17 @@ class Session:
                 if self.interrupted:
                     raise Interrupted
 
+        # Render.
         start = time.perf_counter()
         try:
             self.made_also = not moving
             with self._smoothed(moving):
                 ran = self._render(progress, moving)
+                seconds = time.perf_counter() - start
+                opened = not self._meter.started
+                exposed = self._meter.measure(ran, moving)
+                if exposed and opened:
+                    self._render(progress, moving)  # no frame of a new scene has a wrong exposure
         except Interrupted:
             return False
         except GiError as error:
@@ -198,21 +213,29 @@ class Session:
             return False
         if ran:
             self.error = ""
+
+        # Choose what the next step does.
         if moving:
             if ran and not resized:
-                self.pace.note(time.perf_counter() - start)
-            self._level = self.pace.coarseness
+                self.resolution.note(seconds)
+            self._level = self.resolution.level
             return ran or not self.moving
         if self._level:
             self._level = max(self._level - REFINEMENT, 0)
             return True
-        self.at_rest = not ran and not self.interrupted
+        self.at_rest = not ran and not exposed and not self.interrupted
         if ran:
-            self.pace.note_rest(time.perf_counter() - start)
-        return ran
+            self.resolution.note_rest(seconds)
+        return ran or exposed
+
+    def render_full_size(self) -> None:
+        """End a move, and render until the picture has its full size."""
+        self._moved = -math.inf
+        while self.renderer.size != self.size and not self.error:
+            self.step()
 
     def status(self) -> str:
-        """Return how far the picture is, in a few words."""
+        """Return technique, size and progress of the picture in a few words."""
         width, height = self.renderer.size
         settings, frames = self.settings, picture_count(self.settings)
         share = self.renderer.graph.settle_progress()
@@ -221,11 +244,11 @@ class Session:
         return f"{settings.gi}, {width}x{height}{done}"
 
     def values(self) -> NDArray[np.float32]:
-        """Return what is shown as numbers, from the last step."""
+        """Return the buffer shown, as linear numbers, from the last step."""
         return self.renderer.read_back("radiance" if self.shown == DISPLAY else self.shown)
 
     def point_at(self, x: float, y: float) -> NDArray[np.float64] | None:
-        """Return the world position seen at a share of the picture's width and height; None if that is nothing."""
+        """Return the world position seen at a share of the picture's width and height, None without a surface."""
         self.renderer.step(show=(*self._show(self.moving), "position", "depth"))
         depth, position = self.renderer.read_back("depth"), self.renderer.read_back("position")
         row, column = int(y * depth.shape[0]), int(x * depth.shape[1])
@@ -241,7 +264,7 @@ class Session:
 
     @contextmanager
     def _smoothed(self, moving: bool) -> Iterator[None]:
-        """Let frames share light while the camera moves; at rest, and where lights change, the settings hold as set."""
+        """Accumulate over SHARED_FRAMES while the camera moves, but not while lights change, which would lag."""
         temporal = self.settings.temporal
         own = temporal.frames
         if moving and time.monotonic() - self._relit > REST_SECONDS:
@@ -261,55 +284,13 @@ class Session:
         wanted = self.shown if self.shown in self.buffers else DISPLAY
         return tuple(dict.fromkeys((DISPLAY, wanted, *(() if moving else self.also))))
 
-    def _size_at(self, coarseness: int) -> tuple[int, int]:
-        scale = math.sqrt(pixels_at(coarseness))
+    def _size_at(self, level: int) -> tuple[int, int]:
+        scale = math.sqrt(pixels_at(level))
         return max(round(self.size[0] * scale), 1), max(round(self.size[1] * scale), 1)
-
-    # ------------------------------------------------------------------------------------------------ Keeping
-
-    def command(self, output: str = "view.png") -> str:
-        """Return the command line that renders this view without a window."""
-        width, height = self.size
-        camera = json.dumps(self._camera_fields())
-        words = ["wgpu-gi", "render", *self.source, "-o", output, "--size", f"{width}x{height}", "--camera", camera]
-        for text in light_texts(self.renderer.scene):
-            if text not in self._start_lights:
-                words += ["--relight", text]
-        if self.shown != DISPLAY:
-            words += ["--show", self.shown]
-        words += ["--gi", self.settings.gi, "--quality", self.quality]
-        plain = Settings(gi=self.settings.gi)
-        apply_quality(plain, self.quality)
-        for row, usual in zip(describe(self.settings), describe(plain), strict=True):
-            if row.value != usual.value:
-                value = "none" if row.value is None else row.value
-                words += ["--set", f"{row.name}={value!r}" if isinstance(value, float) else f"{row.name}={value}"]
-        return shlex.join(words)
-
-    def save(self, folder: Path | None = None) -> list[Path]:
-        """Write what is shown as .png and linear .exr, all its pixels, with camera and command inside; return them."""
-        self._moved = -math.inf
-        while self.renderer.size != self.size and not self.error:
-            self.step()
-        folder = folder or Path.cwd()
-        stem = Path(self.source[0]).stem
-        number = 1
-        while (folder / f"{stem}-{number:03d}.png").exists():
-            number += 1
-        name = "radiance" if self.shown == DISPLAY else self.shown
-        layers = {name: self.values()}
-        files = [folder / f"{stem}-{number:03d}{suffix}" for suffix in (".png", ".exr")]
-        for file in files:
-            metadata = {"command": self.command(file.name), "camera": json.dumps(self._camera_fields())}
-            save_image(file, layers, exposure=self.settings.exposure, metadata=metadata)
-        return files
-
-    def _camera_fields(self) -> dict[str, object]:
-        return camera_fields(self.camera, max(float(np.linalg.norm(self.pivot - self.camera.position)), 1e-9))
 
 
 def _shader_times() -> dict[str, int]:
-    """Return when each shader file was written."""
+    """Return the modification time of each shader file."""
     times: dict[str, int] = {}
     for folder, _, _ in os.walk(resource_dir("wgsl")):
         with os.scandir(folder) as entries:

@@ -1,4 +1,4 @@
-"""Small pictures of all that the passes of a frame write."""
+"""Thumbnails of what the passes of a frame write."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ..gpu.graph import Graph
 from ..gpu.handles import Buffer, Resource, Texture
 
 SIZE = (168, 96)  # pixels of one, at most
-BRIGHT = 99.0  # percentile of a picture's values that is shown white: chosen
+BRIGHT = 99.0  # percentile shown white, so that 1 % of fireflies does not darken the rest
 
 
 def thumbnails(graph: Graph) -> Iterator[tuple[str, str, NDArray[np.uint8]]]:
-    """Yield pass, resource and picture, (height, width, 3), for all that has pixels, from the last run."""
+    """Yield pass, resource and (height, width, 3) picture for every image that the last run wrote."""
     seen: set[str] = set()
     for p in graph.order:
         for use in p.uses:
@@ -29,7 +29,7 @@ def thumbnails(graph: Graph) -> Iterator[tuple[str, str, NDArray[np.uint8]]]:
 
 
 def sheet(pictures: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Return them one below the other, each in the upper left of a cell of SIZE, with alpha."""
+    """Return the pictures one below the other, each in the top left of a cell of SIZE, with alpha."""
     width, height = SIZE
     pixels = np.zeros((height * max(len(pictures), 1), width, 4), np.uint8)
     for i, picture in enumerate(pictures):
@@ -40,7 +40,7 @@ def sheet(pictures: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 
 
 def _values(graph: Graph, resource: Resource) -> NDArray | None:
-    """Return the first layer as (height, width, channels); None of what is no picture."""
+    """Return the first layer as (height, width, channels), None if the resource is no image."""
     if isinstance(resource, Texture):
         texels: Any = graph.read_back(resource.name)
         return texels if texels.ndim == 3 else texels[0]
@@ -53,7 +53,7 @@ def _values(graph: Graph, resource: Resource) -> NDArray | None:
 
 
 def _small(values: NDArray) -> NDArray[np.uint8]:
-    """Return every nth pixel, from black at 0 (or the lowest below) to white, with a gamma of 2."""
+    """Return every nth pixel as bytes with gamma 2: black is 0 or the least value, white the percentile BRIGHT."""
     height, width, channels = values.shape
     step = max(-(-height // SIZE[1]), -(-width // SIZE[0]), 1)
     chosen = values[::step, ::step, : 3 if channels >= 3 else 1].astype(np.float64)

@@ -1,4 +1,8 @@
-"""A window of the desktop, drawn into by wgpu; its events go to imgui and to a handler."""
+"""A desktop window with a wgpu surface; its events go to imgui and to a handler.
+
+It is glfw itself, not rendercanvas: events must also be handled in the middle of a frame that takes seconds, and the
+viewer must sleep until the next event, while rendercanvas draws and dispatches events from a loop of its own.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +23,9 @@ from ..errors import GiError
 from ..gpu.device import Device
 
 LEAST_SCALE, LARGEST_SCALE = 1.0, 4.0  # pixels per unit in which windows and the mouse are measured
-SETTLE_FRAMES = 3  # that imgui needs after an event until nothing changes any more
+SETTLE_FRAMES = 3  # frames after an event until imgui has settled
 
-# imgui's names of the keys that text fields use; without Tab, which would begin to edit the first of them.
+# imgui's names of the keys that text fields use. Without Tab, which would begin to edit the first field.
 _KEYS: dict[int, tuple[imgui.Key, ...]] = {
     getattr(glfw, f"KEY_{name}"): (getattr(imgui.Key, name.lower()),)
     for name in ("BACKSPACE", "ENTER", "ESCAPE", "DELETE", "SPACE", "HOME", "END", *"ACVXYZ")
@@ -35,33 +39,33 @@ for _name, _short in (("CONTROL", "ctrl"), ("SHIFT", "shift"), ("ALT", "alt"), (
 
 
 class Handler(Protocol):
-    """Who is told what happens outside the panel. Places are shares of the window's width and height, 0 on top."""
+    """Receives the events outside the panel. Places are shares of the window's width and height, from the top left."""
 
     def button(self, button: int, down: bool, modifiers: int, place: tuple[float, float]) -> None:
-        """A mouse button went down or up."""
+        """Handle a mouse button that went down or up."""
 
     def move(self, place: tuple[float, float], delta: tuple[float, float]) -> None:
-        """The mouse moved by `delta`, shares of the window's height."""
+        """Handle a move of the mouse by `delta`, shares of the window's height."""
 
     def scroll(self, amount: float) -> None:
-        """The wheel turned, up by 1 a notch."""
+        """Handle the wheel: +1 for a notch up."""
 
     def key(self, key: int, down: bool, modifiers: int) -> None:
-        """A key went down or up."""
+        """Handle a key that went down or up."""
 
     def character(self, character: str) -> None:
-        """A character was typed."""
+        """Handle a typed character."""
 
 
 class Window:
     """A window with a wgpu surface and imgui in it."""
 
     def __init__(self, title: str, size: tuple[int, int], device: Device, handler: Handler) -> None:
-        """Open it. Raises GiError where that cannot be."""
+        """Open it. Raises GiError if that fails."""
         start()
-        self._handler = handler
+        self._controllerler = handler
         self._pointer = (0.0, 0.0)
-        self.wanted = SETTLE_FRAMES  # frames that are to be drawn because of what happened
+        self.wanted = SETTLE_FRAMES  # frames still to draw after the last event
         glfw.window_hint(glfw.CLIENT_API, glfw.NO_API)
         self._window: Any = glfw.create_window(*size, title, None, None)
         if not self._window:
@@ -77,41 +81,42 @@ class Window:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Pixels of the drawing area; (0, 0) while it is minimised."""
+        """Size of the drawing area in pixels; (0, 0) while minimised."""
         width, height = glfw.get_framebuffer_size(self._window)
         return int(width), int(height)
 
     @property
     def closing(self) -> bool:
-        """True when a person has closed it."""
+        """True once the user has closed it."""
         return bool(glfw.window_should_close(self._window))
 
     def quit(self) -> None:
-        """Ask for it to be closed, as its button does."""
+        """Close it as its button does."""
         glfw.set_window_should_close(self._window, True)
 
     def clipboard(self, text: str) -> None:
-        """Put a text where other programs can take it."""
+        """Copy a text to the clipboard."""
         glfw.set_clipboard_string(self._window, text)
 
     def is_down(self, key: int) -> bool:
-        """Tell whether a key is held."""
+        """Return whether a key is held."""
         return bool(glfw.get_key(self._window, key) == glfw.PRESS)
 
     def events(self, wait_seconds: float) -> None:
-        """Handle what happened; wait for the first event up to `wait_seconds`."""
+        """Handle all events; wait up to `wait_seconds` for the first."""
         if wait_seconds > 0:
             glfw.wait_events_timeout(wait_seconds)
         else:
             glfw.poll_events()
 
     def draw(self, picture: Callable[[Any, int], None], panel: Callable[[], None]) -> None:
-        """Draw a frame: `picture` into a render pass (and the width in pixels), over it what `panel` says to imgui."""
+        """Draw a frame: `picture`, given a render pass and the width in pixels, and over it the imgui of `panel`."""
+        # Lay out the panel.
         width, height = self.size
         if width == 0 or height == 0:
             return
         logical = [max(length, 1) for length in glfw.get_window_size(self._window)]
-        # Both sizes are asked for while a hand may be changing them.
+        # The window may be resized between the two queries, so the ratio can be anything.
         scale = min(max(width / logical[0], LEAST_SCALE), LARGEST_SCALE)
         io = imgui.get_io()
         io.display_size = imgui.ImVec2(width / scale, height / scale)
@@ -119,6 +124,8 @@ class Window:
         imgui.new_frame()
         panel()
         imgui.render()
+
+        # Draw picture and panel.
         self._surface.set_physical_size(width, height)
         try:
             target = self._surface.get_current_texture()
@@ -135,7 +142,7 @@ class Window:
         self.wanted = max(self.wanted - 1, 0)
 
     def sheet(self, pixels: NDArray[np.uint8]) -> imgui.ImTextureRef:
-        """Return what imgui draws these pixels by, (height, width, 4), in place of the last ones."""
+        """Upload (height, width, 4) pixels in place of the last ones; return imgui's reference to the texture."""
         height, width, _ = pixels.shape
         usage = wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST
         texture = self._device.create_texture(label="sheet", size=(width, height, 1), format="rgba8unorm", usage=usage)
@@ -154,7 +161,7 @@ class Window:
         glfw.destroy_window(self._window)
 
     def _configure(self, device: Device) -> str:
-        """Choose a format that takes sRGB codes as they are."""
+        """Configure a format that stores sRGB codes unchanged."""
         preferred = self._surface.get_preferred_format(device.gpu.adapter)
         format = preferred.removesuffix("-srgb")
         self._surface.configure(device=device.gpu, format=format)
@@ -181,23 +188,23 @@ class Window:
         before, self._pointer = self._pointer, (x, y)
         imgui.get_io().add_mouse_pos_event(x, y)
         delta = (x - before[0]) / height, (y - before[1]) / height
-        self._handler.move((x / width, y / height), delta)
+        self._controllerler.move((x / width, y / height), delta)
 
     def _on_button(self, _window: object, button: int, action: int, modifiers: int) -> None:
         self.wanted = SETTLE_FRAMES
         io, down = imgui.get_io(), action == glfw.PRESS
         io.add_mouse_button_event(button, down)
         width, height = (max(length, 1) for length in glfw.get_window_size(self._window))
-        # What began outside the panel ends there, wherever the mouse is.
+        # A release always passes, so that a drag which began outside the panel can end over it.
         if not (down and io.want_capture_mouse):
-            self._handler.button(button, down, modifiers, (self._pointer[0] / width, self._pointer[1] / height))
+            self._controllerler.button(button, down, modifiers, (self._pointer[0] / width, self._pointer[1] / height))
 
     def _on_scroll(self, _window: object, x: float, y: float) -> None:
         self.wanted = SETTLE_FRAMES
         io = imgui.get_io()
         io.add_mouse_wheel_event(x, y)
         if not io.want_capture_mouse:
-            self._handler.scroll(y)
+            self._controllerler.scroll(y)
 
     def _on_key(self, _window: object, key: int, _code: int, action: int, modifiers: int) -> None:
         self.wanted = SETTLE_FRAMES
@@ -205,18 +212,18 @@ class Window:
         for name in _KEYS.get(key, ()):
             io.add_key_event(name, action != glfw.RELEASE)
         if not io.want_capture_keyboard and action != glfw.REPEAT:
-            self._handler.key(key, action == glfw.PRESS, modifiers)
+            self._controllerler.key(key, action == glfw.PRESS, modifiers)
 
     def _on_character(self, _window: object, code: int) -> None:
         self.wanted = SETTLE_FRAMES
         io = imgui.get_io()
         io.add_input_character(code)
         if not io.want_capture_keyboard:
-            self._handler.character(chr(code))
+            self._controllerler.character(chr(code))
 
 
 def start() -> None:
-    """Start glfw; again does no harm. Raises GiError where there is no display: glfw would end the process."""
+    """Start glfw, once or repeatedly. Raises GiError without a display, where glfw would end the process."""
     if sys.platform.startswith("linux"):
         if not os.environ.get("DISPLAY"):
             wayland = " (on Wayland: XWayland)" if os.environ.get("WAYLAND_DISPLAY") else ""
@@ -224,7 +231,7 @@ def start() -> None:
                 f"there is no display to open a window on: DISPLAY is not set{wayland}; log in to a desktop,"
                 " use ssh -X, or make pictures with wgpu-gi render"
             )
-        # The surface is made for X11, which Wayland desktops have, too.
+        # The surface is one of X11, which Wayland desktops offer through XWayland.
         glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_X11)
     glfw.ERROR_REPORTING = "ignore"
     if not glfw.init():

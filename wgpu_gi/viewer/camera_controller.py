@@ -1,4 +1,4 @@
-"""What a hand does to a view, in a window as in a notebook: drags, the wheel, a new pivot, other cameras."""
+"""The camera controller of window and notebook: drags, wheel, pivot, other cameras, applied to a session."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from ..errors import GiError
 from . import navigation
 from .session import Session
 
-TURN = 3.0  # radians for a drag over the height of the picture: chosen
-NOTCH = 0.85  # of the distance to the pivot is left after a notch of the wheel: chosen
+TURN = 3.0  # radians for a drag over the height of the picture: about half a turn
+NOTCH = 0.85  # factor on the distance to the pivot for a notch of the wheel: four halve it
 
 
-class Hand:
+class CameraController:
     """Changes the camera and the pivot of a session."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
 
     def drag(self, kind: str, right: float, down: float) -> None:
-        """Carry out "orbit", "pan" or "look" by shares of the picture's height."""
+        """Apply a drag "orbit", "pan" or "look"; lengths are shares of the picture's height."""
         session = self._session
         if kind == "look":
             session.camera = navigation.look(session.camera, right * TURN, down * TURN)
@@ -28,7 +28,7 @@ class Hand:
             session.camera = navigation.orbit(session.camera, session.pivot, right * TURN, down * TURN)
 
     def zoom(self, notches: float) -> None:
-        """Bring the camera nearer to the pivot."""
+        """Move the camera towards the pivot by notches of the wheel."""
         session = self._session
         size = navigation.size_of(session.renderer.scene)
         session.camera = navigation.zoom(session.camera, session.pivot, NOTCH**notches, size)
@@ -39,12 +39,12 @@ class Hand:
         self._session.pivot = navigation.pivot_of(camera, self._session.renderer.scene)
 
     def frame_all(self) -> None:
-        """Go to where the whole scene is seen."""
+        """Place the camera so that it sees the whole scene."""
         width, height = self._session.size
         self.take(navigation.frame_all(self._session.camera, self._session.renderer.scene, width / height))
 
     def set_pivot(self, x: float, y: float) -> str:
-        """Turn about what is seen at a share of the width and height from now on; return where that is."""
+        """Make the surface at a share of the width and height the pivot; return a message."""
         session = self._session
         try:
             found = session.point_at(x, y)

@@ -1,0 +1,337 @@
+"""The arguments of every command, their help, and how text becomes a value. Imports nothing that takes time."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from typing import NoReturn
+
+from ..errors import GiError
+from ..settings import QUALITIES
+from ..version import __version__
+
+MAIN_EPILOG = """\
+first steps:
+  wgpu-gi render scene.glb        a picture in out.png: many-light, automatic exposure
+  wgpu-gi view scene.glb          the same in a window
+  wgpu-gi COMMAND -h              the options of a command, with examples
+"""
+
+RENDER_EPILOG = """\
+examples:
+  wgpu-gi render                                    the built-in Cornell box to out.png
+  wgpu-gi render scene.glb --camera 1 --size 1280x720 --quality high
+  wgpu-gi render scene.glb --gi path --spp 256      the truth, by path tracing
+  wgpu-gi render scene.glb --gi none                direct light only, the fastest
+  wgpu-gi render scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8"
+  wgpu-gi render scene.glb --relight 0=5,4,3 --relight "env=1,1,1 90"
+  wgpu-gi render scene.glb -o frame.exr --show radiance --show depth --show normal
+  wgpu-gi render scene.glb -o f/{frame:04d}.exr --frames 0:240 --turntable --layers depth,normal --shard 1/8
+  wgpu-gi render scene.glb -o around.mp4 --frames 0:240 --turntable
+  wgpu-gi render --gi ssil --set help               the settings of a technique
+
+output:
+  .npy .npz .exr   linear radiance, float32, W/(m2 sr), without exposure or tone curve
+  .png .mp4        sRGB, 8 bits, with exposure and tone curve
+  Automatic exposure brings the log-average luminance to 0.18. It is printed and stored in the .png, rounded to
+  0.1 EV, so --exposure with that number gives the same picture. A sequence keeps the exposure of its first frame.
+
+sequences:
+  --frames A:B renders frames A to B-1 and skips those whose files exist, so the same command resumes a stopped run.
+  --shard I/N renders part I of N; the frames do not depend on the parts. A .json beside them holds the command and
+  every camera; another command is refused. Techniques with a temporal history restart it every 32 frames, after 8
+  frames of warm-up that are not written.
+  --camera-path FILE holds a list of keys: [{"frame": 0, "position": [0, 1, 5], "target": [0, 1, 0]}, ...].
+"""
+
+VIEW_EPILOG = """\
+examples:
+  wgpu-gi view scene.glb                            drag to orbit; ? in the window lists all keys
+  wgpu-gi view scene.glb --gi none --size 1280x720
+  wgpu-gi view scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8" --exposure 1
+
+It needs a display and pip install 'wgpu_gi[viewer]'. Saved shader files are reloaded.
+"""
+
+COMPARE_EPILOG = """\
+examples:
+  wgpu-gi compare frame.exr truth.exr
+  wgpu-gi compare a.npz b.npz --layer indirect
+  wgpu-gi compare a.npz truth.npz:emit+direct+one+multi --noise truth.npz:se_full
+  wgpu-gi compare a.npz b.npz --mask regions.png --html report.html --json report.json
+
+A and B are linear (.npy .npz .exr) and of one size. FILE:LAYER names a layer, FILE:ONE+TWO the sum of several. The
+default layer is R, G, B of an .exr and "radiance" of an .npz.
+
+With x of A, t of B, m the mean of t over the picture or the region:
+  relMSE              mean((x-t)^2 / (t^2 + 0.01 m^2)), minus the noise floor if --noise is given
+  noise floor         the relMSE that the noise of B alone causes
+  bias                mean(x-t) / m; in the JSON a fraction, not percent
+  99.9th percentile   of |x-t| / (t + 0.1 m), for fireflies
+  FLIP                mean LDR-FLIP, from 0 (equal) to 1, at 67 pixels per degree. Both pictures are scaled so that
+                      the mean luminance of B is 0.18, and clipped at 1. Needs pip install 'wgpu_gi[bench]'
+"""
+
+BENCH_EPILOG = """\
+examples:
+  wgpu-gi bench                                     every technique on the Cornell box
+  wgpu-gi bench a.glb b.glb --quality low,medium,high --json now.json --plot now.png
+  wgpu-gi bench a.glb --gi many-light --sweep vpl.count=512,2048 --sweep gather.rays=1,4 --plot best.png
+  wgpu-gi bench a.glb --compare before.json         ratios of time and error to an earlier run on this machine
+  wgpu-gi bench a.glb --truth truth.npz             layers as `render` names them, or emit, direct, one, multi
+
+Errors: linear radiance at the pixel centres, over the pixels that see a surface, as `wgpu-gi compare` defines them,
+minus the noise of the truth.
+Times: medians after a warm-up, in three cases: still (nothing changes), camera moving, all moving (every pass runs).
+GPU ms is the sum over the passes of a frame; wall ms includes Python and waiting.
+Truth: --truth path renders it, which may take minutes, and caches it in ~/.cache/wgpu_gi/truth (XDG_CACHE_HOME and
+WGPU_GI_CACHE move it). The folder may be deleted at any time.
+"""
+
+INFO_EPILOG = "The exit code is 0 if an adapter can be used, else 2."
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one sentence, as all others of this program."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise GiError instead of printing the usage."""
+        raise GiError(f"{message} (see {self.prog} -h)")
+
+
+def build_parser() -> Parser:
+    """Return the parser of the whole command line."""
+    verbatim = argparse.RawDescriptionHelpFormatter
+    parser = Parser(
+        prog="wgpu-gi",
+        description="Global illumination on WebGPU.",
+        epilog=MAIN_EPILOG,
+        formatter_class=verbatim,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"wgpu_gi {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands", required=True)
+
+    def command(name: str, sentence: str, epilog: str, usage: str | None = None) -> Parser:
+        description = sentence[0].upper() + sentence[1:] + "."
+        return commands.add_parser(
+            name,
+            help=sentence,
+            description=description,
+            epilog=epilog,
+            usage=usage and f"wgpu-gi {name} {usage}",
+            formatter_class=verbatim,
+            allow_abbrev=False,
+        )
+
+    render = command("render", "render a scene to a picture, or to a sequence of pictures", RENDER_EPILOG, USAGE)
+    _add_picture_arguments(render, size="640x360")
+    _add_render_arguments(render)
+    _add_messages(render)
+    view = command("view", "show a scene in a window", VIEW_EPILOG, USAGE)
+    _add_picture_arguments(view, size="960x540")
+    _add_messages(view)
+    _add_compare_arguments(command("compare", "measure the error of a picture against a truth", COMPARE_EPILOG))
+    bench = command("bench", "measure error and time of techniques", BENCH_EPILOG, "[OPTIONS] [SCENE ...]")
+    _add_bench_arguments(bench)
+    _add_messages(bench)
+    command("info", "list adapters, drivers and versions, and what is missing", INFO_EPILOG)
+    return parser
+
+
+USAGE = "[OPTIONS] [SCENE]"
+ADAPTER_HELP = "use the adapter whose name contains NAME (wgpu-gi info lists them)"
+SET_HELP = "change a setting, repeatable; 'help' lists those of the technique, 'help=all' all"
+
+
+def _add_picture_arguments(parser: Parser, size: str) -> None:
+    scene = parser.add_argument_group("scene")
+    scene.add_argument(
+        "scene", nargs="?", default="cornell", metavar="SCENE", help="a file or a built-in scene, default cornell"
+    )
+    scene.add_argument(
+        "--camera", metavar="CAMERA", help="a camera of the scene by name or index, a .json file, or the text of one"
+    )
+    _add_light_arguments(scene)
+    scene.add_argument("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+
+    technique = parser.add_argument_group("technique")
+    add = technique.add_argument
+    add(
+        "--gi",
+        default="many-light",
+        metavar="GI",
+        help="technique, default many-light; 'help' lists them, 'path' is the truth",
+    )
+    add("--quality", choices=QUALITIES, default="medium", help="presets of the settings, default medium")
+    add("--bounces", type=parse_bounces, metavar="N", help="indirect bounces: 0, 1 ... or unlimited, the default")
+    add("--spp", type=int, default=64, metavar="N", help="samples per pixel of --gi path, default 64")
+    add("--visible-only", action="store_true", help="with --gi path: only surfaces in the picture send light")
+    add("--seed", type=int, default=0, metavar="N", help="seed of the random numbers, default 0")
+    add("--set", action="append", default=[], metavar="NAME=VALUE", help=SET_HELP)
+
+    picture = parser.add_argument_group("picture")
+    add = picture.add_argument
+    add("--size", type=parse_size, default=parse_size(size), metavar="WxH", help=f"pixels, default {size}")
+    add("--exposure", type=parse_exposure, metavar="EV", help="scale what is displayed by 2^EV; default automatic")
+    add("--adapter", metavar="NAME", help=ADAPTER_HELP)
+
+
+def _add_light_arguments(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add("--env", metavar="ENV", help="environment: an .hdr or .exr file, or a constant radiance R,G,B")
+    add(
+        "--light",
+        action="append",
+        default=[],
+        metavar="LIGHT",
+        help='add "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b", repeatable',
+    )
+    add(
+        "--relight",
+        action="append",
+        default=[],
+        metavar="LIGHT=R,G,B",
+        help="change a light of the scene, by name or index, in candela or lux, repeatable; for a sun also the"
+        ' direction, "LIGHT=r,g,b dx,dy,dz"; "env=r,g,b degrees" tints and rotates the environment',
+    )
+
+
+def _add_render_arguments(parser: Parser) -> None:
+    output = parser.add_argument_group("output")
+    add = output.add_argument
+    add(
+        "-o",
+        "--output",
+        default="out.png",
+        metavar="OUT",
+        help=".png .exr .npy .npz, with --frames .mp4; default out.png",
+    )
+    add(
+        "--show",
+        action="append",
+        default=[],
+        metavar="BUFFER",
+        help="buffer to write, repeatable, default radiance; 'help' lists them",
+    )
+    add("--plan", action="store_true", help="print which passes ran, and why others did not")
+    add("--timings", action="store_true", help="print the time of each pass")
+    add("--check", action="store_true", help="name the first pass that writes a NaN or an infinity (slow)")
+
+    sequence = parser.add_argument_group("sequence")
+    add = sequence.add_argument
+    add(
+        "--frames",
+        type=parse_frames,
+        metavar="A:B[:STEP]",
+        help="render frames; OUT holds {frame}, as f_{frame:04d}.exr",
+    )
+    add("--turntable", action="store_true", help="move the camera once round the scene")
+    add("--camera-path", metavar="FILE", help="move the camera along the keys of a .json file")
+    add("--layers", default="", metavar="A,B,C", help="buffers to write to an .npz beside each frame")
+    add("--shard", type=parse_shard, metavar="I/N", help="render part I of N of the frames, from 1/N to N/N")
+    add("--fps", type=int, default=24, metavar="N", help="frames per second of an .mp4, default 24")
+
+
+def _add_messages(parser: Parser) -> None:
+    group = parser.add_argument_group("messages").add_mutually_exclusive_group()
+    group.add_argument("-v", "--verbose", action="store_true", help="also print sizes and times of loading")
+    group.add_argument(
+        "-q", "--quiet", action="store_true", help="print only errors and what --plan or --timings asks for"
+    )
+
+
+def _add_compare_arguments(parser: Parser) -> None:
+    add = parser.add_argument
+    add("image", metavar="A", help="the picture: FILE or FILE:LAYER")
+    add("truth", metavar="B", help="the truth that A is measured against")
+    add("--layer", metavar="LAYER", help="the layer of A and B, unless they name one")
+    add("--noise", metavar="C", help="standard error of the truth: FILE or FILE:LAYER")
+    add("--mask", metavar="MASK", help="a row for each distinct value of this .png or FILE:LAYER, at most 64")
+    add("--html", default="compare.html", metavar="OUT", help="the page to write, default compare.html")
+    add("--no-html", dest="html", action="store_const", const=None, help="write no page")
+    add("--json", metavar="OUT", help="write the numbers to this .json")
+
+
+def _add_bench_arguments(parser: Parser) -> None:
+    scene = parser.add_argument_group("scene")
+    scene.add_argument(
+        "scene", nargs="*", default=["cornell"], metavar="SCENE", help="files or built-in scenes, default cornell"
+    )
+    scene.add_argument(
+        "--size", type=parse_size, metavar="WxH", help="pixels, default 640x360 or that of the --truth file"
+    )
+    scene.add_argument("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")
+    _add_light_arguments(scene)
+    scene.add_argument("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+
+    technique = parser.add_argument_group("what to measure")
+    add = technique.add_argument
+    add("--gi", metavar="A,B,C", help="techniques, default all; path is always measured, as the reference")
+    add("--quality", default="medium", metavar="A,B,C", help="qualities out of low,medium,high; default medium")
+    add(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="change a setting, repeatable; 'help' lists them",
+    )
+    add("--sweep", action="append", default=[], metavar="NAME=A,B", help="measure every value of a setting, repeatable")
+    add("--frames", type=int, default=20, metavar="N", help="frames measured in each case, default 20")
+    add("--truth", default="path", metavar="FILE", help="an .npz or .exr with layers, or path, the default: render it")
+    add("--truth-spp", type=int, default=256, metavar="N", help="samples per pixel of --truth path, default 256")
+    add("--adapter", metavar="NAME", help=ADAPTER_HELP)
+
+    output = parser.add_argument_group("output")
+    add = output.add_argument
+    add("--json", metavar="OUT", help="write all numbers to this .json")
+    add("--plot", metavar="OUT", help="plot error against time to this .png, .svg or .pdf")
+    add("--compare", metavar="OLD", help="a .json of an earlier run: print the ratios to it")
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Return width and height in pixels of text such as 640x360."""
+    match = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"a size is WIDTHxHEIGHT in pixels, such as 640x360, not {text!r}")
+    return int(match[1]), int(match[2])
+
+
+def parse_frames(text: str) -> range:
+    """Return the frame numbers of text such as 0:240 or 0:240:2."""
+    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})(?::([1-9]\d{0,8}))?", text)
+    frames = range(int(match[1]), int(match[2]), int(match[3] or 1)) if match else range(0)
+    if not frames:
+        raise argparse.ArgumentTypeError(f"frames are FIRST:END or FIRST:END:STEP, such as 0:240, not {text!r}")
+    return frames
+
+
+def parse_shard(text: str) -> tuple[int, int]:
+    """Return (I, N) of text such as 2/8."""
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise argparse.ArgumentTypeError(f"a shard is I/N from 1/N to N/N, such as 2/8, not {text!r}")
+    return int(match[1]), int(match[2])
+
+
+def parse_bounces(text: str) -> int | None:
+    """Return a number of indirect bounces, None for unlimited."""
+    if text == "unlimited":
+        return None
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"bounces are 0, 1, 2 ... or unlimited, not {text!r}")
+    return int(text)
+
+
+def parse_exposure(text: str) -> float | None:
+    """Return a number of stops, None for automatic."""
+    if text in ("automatic", "auto"):
+        return None
+    try:
+        stops = float(text)
+    except ValueError:
+        stops = math.nan
+    if not math.isfinite(stops):
+        raise argparse.ArgumentTypeError(f"an exposure is a number of stops, such as 1.5, or automatic, not {text!r}")
+    return stops

@@ -1,0 +1,94 @@
+"""The files of a sequence of frames: pictures, their layers, and a .json that says what made them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ..errors import GiError
+from ..pictures.atomic_file import atomic_file
+from ..pictures.image import check_output, save_image
+
+_NUMBER = re.compile(r"\{frame(?::(0?\d{0,2})d?)?\}")
+
+Pictures = dict[str, NDArray]
+
+
+class FrameFiles:
+    """The files of a sequence: a picture for each frame, its layers beside it, and a .json with what made them."""
+
+    def __init__(self, output: str, shown: Sequence[str], layers: Sequence[str]) -> None:
+        """Make the folder. Raises GiError for names that cannot be."""
+        self.output, self.shown, self.layers = output, list(shown), list(layers)
+        self._job = Path(_NUMBER.sub("job", output)).with_suffix(".json")
+        if len(_NUMBER.findall(Path(output).name)) != 1 or _NUMBER.search(str(Path(output).parent)):
+            raise GiError(f"-o {output}: the names of frames hold {{frame}} once, such as f_{{frame:04d}}.exr")
+        if layers and Path(output).suffix.lower() == ".npz":
+            raise GiError(f"-o {output}: --layers writes .npz files of the same name; use --show here instead")
+        try:
+            Path(output).parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise GiError(f"-o {output}: its folder cannot be made ({error.strerror or error})") from None
+        check_output(self._name(0), shown)
+
+    def _name(self, frame: int) -> Path:
+        return Path(_NUMBER.sub(lambda match: format(frame, f"{match[1] or ''}d"), self.output))
+
+    def exist(self, frame: int) -> bool:
+        """Tell whether all files of a frame exist."""
+        name = self._name(frame)
+        return name.exists() and (not self.layers or name.with_suffix(".npz").exists())
+
+    def add(self, frame: int, pictures: Pictures, exposure: float | None, metadata: dict[str, object]) -> None:
+        """Write the files of a frame."""
+        name = self._name(frame)
+        if self.layers:
+            save_image(name.with_suffix(".npz"), {layer: pictures[layer] for layer in self.layers})
+        shown = {layer: pictures[layer] for layer in self.shown}
+        save_image(name, shown, exposure=exposure, metadata={**metadata, "frame": frame})
+
+    def claim(self, command: dict[str, object], cameras: dict[int, dict[str, object]]) -> None:
+        """Write the .json. Raises GiError if another command made the one that exists."""
+        # As it will be read: without tuples, and with text for keys.
+        now = json.loads(json.dumps({"command": command, "cameras": cameras}))
+        before = self._read()
+        if before is None:
+            self._write(now)
+            return
+        old, new = (job["command"] | {"cameras": job["cameras"]} for job in (before, now))
+        differing = sorted(name for name in old | new if old.get(name) != new.get(name))
+        if differing:
+            raise GiError(
+                f"{self._job}: the frames there were made by another command ({', '.join(differing)} differ);"
+                " give -o another name, or delete the frames with that file"
+            )
+
+    def exposure(self, measure: Callable[[], float | None]) -> float | None:
+        """Return the exposure of the sequence: as the .json has it, else measured and written there."""
+        job = self._read()
+        assert job is not None
+        if "exposure" not in job:
+            job["exposure"] = measure()
+            self._write(job)
+        exposure: float | None = job["exposure"]
+        return exposure
+
+    def _read(self) -> dict[str, Any] | None:
+        """Return what the .json holds, None if there is none."""
+        try:
+            job: dict[str, Any] = json.loads(self._job.read_text(encoding="utf-8"))
+            return {**job, "command": dict(job["command"]), "cameras": dict(job["cameras"])}
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, TypeError, KeyError):
+            message = f"{self._job}: not a record of frames; move it away, or give -o another name"
+            raise GiError(message) from None
+
+    def _write(self, job: dict[str, Any]) -> None:
+        with atomic_file(self._job) as temporary:
+            temporary.write_text(json.dumps(job, indent=1), encoding="utf-8")

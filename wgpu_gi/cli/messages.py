@@ -1,0 +1,171 @@
+"""What the command line tells a person: notes and warnings, details with -v, progress of anything that takes long.
+
+All of it goes to stderr, but for the one line of a result. `NO_COLOR` is respected, by rich.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, Protocol
+
+BAR_SECONDS = 1.0  # before the bar appears: what takes two seconds has it for half of them
+LINE_SECONDS = 30.0  # from line to line where stderr is no terminal: a log of an hour has 120
+
+
+class Report(Protocol):
+    """Takes the fraction done, 0 to 1, and perhaps what is being done now."""
+
+    def __call__(self, fraction: float, what: str | None = None, /) -> None:
+        """Show it."""
+
+
+class Messages:
+    """Prints what the verbosity asks for."""
+
+    def __init__(self, verbose: bool = False, quiet: bool = False) -> None:
+        self.verbose, self.quiet = verbose, quiet
+
+    def note(self, text: str) -> None:
+        """Print a remark, unless quiet."""
+        if not self.quiet:
+            print(f"note: {text}", file=sys.stderr, flush=True)
+
+    def warning(self, text: str) -> None:
+        """Print a warning, unless quiet."""
+        if not self.quiet:
+            print(f"warning: {text}", file=sys.stderr, flush=True)
+
+    def detail(self, text: str) -> None:
+        """Print what only -v asks for."""
+        if self.verbose:
+            print(text, file=sys.stderr, flush=True)
+
+    def result(self, text: str) -> None:
+        """Print the line of a result to stdout, unless quiet."""
+        if not self.quiet:
+            print(text)
+
+    @contextmanager
+    def timed(self, what: str) -> Iterator[None]:
+        """Show that a step without known length is at work; with -v print how long it took."""
+        start = time.perf_counter()
+        with self.progress(what, known=False):
+            yield
+        self.detail(f"{what}: {time.perf_counter() - start:.2f} s")
+
+    @contextmanager
+    def progress(self, what: str, known: bool = True) -> Iterator[Report]:
+        """Yield a function that takes the fraction done: a bar on a terminal, else a line now and then.
+
+        `known` says whether fractions will come; without, the bar only moves. The function raises KeyboardInterrupt if
+        Ctrl+C came while C code called Python back, which drops exceptions.
+        """
+        if self.quiet:
+            yield _nothing
+        elif sys.stderr.isatty():
+            with _interruptible() as check, _bar(what, known) as show:
+
+                def report(fraction: float, now: str | None = None) -> None:
+                    check()
+                    show(fraction, now)
+
+                yield report
+        else:
+            yield _lines(what)
+
+
+def _nothing(fraction: float, what: str | None = None) -> None:
+    """Show nothing."""
+
+
+@contextmanager
+def _bar(what: str, known: bool) -> Iterator[Report]:
+    """Yield what moves a bar with the time left, which appears after BAR_SECONDS."""
+    # Before the first fraction, a renderer uploads the scene, builds its hierarchy and compiles shaders.
+    state: dict[str, Any] = {"what": "preparing" if known else what}
+    lock = threading.Lock()
+
+    def appear() -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+        columns: list[Any] = [TextColumn("{task.description}"), BarColumn()]
+        columns += [TaskProgressColumn(), TextColumn("{task.fields[left]}")] if known else [TimeElapsedColumn()]
+        bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        with lock:
+            if "ended" not in state:
+                task = bar.add_task(state["what"], total=None, left="")
+                bar.start()
+                state["bar"] = bar, task
+
+    start = time.monotonic()
+
+    def report(fraction: float, now: str | None = None) -> None:
+        state["what"] = now or what
+        if "bar" in state:
+            bar, task = state["bar"]
+            left = _time_left(time.monotonic() - start, fraction)
+            bar.update(task, description=state["what"], completed=fraction, total=1.0, left=left)
+
+    timer = threading.Timer(BAR_SECONDS, appear)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield report
+    finally:
+        timer.cancel()
+        with lock:
+            state["ended"] = True
+        if "bar" in state:
+            state["bar"][0].stop()
+
+
+@contextmanager
+def _interruptible() -> Iterator[Callable[[], None]]:
+    """Note Ctrl+C; yield a function that raises KeyboardInterrupt once it came."""
+    came = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal came
+        came = True
+        raise KeyboardInterrupt
+
+    def check() -> None:
+        if came:
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield check
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _lines(what: str) -> Report:
+    """Return what prints a line every LINE_SECONDS."""
+    start = last = time.monotonic()
+
+    def report(fraction: float, now: str | None = None) -> None:
+        nonlocal last
+        moment = time.monotonic()
+        if moment - last > LINE_SECONDS:
+            last = moment
+            line = f"{now or what}: {fraction:.0%} {_time_left(moment - start, fraction)}"
+            print(line.rstrip(), file=sys.stderr, flush=True)
+
+    return report
+
+
+def _time_left(seconds: float, fraction: float) -> str:
+    """Return the time left at the pace so far, in words; empty while there is no pace."""
+    if fraction <= 0.0:
+        return ""
+    left = round(seconds * (1.0 - min(fraction, 1.0)) / fraction)
+    hours, minutes = divmod(left // 60, 60)
+    return f"{hours} h {minutes:02} min left" if hours else f"{left // 60}:{left % 60:02} left"
