@@ -14,6 +14,7 @@ from wgpu_gi.gpu.graph import Graph
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import quad
 from wgpu_gi.scene.scene import Instance, Scene
+from wgpu_gi.techniques.many_light import ism
 from wgpu_gi.techniques.many_light.ism import IsmSettings, declare_ism
 from wgpu_gi.techniques.many_light.points import Points
 from wgpu_gi.techniques.many_light.vpl import TABLE_WIDTH, Vpls
@@ -70,16 +71,16 @@ def visibility(tmp_path, scene, lights, normals, receivers, facing, on_surfaces=
     graph.uniform("view", upload.view(Camera(), (1, 1), False))
     vpls = Vpls(graph.share("vpls", texture), len(lights))
     shared = graph.share("points", device.gpu.create_buffer_with_data(data=surface, usage=storage))
-    ism = declare_ism(graph, IsmSettings(**settings), share_scene(graph, upload), Points(shared, len(surface)), vpls)
+    maps = declare_ism(graph, IsmSettings(**settings), share_scene(graph, upload), Points(shared, len(surface)), vpls)
     seen = graph.buffer("seen", count=len(lights) * len(receivers))
     reads = {"receivers": graph.share("given", device.gpu.create_buffer_with_data(data=given, usage=storage))}
     graph.compute(
         "seen",
         "seen.wgsl",
         over=(len(receivers), len(lights)),
-        reads={**reads, "vpl_table": vpls.table, **ism.reads},
+        reads={**reads, "vpl_table": vpls.table, **maps.reads},
         writes={"seen": seen},
-        constants=ism.constants,
+        constants=maps.constants,
     )
     graph.compile([seen])
     graph.run(check=True)
@@ -114,14 +115,19 @@ DOWN, UP = np.tile((0.0, -1.0, 0.0), (SLOTS, 1)), (0.0, 1.0, 0.0)
 
 @pytest.mark.parametrize(
     ("settings", "leak"),
-    [({}, 0.005), ({"resolution": 128}, 0.005), ({"cell": 4}, 0.003), ({"resolution": 32, "cell": 4}, 0.005)],
+    [
+        ({}, 0.005),
+        ({"resolution": 128}, 0.005),
+        ({"ray_spacing": 4}, 0.003),
+        ({"resolution": 32, "ray_spacing": 4}, 0.005),
+    ],
 )
 def test_a_screen_hides_what_is_behind_it(tmp_path, settings, leak):
     lights, floor = placed()
     got = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP, **settings)
     inside = through_screen(lights, floor)
     # A corner of the screen may fall between rays: a cell spans 2.5 * cell / resolution on average, 1 to 2 m away.
-    margin = 1.5 * 2.5 * settings.get("cell", 8) / settings.get("resolution", 64)
+    margin = 1.5 * 2.5 * settings.get("ray_spacing", 8) / settings.get("resolution", 64)
     assert np.isin(got, (0, 1)).all()
     assert got[inside > margin].mean() < leak
     assert got[inside < -margin].mean() > 0.99
@@ -133,17 +139,27 @@ def test_rays_of_texels_find_the_edges_of_a_screen(tmp_path):
     inside = through_screen(lights, floor)
     wrong = []
     for refine in (False, True):
-        got = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP, cell=16, refine=refine)
+        got = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP, ray_spacing=16, refine=refine)
         wrong.append(got[inside > 2 * 2.5 / 64].mean() + 1 - got[inside < -2 * 2.5 / 64].mean())
     assert wrong[1] < 0.5 * wrong[0]
     assert wrong[1] < 0.05
+
+
+def test_maps_refined_in_several_ranges_are_the_same(tmp_path, monkeypatch):
+    """Where a dispatch or a buffer cannot hold the cells of all maps."""
+    lights, floor = placed()
+    together = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP)
+    # Five maps of 64 cells of 4 rows each.
+    monkeypatch.setattr(ism, "MAX_GROUPS", 5 * 64 * 4 // ism.REFINE_GROUP)
+    apart = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP)
+    assert np.array_equal(together, apart)
 
 
 @pytest.mark.parametrize(("cell", "leak"), [(4, 0.07), (8, 0.1)])
 def test_pull_push_closes_the_screen(tmp_path, cell, leak):
     """By rays alone: each texel takes the nearest one's plane, so errors are within half of their spacing."""
     lights, floor = placed()
-    got = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP, mode="pull-push", cell=cell, points=0)
+    got = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP, mode="pull-push", ray_spacing=cell, points=0)
     inside = through_screen(lights, floor)
     margin = 2.5 * cell / 64
     assert got[inside > margin].mean() < leak
@@ -188,7 +204,7 @@ def test_points_of_surfaces_find_what_rays_miss(tmp_path):
     behind = np.column_stack([np.full(200, 0.28), np.zeros(200), rng.uniform(-2, 2, 200)])
     scene = Scene([Instance(floor), Instance(strip)])
     got = [
-        visibility(tmp_path, scene, lights, DOWN, behind, UP, points, points=count, cell=16).mean()
+        visibility(tmp_path, scene, lights, DOWN, behind, UP, points, points=count, ray_spacing=16).mean()
         for count in (0, 512)
     ]
     assert got[1] < 0.1 < got[0]
@@ -196,7 +212,7 @@ def test_points_of_surfaces_find_what_rays_miss(tmp_path):
 
 def test_sizes_are_powers_of_two(tmp_path):
     lights, floor = placed()
-    for settings in ({"resolution": 48}, {"cell": 3}):
+    for settings in ({"resolution": 48}, {"ray_spacing": 3}):
         with pytest.raises(GiError, match="power of two"):
             visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP, **settings)
 

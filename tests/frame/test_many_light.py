@@ -96,11 +96,11 @@ def test_views_of_imperfect_shadow_maps_show_distances(mode):
     """Within the room's diagonal, 9.6 m; what was drawn is a part of what gaps were filled from."""
     shown = {
         name: view(name, gather={"visibility": "ism"}, ism={"mode": mode})[..., 0]
-        for name in ("ism/atlas", "ism/drawn")
+        for name in ("ism/atlas", "ism/samples")
     }
     for distance in shown.values():
         assert distance[distance > 0].min() > 0 and distance.max() < 10
-    assert 0.2 < (shown["ism/drawn"] > 0).mean() <= (shown["ism/atlas"] > 0).mean()
+    assert 0.2 < (shown["ism/samples"] > 0).mean() <= (shown["ism/atlas"] > 0).mean()
 
 
 def test_a_still_view_rejects_all_of_no_history_and_then_none():
@@ -127,7 +127,7 @@ def test_a_still_picture_is_the_mean_of_its_own_frames():
     ("name", "sections"),
     [
         ("ism/atlas", {"gather": {"visibility": "exact"}}),
-        ("ism/drawn", {"gather": {"visibility": "none"}}),
+        ("ism/samples", {"gather": {"visibility": "none"}}),
         ("temporal/rejected", {}),
         ("gather/lists", {"gather": {"culling": "none"}}),
     ],
@@ -142,5 +142,5 @@ def test_maps_larger_than_a_buffer_are_an_error_with_a_remedy(monkeypatch):
     settings.gather.visibility, settings.vpl.count = "ism", 16384
     renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=settings)
     monkeypatch.setitem(renderer.graph.device.limits, "max-storage-buffer-binding-size", 2**23)
-    with pytest.raises(GiError, match=r"raise ism\.cell or lower ism\.resolution"):
+    with pytest.raises(GiError, match=r"raise ism\.ray_spacing or lower ism\.resolution"):
         renderer.step(show=SHOW)

@@ -47,7 +47,7 @@ TECHNIQUE = Technique(
         "rsm/flux": NO_RSM,
         "vpl/flux": "there are no virtual point lights, because no light is reflected",
         "ism/atlas": NO_ISM,
-        "ism/drawn": NO_ISM,
+        "ism/samples": NO_ISM,
         "gather/lists": "there are no lists of lights; they need --set gather.culling=tiled or clustered and light to"
         " reflect",
         "temporal/rejected": "no history is kept; it needs --set temporal.frames=2 or more and light that is reflected",

@@ -1,10 +1,14 @@
-"""Imperfect shadow maps: what each virtual point light sees, in one small map of a hemisphere each.
+"""Imperfect shadow maps (ISMs): the visibility of each virtual point light as a small map of its hemisphere.
 
 Ritschel et al. 2008, "Imperfect Shadow Maps for Efficient Computation of Indirect Illumination"; Linke 2016, section
-3.3. Departures: a few rays from each light find points where it looks, so that nothing near it is missed, beside or
-instead of points spread over all surfaces; at silhouettes of large surfaces each block of 2 x 2 texels has a ray;
-texels hold a plane instead of a distance; all texels have the same solid angle, which leaked less behind a thin screen
-than octahedral maps and was no worse there than paraboloids; discs lie in the plane of their surface.
+3.3.1 (splatting) and 3.3.2 (single texels and pull-push). Departures:
+
+* A few rays from each VPL sample its surroundings, beside or instead of points spread over all surfaces, so that
+  nothing near the VPL is missed.
+* Cells of the map with silhouettes of large triangles are refined: each block of 2 x 2 texels gets a ray.
+* Texels hold a plane instead of a distance, and splats lie in the plane of their surface.
+* Texels have equal solid angles, which leaked less behind a thin screen than octahedral maps, and no more than
+  paraboloids.
 """
 
 from __future__ import annotations
@@ -18,18 +22,19 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
 from ...settings import setting
+from ..shared.gbuffer import FOUR_FLOATS
 from ..shared.scene_inputs import SceneInputs
 from .points import Points
 from .vpl import Vpls
 
-LARGEST_SIDE = 8192  # texels: WebGPU's default limit of a texture's side
-FOUR_FLOATS = np.dtype((np.float32, 4))
+MAX_SIDE = 8192  # texels: WebGPU's default limit of a texture's side
+MAX_GROUPS = 65535  # WebGPU's default limit of a dispatch
 FOUR_WORDS = np.dtype((np.uint32, 4))
 TILE = int(load("many_light/ism/pull_push.wgsl").constants["TILE"])  # texels of a side that a workgroup holds
 BLOCK = int(load("many_light/ism/map.wgsl").constants["BLOCK"])
-GROUP = int(load("many_light/ism/open_cells.wgsl").constants["OPEN_GROUP"])
-MOST_GROUPS = 65535  # WebGPU's default limit of a dispatch
-FEW_POINTS = 1024  # that pull-push needs beside rays for its bias in the Cornell box to stay within 3 %
+REFINE_GROUP = int(load("many_light/ism/silhouette_cells.wgsl").constants["REFINE_GROUP"])
+# Pull-push needs so many points per map beside its rays for a bias within 3 % in the Cornell box.
+DEFAULT_POINTS = {"splat": 0, "pull-push": 1024}
 
 
 @dataclass
@@ -38,27 +43,27 @@ class IsmSettings:
 
     mode: str = setting(
         "splat",
-        "Draw points as pieces of their surface's plane, or as single texels whose gaps are closed by pull-push.",
+        "Draw points as discs in the plane of their surface (splat), or as texels and close the gaps (pull-push).",
         choices=("splat", "pull-push"),
     )
     resolution: int = setting(
         64, "Texels on a side of a map; a power of two.", "texels", range=(16, 256), presets={"low": 32, "high": 128}
     )
-    cell: int = setting(
+    ray_spacing: int = setting(
         8, "Texels from one ray of a light to the next; a power of two.", "texels", range=(4, 16), presets={"high": 4}
     )
-    refine: bool = setting(True, "Trace a ray for each 2 x 2 texels of cells with silhouettes of large triangles.")
+    refine: bool = setting(True, "Trace a ray per 2 x 2 texels in cells with silhouettes of large triangles.")
     points: int | None = setting(
         None,
-        f"Points of all surfaces that are drawn into a map; none for {FEW_POINTS} with pull-push, else no points.",
+        f"Surface points drawn into each map; none for {DEFAULT_POINTS['pull-push']} with pull-push, 0 with splat.",
         "points",
         range=(0, 65536),
     )
-    footprint: float = setting(3.0, "Radius to which the disc of such a point is cut off.", "texels", range=(0.5, 16.0))
-    grow: float = setting(0.7, "Radius of a point's disc, over that of its share of the area.", range=(0.1, 4.0))
-    reach: float = setting(0.7, "How far pull-push spreads a point, over its radius.", range=(0.1, 4.0))
-    interval: float = setting(
-        1.2, "Depth that pull-push takes for one surface, over a point's radius.", range=(0.1, 8.0)
+    max_splat_radius: float = setting(3.0, "Largest radius of a splat.", "texels", range=(0.5, 16.0))
+    splat_scale: float = setting(0.7, "Radius of a splat over that of its point's area.", range=(0.1, 4.0))
+    push_reach: float = setting(0.7, "Reach of a sample in pull-push over its radius.", range=(0.1, 4.0))
+    depth_interval: float = setting(
+        1.2, "Depth that pull-push takes for one surface, over a sample's radius.", range=(0.1, 8.0)
     )
 
 
@@ -66,128 +71,142 @@ class IsmSettings:
 class Ism:
     """What `wgsl/many_light/ism/lookup.wgsl` needs: its bindings and its constants, by name.
 
-    For debug views: `drawn`, single texels before gaps are closed, and `near_points`, what rays found at every `cell`
-    texels; 0 where they are among the single texels.
+    For debug views: `samples`, the texels before gaps are closed, and `ray_hits`, what rays found at every
+    `ray_spacing` texels; 0 where ray hits are among the samples.
     """
 
     reads: dict[str, Handle]
     constants: dict[str, float]
-    drawn: Buffer
-    near_points: Buffer
-    cell: int
+    samples: Buffer
+    ray_hits: Buffer
+    ray_spacing: int
+
+
+@dataclass
+class _Layout:
+    """Sizes of all maps: `size` of the atlas in texels, rays on a side of a map, points per map."""
+
+    size: tuple[int, int]
+    rays: int
+    points: int
 
 
 def declare_ism(graph: Graph, settings: IsmSettings, scene: SceneInputs, points: Points, vpls: Vpls) -> Ism:
-    """Declare the maps of all virtual point lights in one atlas.
+    """Declare the maps of all virtual point lights in one atlas, r32uint as `wgsl/many_light/ism/map.wgsl` codes it.
 
     Raises GiError for sizes that are no powers of two, and for maps larger than a texture or a buffer may be.
     """
-    for name in ("resolution", "cell"):
-        value = getattr(settings, name)
-        if value & (value - 1):
-            raise GiError(f"ism.{name} must be a power of two, not {value}")
+    layout = _layout(graph, settings, vpls)
     single = settings.mode == "pull-push"
-    per_map = settings.points if settings.points is not None else FEW_POINTS if single else 0
-    # At least a tile, so that workgroups are full.
-    across = max(1 << -(-(vpls.count - 1).bit_length() // 2), TILE // settings.resolution, 1)
-    down = max(-(-vpls.count // across), TILE // settings.resolution)
-    width, height = across * settings.resolution, down * settings.resolution
-    side = settings.resolution // settings.cell + 1  # of the rays of a light
-    rays = vpls.count * side**2
-    near_count, drawn_count = 1 if single else 3 * rays, width * height if single or per_map else 1
-    _check_size(graph, settings, vpls, (width, height), near_count * FOUR_FLOATS.itemsize, drawn_count * 4)
+    width, height = layout.size
     constants: dict[str, float] = {"ISM_RESOLUTION": settings.resolution}
-    drawn = graph.buffer("ism/drawn", dtype=np.uint32, count=drawn_count)
-    near = graph.buffer("ism/near_points", dtype=FOUR_FLOATS, count=near_count)
-    if per_map:
-        _declare_points(graph, settings, per_map, points, vpls, drawn, width, constants)
+    sampled = single or layout.points > 0
+    samples = graph.buffer("ism/samples", dtype=np.uint32, count=width * height if sampled else 1)
+    rays = vpls.count * layout.rays**2
+    ray_hits = graph.buffer("ism/ray_hits", dtype=FOUR_FLOATS, count=1 if single else 3 * rays)
+
+    # Sample the surroundings of each VPL: by surface points, then by rays.
+    if layout.points:
+        _declare_splats(graph, settings, layout, points, vpls, samples)
     else:
-        graph.skip("ism/points", "ism.points is 0")
+        graph.skip("ism/splat", "ism.points is 0")
     shader = "many_light/ism/rays.wgsl"
     graph.compute(
         "ism/rays",
         shader,
-        over=vpls.count * side,
+        over=vpls.count * layout.rays,
         reads={**scene.surfaces, "vpl_table": vpls.table},
-        writes={"near_points": near, "drawn": drawn},
+        writes={"ray_hits": ray_hits, "samples": samples},
         params={"vpl_count": vpls.count, "atlas_width": width},
-        constants={**scene.constants(shader), **constants, "CELL": settings.cell, "SINGLE": single},
-        clear=[drawn] if single and not per_map else [],
+        constants={**scene.constants(shader), **constants, "RAY_SPACING": settings.ray_spacing, "SINGLE": single},
+        clear=[samples] if single and not layout.points else [],
     )
-    atlas = graph.texture("ism/atlas", "r32uint", size=(width, height))
+
+    # Close the gaps between the samples.
+    atlas = graph.texture("ism/atlas", "r32uint", size=layout.size)
     if single:
-        _declare_pull_push(graph, settings, per_map, points, drawn, atlas, constants)
+        _declare_pull_push(graph, settings, layout, points, samples, atlas)
     else:
-        found = drawn if per_map else None
-        _declare_fill(graph, settings, scene, vpls, near, found, atlas, constants)
-    return Ism({"ism_atlas": atlas}, constants, drawn, near, 0 if single else settings.cell)
+        _declare_fill(graph, settings, scene, vpls, ray_hits, samples if layout.points else None, atlas)
+    return Ism({"ism_atlas": atlas}, constants, samples, ray_hits, 0 if single else settings.ray_spacing)
 
 
-def _check_size(
-    graph: Graph, settings: IsmSettings, vpls: Vpls, size: tuple[int, int], near_bytes: int, drawn_bytes: int
-) -> None:
-    """Raise GiError if the atlas, or what rays find, is more than a texture or a buffer holds."""
-    if max(size) > LARGEST_SIDE:
+def _layout(graph: Graph, settings: IsmSettings, vpls: Vpls) -> _Layout:
+    """Return the sizes of the maps. Raises GiError if the atlas, or what rays find, is too large."""
+    for name in ("resolution", "ray_spacing"):
+        value = getattr(settings, name)
+        if value & (value - 1):
+            raise GiError(f"ism.{name} must be a power of two, not {value}")
+    points = settings.points if settings.points is not None else DEFAULT_POINTS[settings.mode]
+    # At least a tile, so that workgroups of pull-push are full.
+    columns = max(1 << -(-(vpls.count - 1).bit_length() // 2), TILE // settings.resolution, 1)
+    rows = max(-(-vpls.count // columns), TILE // settings.resolution)
+    layout = _Layout(
+        (columns * settings.resolution, rows * settings.resolution),
+        settings.resolution // settings.ray_spacing + 1,
+        points,
+    )
+    if max(layout.size) > MAX_SIDE:
         raise GiError(
             f"{vpls.count} maps of {settings.resolution} x {settings.resolution} texels are more than a texture holds;"
             " lower ism.resolution or vpl.count"
         )
-    limit = graph.device.limits.get("max-storage-buffer-binding-size", 2**27)
-    needed = max(near_bytes, drawn_bytes)
+    # The largest buffers: ray hits of mode splat, samples of both.
+    single = settings.mode == "pull-push"
+    ray_bytes = 0 if single else 3 * vpls.count * layout.rays**2 * FOUR_FLOATS.itemsize
+    sample_bytes = layout.size[0] * layout.size[1] * 4 if single or points else 0
+    limit, needed = _buffer_limit(graph), max(ray_bytes, sample_bytes)
     if needed > limit:
-        remedy = "raise ism.cell or lower " if near_bytes == needed else "lower "
+        remedy = "raise ism.ray_spacing or lower " if ray_bytes == needed else "lower "
         raise GiError(
             f"imperfect shadow maps of {vpls.count} lights need a buffer of {needed / 2**20:.0f} MiB, and this device"
             f" binds at most {limit / 2**20:.0f} (max-storage-buffer-binding-size); {remedy}ism.resolution or vpl.count"
         )
+    return layout
 
 
-def _declare_points(
-    graph: Graph,
-    settings: IsmSettings,
-    per_map: int,
-    points: Points,
-    vpls: Vpls,
-    drawn: Buffer,
-    atlas_width: int,
-    constants: dict[str, float],
+def _buffer_limit(graph: Graph) -> int:
+    """Return the bytes of a buffer that a shader binds at most."""
+    return int(graph.device.limits.get("max-storage-buffer-binding-size", 2**27))
+
+
+def _declare_splats(
+    graph: Graph, settings: IsmSettings, layout: _Layout, points: Points, vpls: Vpls, samples: Buffer
 ) -> None:
-    """Declare the drawing of points of all surfaces, as discs or as single texels."""
+    """Declare the drawing of surface points, as discs or as single texels."""
     graph.compute(
-        "ism/points",
-        "many_light/ism/points.wgsl",
-        over=(per_map, vpls.count),
+        "ism/splat",
+        "many_light/ism/splat.wgsl",
+        over=(layout.points, vpls.count),
         reads={"points": points.buffer, "vpl_table": vpls.table},
-        writes={"drawn": drawn},
+        writes={"samples": samples},
         params={
-            "per_map": per_map,
-            "atlas_width": atlas_width,
-            "footprint": 0.0 if settings.mode == "pull-push" else settings.footprint,
-            "grow": settings.grow,
+            "points_per_map": layout.points,
+            "atlas_width": layout.size[0],
+            "max_radius": 0.0 if settings.mode == "pull-push" else settings.max_splat_radius,
+            "splat_scale": settings.splat_scale,
         },
-        constants=constants,
-        clear=[drawn],
+        constants={"ISM_RESOLUTION": settings.resolution},
+        clear=[samples],
     )
 
 
 def _declare_pull_push(
-    graph: Graph,
-    settings: IsmSettings,
-    per_map: int,
-    points: Points,
-    drawn: Buffer,
-    atlas: Texture,
-    constants: dict[str, float],
+    graph: Graph, settings: IsmSettings, layout: _Layout, points: Points, samples: Buffer, atlas: Texture
 ) -> None:
     """Declare what closes the gaps between single texels."""
     graph.compute(
         "ism/pull_push",
         "many_light/ism/pull_push.wgsl",
         over=(atlas.size[0], atlas.size[1] // TILE),
-        reads={"drawn": drawn, "points": points.buffer},
+        reads={"samples": samples, "points": points.buffer},
         writes={"atlas": atlas},
-        params={"per_map": per_map, "reach": settings.reach, "interval": settings.interval},
-        constants={**constants, "SPACING": settings.cell},
+        params={
+            "points_per_map": layout.points,
+            "push_reach": settings.push_reach,
+            "depth_interval": settings.depth_interval,
+        },
+        constants={"ISM_RESOLUTION": settings.resolution, "RAY_SPACING": settings.ray_spacing},
     )
 
 
@@ -196,49 +215,55 @@ def _declare_fill(
     settings: IsmSettings,
     scene: SceneInputs,
     vpls: Vpls,
-    near: Buffer,
-    drawn: Buffer | None,
+    ray_hits: Buffer,
+    samples: Buffer | None,
     atlas: Texture,
-    constants: dict[str, float],
 ) -> None:
-    """Declare what fills cells by the rays at their corners, and blocks of cells that these leave open by their own."""
-    constants = {**constants, "CELL": settings.cell}
-    cells = settings.resolution // settings.cell
-    rows = settings.cell // BLOCK
-    # As many as one dispatch and one buffer take.
-    limit = graph.device.limits.get("max-storage-buffer-binding-size", 2**27)
-    most = min(vpls.count * cells**2, MOST_GROUPS * GROUP // rows, limit // (FOUR_WORDS.itemsize * rows**2))
-    most = most if settings.refine else 1
-    open_cells = graph.buffer("ism/open_cells", dtype=np.uint32, count=most)
-    groups = graph.buffer("ism/open_groups", dtype=np.uint32, count=4)
-    graph.compute(
-        "ism/fill",
-        "many_light/ism/fill.wgsl",
-        over=(cells, cells, vpls.count),
-        reads={"near_points": near, "drawn": drawn or graph.neutral("buffer")},
-        writes={"atlas": atlas, "open_cells": open_cells, "open_groups": groups},
-        constants={**constants, "DRAWN": drawn is not None, "REFINED": settings.refine},
-        clear=[groups],
-    )
-    if not settings.refine:
-        graph.skip("ism/refine", "ism.refine is off")
-        return
-    blocks = graph.buffer("ism/blocks", dtype=FOUR_WORDS, count=most * rows**2)
-    opened: dict[str, Handle] = {"open_cells": open_cells, "open_groups": groups}
-    shader = "many_light/ism/refine.wgsl"
-    graph.compute(
-        "ism/refine",
-        shader,
-        indirect=groups,
-        reads={**scene.surfaces, "vpl_table": vpls.table, **opened},
-        writes={"blocks": blocks},
-        constants={**scene.constants(shader), **constants},
-    )
-    graph.compute(
-        "ism/put",
-        "many_light/ism/put.wgsl",
-        indirect=groups,
-        reads={**opened, "blocks": blocks},
-        writes={"atlas": atlas},
-        constants=constants,
-    )
+    """Declare what fills the cells between rays; silhouette cells are refined by rays of their own.
+
+    One dispatch and one buffer hold a limited number of cells, so the maps are refined in ranges whose lists hold
+    all of their cells: no silhouette cell is left out, whatever the order in which cells are listed.
+    """
+    constants = {"ISM_RESOLUTION": settings.resolution, "RAY_SPACING": settings.ray_spacing}
+    cells = settings.resolution // settings.ray_spacing
+    blocks = settings.ray_spacing // BLOCK
+    # A range of maps at a time.
+    most = min(MAX_GROUPS * REFINE_GROUP // blocks, _buffer_limit(graph) // (FOUR_WORDS.itemsize * blocks**2))
+    maps = min(max(most // cells**2, 1), vpls.count) if settings.refine else vpls.count
+    listed = maps * cells**2 if settings.refine else 1
+    silhouette_cells = graph.buffer("ism/silhouette_cells", dtype=np.uint32, count=listed)
+    groups = graph.buffer("ism/refine_groups", dtype=np.uint32, count=4)
+    texels = graph.buffer("ism/blocks", dtype=FOUR_WORDS, count=listed * blocks**2) if settings.refine else None
+    listing: dict[str, Handle] = {"silhouette_cells": silhouette_cells, "refine_groups": groups}
+    for first in range(0, vpls.count, maps):
+        suffix = f"_{first // maps}" if first else ""
+        graph.compute(
+            f"ism/fill{suffix}",
+            "many_light/ism/fill.wgsl",
+            over=(cells, cells, min(maps, vpls.count - first)),
+            reads={"ray_hits": ray_hits, "samples": samples or graph.neutral("buffer")},
+            writes={"atlas": atlas, **listing},
+            params={"first_slot": first},
+            constants={**constants, "SPLATTED": samples is not None, "REFINED": settings.refine},
+            clear=[groups],
+        )
+        if texels is None:
+            graph.skip("ism/refine", "ism.refine is off")
+            continue
+        shader = "many_light/ism/refine.wgsl"
+        graph.compute(
+            f"ism/refine{suffix}",
+            shader,
+            indirect=groups,
+            reads={**scene.surfaces, "vpl_table": vpls.table, **listing},
+            writes={"blocks": texels},
+            constants={**scene.constants(shader), **constants},
+        )
+        graph.compute(
+            f"ism/store_blocks{suffix}",
+            "many_light/ism/store_blocks.wgsl",
+            indirect=groups,
+            reads={**listing, "blocks": texels},
+            writes={"atlas": atlas},
+            constants=constants,
+        )

@@ -71,17 +71,17 @@ def declare_list_view(
 
 
 def declare_ism_views(graph: Graph, ism: Ism) -> dict[str, Buffer]:
-    """Declare the atlas of imperfect shadow maps, and what was drawn into it before gaps were closed: metres."""
+    """Declare the distances in the atlas of imperfect shadow maps, and in the samples it is made from: metres."""
     views = {}
-    for kind in ("atlas", "drawn"):
+    for kind in ("atlas", "samples"):
         picture = views[f"ism/{kind}"] = _picture(graph, f"ism_{kind}")
         graph.compute(
             f"debug/ism_{kind}",
             "many_light/views/ism.wgsl",
             over=graph.size,
-            reads={"atlas": ism.reads["ism_atlas"], "drawn": ism.drawn, "near_points": ism.near_points},
+            reads={"atlas": ism.reads["ism_atlas"], "samples": ism.samples, "ray_hits": ism.ray_hits},
             writes={"picture": picture},
-            constants={**ism.constants, "DRAWN": kind == "drawn", "CELL": ism.cell},
+            constants={**ism.constants, "SAMPLES": kind == "samples", "RAY_SPACING": ism.ray_spacing},
         )
     return views
 

@@ -1,93 +1,133 @@
-// One invocation fills one cell of a map, between the rays at its four corners.
+// One invocation fills one cell of a map from the rays at its four corners.
 //
-// Where one plane explains all four hits, the cell is that plane. Where large triangles meet at a silhouette, the cell
-// is listed for rays of its own blocks of texels. Else each block takes the nearest of the triangles that its own
-// direction meets. A triangle smaller than a cell stands for the quarter of the cell around its ray: the farthest of the
-// planes that explain that ray's hit, and nowhere nearer than the hit, because receivers lie on such surfaces. Errs
-// either way at silhouettes of what no ray met and by a block, and bright where small things stand before each other
-// closely.
-//
-// In: the points that rays found. Out: the atlas, and the list of cells.
+// 1. All four hits in one plane: the cell shows that plane. 2. Large triangles at different distances: a silhouette
+// cell, listed for rays of its own. 3. Else each block shows the nearest hit triangle that its direction meets, and
+// around a triangle smaller than a cell, the plane of that hit: the farthest of the planes that explain the hit, at
+// least as far as the hit, because receivers lie on such surfaces. In: `ray_hits`, `samples` (splats). Out: atlas, list
+// of silhouette cells. Errs either way within a block at silhouettes and where no ray hit, bright where small objects
+// stand close behind each other.
 #import "many_light/ism/map.wgsl"
-#import "many_light/ism/open_cells.wgsl"
+#import "many_light/ism/silhouette_cells.wgsl"
 
-@group(1) @binding(11) var<storage, read> near_points: array<vec4f>;
+@group(1) @binding(11) var<storage, read> ray_hits: array<vec4f>;  // as `ism/rays.wgsl` writes them
 @group(1) @binding(12) var atlas: texture_storage_2d<r32uint, write>;
+@group(1) @binding(13) var<storage, read> samples: array<u32>;     // nearest splat of each texel
+@group(1) @binding(14) var<storage, read_write> silhouette_cells: array<u32>;
+@group(1) @binding(15) var<storage, read_write> refine_groups: array<atomic<u32>>;  // workgroups x, y, z; cells
+@group(1) @binding(19) var<uniform> params: Params;
 
-@group(1) @binding(13) var<storage, read> drawn: array<u32>;  // the points drawn before, one for each texel
-@group(1) @binding(14) var<storage, read_write> open_cells: array<u32>;
-@group(1) @binding(15) var<storage, read_write> open_groups: array<atomic<u32>>;  // workgroups x, y, z; cells
+struct Params {
+    first_slot: u32,  // of the maps to fill
+}
 
-override DRAWN: bool = true;
-override REFINED: bool = true;  // list cells for rays of their own
+override SPLATTED: bool = true;  // there are splats
+override REFINED: bool = true;   // list silhouette cells
 
-// By how much one plane may miss another corner's hit, over its distance: below the half footprint of a texel that the
-// lookup allows. Chosen.
-const FLAT: f32 = 0.005;
+// Relative error of a plane at another corner's hit up to which the cell is planar: about the bias by which
+// `ism/lookup.wgsl` moves receivers at a resolution of 128, 0.0055. tools/README.md, "Constants".
+const PLANAR_ERROR: f32 = 0.005;
 
-// By how much a plane may miss another corner's hit and still be the same curved surface, over its distance, in cells
-// that it spans. Chosen so that what is wrongly lit and wrongly dark balances in Sponza.
-const CURVED: f32 = 0.45;
+// The same, per radian between the corners, up to which two hits lie on one curved surface. It balances false light
+// and false shadow on curved surfaces. tools/README.md, "Constants".
+const CURVED_ERROR: f32 = 0.45;
 
-// Cells whose blocks get rays of their own: those of triangles that are no narrower than this, in texels (of smaller
-// ones, rays would find more and more), with hits whose distances are in a greater ratio. Chosen.
-const OPEN_WIDTH: f32 = 1.0;
-const OPEN_STEP: f32 = 1.4;
+// Silhouette cells have hits whose distances are in at least this ratio, and no hit triangle narrower than so many
+// texels: rays between narrower ones would find ever more of them. tools/README.md, "Constants".
+const MIN_DISTANCE_RATIO: f32 = 1.4;
+const MIN_REFINED_WIDTH: f32 = 1.0;
 
-// The points at the corners, one in each column: so w * planes are four dot products.
-struct Points {
-    planes: mat4x3f,  // dot(m, w) = 1 / t on the triangle's plane
-    row0: mat4x3f,    // barycentric weights over t, of two of its corners
+// The hits at the four corners of a cell: x, y, z, w are upper left, upper right, lower left, lower right.
+struct Corners {
+    planes: mat4x3f,    // m of each in a column, so w * planes are four dot products 1 / t
+    row0: mat4x3f,      // barycentric weights over t, of two corners of the triangle
     row1: mat4x3f,
-    small: vec4<bool>,  // it is smaller than a cell
+    distances: vec4f,   // metres, 0: nothing hit
+    small: vec4<bool>,  // narrower than a cell
 }
 
-// What a quarter of a cell takes where its directions meet no triangle.
-struct Quarter {
-    standing: vec4<bool>,  // the planes that explain the hit of its ray
-    always: bool,          // they stand before triangles, too
-    cap: f32,              // 1 / t of the nearest that they may be
+// The planes that a quarter of a cell shows in directions that meet no hit triangle.
+struct Fallback {
+    planes: vec4<bool>,  // which of the four explain the hit of the quarter's ray
+    always: bool,        // they may also hide triangles: the hit is small
+    nearest: f32,        // bound of 1 / t
 }
 
-// Returns the plane that a direction meets, zero for nothing.
-fn plane_met(w: vec3f, p: Points, quarter: Quarter) -> vec3f {
-    let inverse = w * p.planes;
-    let b0 = w * p.row0;
-    let b1 = w * p.row1;
+// Returns the plane that a direction meets, 0 for nothing.
+fn plane_met(w: vec3f, corners: Corners, fallback: Fallback) -> vec3f {
+    // Find the nearest triangle that contains the direction.
+    let inverse = w * corners.planes;
+    let b0 = w * corners.row0;
+    let b1 = w * corners.row1;
     let inside = (min(min(b0, b1), inverse - b0 - b1) >= vec4f(0.0)) & (inverse > vec4f(0.0));
     let depth = select(vec4f(0.0), inverse, inside);
     let first = max(max(depth.x, depth.y), max(depth.z, depth.w));
-    // A convex surface lies behind all the planes that touch it.
-    let far = select(vec4f(1e30), inverse, quarter.standing);
+    // Find the farthest of the fallback's planes: a convex surface lies behind all of its tangent planes.
+    let far = select(vec4f(1e30), inverse, fallback.planes);
     let last = min(min(far.x, far.y), min(far.z, far.w));
-    let stands = any(quarter.standing) && (first <= 0.0 || (quarter.always && last > first));
-    let chosen = select(first, last, stands);
-    let met = select(depth, far, stands);
+    let falls_back = any(fallback.planes) && (first <= 0.0 || (fallback.always && last > first));
+    // Take the plane that has the value chosen.
+    let chosen = select(first, last, falls_back);
+    let met = select(depth, far, falls_back);
     let plane = select(
-        select(p.planes[3], p.planes[2], met.z == chosen), select(p.planes[1], p.planes[0], met.x == chosen),
-        met.x == chosen || met.y == chosen);
-    let capped = select(plane, w * quarter.cap, stands && chosen > quarter.cap);
+        select(corners.planes[3], corners.planes[2], met.z == chosen),
+        select(corners.planes[1], corners.planes[0], met.x == chosen), met.x == chosen || met.y == chosen);
+    let capped = select(plane, w * fallback.nearest, falls_back && chosen > fallback.nearest);
     return select(vec3f(0.0), capped, chosen > 0.0);
 }
 
-// Returns what stands in the quarter around the ray of a corner.
-fn quarter_of(p: Points, w: vec3f, distances: vec4f, corner: u32) -> Quarter {
+// Returns the fallback of the quarter at a corner, whose ray has the direction w.
+fn fallback_of(corners: Corners, w: vec3f, corner: u32) -> Fallback {
     let own = vec4<bool>(corner == 0u, corner == 1u, corner == 2u, corner == 3u);
-    let distance = distances[corner];
-    let group = abs(w * p.planes * distance - 1.0) < vec4f(CURVED * 2.5 * f32(CELL) / f32(ISM_RESOLUTION));
-    let hit = distances > vec4f(0.0);
-    let small = p.small & hit;
+    let distance = corners.distances[corner];
+    let angle = TEXEL_ANGLE * f32(RAY_SPACING) / f32(ISM_RESOLUTION);
+    let same_surface = abs(w * corners.planes * distance - 1.0) < vec4f(CURVED_ERROR * angle);
+    let hit = corners.distances > vec4f(0.0);
+    let small = corners.small & hit;
     let is_small = any(small & own);
-    // Between large triangles that it misses and small ones, it is one of the latter.
-    let rest = select(own & hit, small, vec4<bool>(any(small)));
-    let standing = select(rest & vec4<bool>(distance > 0.0), group & hit, vec4<bool>(is_small));
-    return Quarter(standing, is_small, select(1e30, 1.0 / max(distance, 1e-30), is_small));
+    // A direction that misses the large triangles shows the small ones, if there are any.
+    let others = select(own & hit, small, vec4<bool>(any(small)));
+    let planes = select(others & vec4<bool>(distance > 0.0), same_surface & hit, vec4<bool>(is_small));
+    return Fallback(planes, is_small, select(1e30, 1.0 / max(distance, 1e-30), is_small));
+}
+
+fn load_corners(first: u32, row: u32) -> Corners {
+    let a = ray_hits[first];
+    let b = ray_hits[first + 3u];
+    let c = ray_hits[first + row];
+    let d = ray_hits[first + row + 3u];
+    let a0 = ray_hits[first + 1u];
+    let b0 = ray_hits[first + 4u];
+    let c0 = ray_hits[first + row + 1u];
+    let d0 = ray_hits[first + row + 4u];
+    let a1 = ray_hits[first + 2u];
+    let b1 = ray_hits[first + 5u];
+    let c1 = ray_hits[first + row + 2u];
+    let d1 = ray_hits[first + row + 5u];
+    return Corners(
+        mat4x3f(a.xyz, b.xyz, c.xyz, d.xyz), mat4x3f(a0.xyz, b0.xyz, c0.xyz, d0.xyz),
+        mat4x3f(a1.xyz, b1.xyz, c1.xyz, d1.xyz), vec4f(a.w, b.w, c.w, d.w),
+        vec4f(a0.w, b0.w, c0.w, d0.w) < vec4f(0.5));
+}
+
+// Returns the widths of the hit triangles in cells.
+fn load_widths(first: u32, row: u32) -> vec4f {
+    return vec4f(
+        ray_hits[first + 2u].w, ray_hits[first + 5u].w, ray_hits[first + row + 2u].w, ray_hits[first + row + 5u].w);
+}
+
+// Adds a cell to the list, and to the workgroups of the passes that go through it.
+fn list_cell(slot: u32, cell: vec2u) {
+    let place = atomicAdd(&refine_groups[3], 1u);
+    silhouette_cells[place] = pack_silhouette_cell(slot, cell);
+    atomicMax(&refine_groups[0], ((place + 1u) * blocks_per_side() + REFINE_GROUP - 1u) / REFINE_GROUP);
+    atomicMax(&refine_groups[1], 1u);
+    atomicMax(&refine_groups[2], 1u);
 }
 
 fn store(at: vec2u, texel: u32) {
     var nearest = texel;
-    if (DRAWN) {
-        nearest = max(texel, drawn[at.y * textureDimensions(atlas).x + at.x]);
+    if (SPLATTED) {
+        nearest = max(texel, samples[at.y * textureDimensions(atlas).x + at.x]);
     }
     textureStore(atlas, at, vec4u(nearest));
 }
@@ -101,74 +141,59 @@ fn store_block(at: vec2u, texels: vec4u) {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let cells = ISM_RESOLUTION / CELL;
+    let cells = ISM_RESOLUTION / RAY_SPACING;
     let cell = id.xy;
-    let slot = id.z;
+    let slot = params.first_slot + id.z;
     if (any(cell >= vec2u(cells))) {
         return;
     }
-    let corner = cell * CELL;
-    if (is_below_horizon(vec2f(corner) + 0.5 * f32(CELL), 0.75 * f32(CELL))) {
+    let corner = cell * RAY_SPACING;
+    if (is_below_horizon(vec2f(corner) + 0.5 * f32(RAY_SPACING), 0.75 * f32(RAY_SPACING))) {
         return;
     }
     let to = map_corner(slot, textureDimensions(atlas).x) + corner;
     let side = cells + 1u;
     let first = 3u * (slot * side * side + cell.y * side + cell.x);
     let row = 3u * side;
-    let a = near_points[first];
-    let b = near_points[first + 3u];
-    let c = near_points[first + row];
-    let d = near_points[first + row + 3u];
+
+    // Test whether the plane of the first corner explains the other hits.
+    let plane = ray_hits[first].xyz;
+    let distances = vec4f(
+        ray_hits[first].w, ray_hits[first + 3u].w, ray_hits[first + row].w, ray_hits[first + row + 3u].w);
     let off = abs(vec3f(
-        dot(a.xyz, ray_direction(vec2f(corner + vec2u(CELL, 0u)))) * b.w,
-        dot(a.xyz, ray_direction(vec2f(corner + vec2u(0u, CELL)))) * c.w,
-        dot(a.xyz, ray_direction(vec2f(corner + vec2u(CELL, CELL)))) * d.w) - 1.0);
-    let nothing = max(max(a.w, b.w), max(c.w, d.w)) <= 0.0;
-    let flat = nothing || (a.w > 0.0 && max3(off) < FLAT);
-    let distances = vec4f(a.w, b.w, c.w, d.w);
-    var points: Points;
-    var open = false;
-    if (!flat) {
-        let a0 = near_points[first + 1u];
-        let b0 = near_points[first + 4u];
-        let c0 = near_points[first + row + 1u];
-        let d0 = near_points[first + row + 4u];
-        let a1 = near_points[first + 2u];
-        let b1 = near_points[first + 5u];
-        let c1 = near_points[first + row + 2u];
-        let d1 = near_points[first + row + 5u];
-        let nearest = min(min(a.w, b.w), min(c.w, d.w));
-        let farthest = max(max(a.w, b.w), max(c.w, d.w));
-        let wide = vec4f(a1.w, b1.w, c1.w, d1.w) > vec4f(OPEN_WIDTH / f32(CELL));
-        open = REFINED && farthest > OPEN_STEP * nearest && all(wide | (distances <= vec4f(0.0)));
-        points = Points(
-            mat4x3f(a.xyz, b.xyz, c.xyz, d.xyz), mat4x3f(a0.xyz, b0.xyz, c0.xyz, d0.xyz),
-            mat4x3f(a1.xyz, b1.xyz, c1.xyz, d1.xyz), vec4f(a0.w, b0.w, c0.w, d0.w) < vec4f(0.5));
-    }
-    if (open) {
-        let place = atomicAdd(&open_groups[3], 1u);
-        if (place < arrayLength(&open_cells)) {
-            open_cells[place] = pack_open_cell(slot, cell);
-            atomicMax(&open_groups[0], ((place + 1u) * open_rows() + OPEN_GROUP - 1u) / OPEN_GROUP);
-            atomicMax(&open_groups[1], 1u);
-            atomicMax(&open_groups[2], 1u);
+        dot(plane, ray_direction(vec2f(corner + vec2u(RAY_SPACING, 0u)))) * distances.y,
+        dot(plane, ray_direction(vec2f(corner + vec2u(0u, RAY_SPACING)))) * distances.z,
+        dot(plane, ray_direction(vec2f(corner + vec2u(RAY_SPACING, RAY_SPACING)))) * distances.w) - 1.0);
+    let farthest = max(max(distances.x, distances.y), max(distances.z, distances.w));
+    let planar = farthest <= 0.0 || (distances.x > 0.0 && max3(off) < PLANAR_ERROR);
+
+    // List silhouette cells.
+    var corners: Corners;
+    if (!planar) {
+        corners = load_corners(first, row);
+        let nearest = min(min(distances.x, distances.y), min(distances.z, distances.w));
+        let wide = load_widths(first, row) > vec4f(MIN_REFINED_WIDTH / f32(RAY_SPACING));
+        if (REFINED && farthest > MIN_DISTANCE_RATIO * nearest && all(wide | (distances <= vec4f(0.0)))) {
+            list_cell(slot, cell);
             return;
         }
     }
+
+    // Fill the blocks, quarter by quarter.
     for (var q = 0u; q < 4u; q += 1u) {
         let step = vec2u(q & 1u, q >> 1u);
-        var quarter: Quarter;
-        if (!flat) {
-            quarter = quarter_of(points, ray_direction(vec2f(corner + step * CELL)), distances, q);
+        var fallback: Fallback;
+        if (!planar) {
+            fallback = fallback_of(corners, ray_direction(vec2f(corner + step * RAY_SPACING)), q);
         }
-        let start = step * (CELL / 2u);
-        for (var y = 0u; y < CELL / 2u; y += BLOCK) {
-            for (var x = 0u; x < CELL / 2u; x += BLOCK) {
+        let start = step * (RAY_SPACING / 2u);
+        for (var y = 0u; y < RAY_SPACING / 2u; y += BLOCK) {
+            for (var x = 0u; x < RAY_SPACING / 2u; x += BLOCK) {
                 let at = start + vec2u(x, y);
                 let w = map_direction(vec2f(corner + at) + 0.5 * f32(BLOCK));
-                var m = a.xyz;
-                if (!flat) {
-                    m = plane_met(w, points, quarter);
+                var m = plane;
+                if (!planar) {
+                    m = plane_met(w, corners, fallback);
                 }
                 store_block(to + at, block_texels(w, m));
             }

@@ -1,74 +1,75 @@
-// One workgroup closes the gaps between the single texels of 64 x 64 of the atlas: the pull and the push phase of
-// Marroquim et al. 2007, "Efficient Point-Based Rendering Using Image Reconstruction", in workgroup memory.
+// One workgroup closes the gaps between the samples of 64 x 64 texels of the atlas by pull-push (Marroquim et al. 2007,
+// "Efficient Point-Based Rendering Using Image Reconstruction"; Linke 2016, section 3.3.2).
 //
-// Pull: an element is the nearest point of its four children, and where that is. Push: a block becomes the nearest of
-// the points of the four coarser elements around it that reach it, unless its own point is not farther away by more than
-// the depth interval. Departures: nothing is averaged, because a point is a plane, which is met at another distance in
-// each direction; a point reaches as far as its area is seen, foreshortened; the pyramid has two levels, of blocks and
-// of four blocks: what no point reaches takes the plane of the ray next to it.
+// Pull: an element of the pyramid is the nearest sample among its four children. Push: a block of 2 x 2 texels takes
+// the nearest plane among the four coarser elements around it whose samples reach it, unless its own sample is less
+// than a depth interval behind. In: `samples`. Out: the atlas. A tile holds several small maps or a part of a large
+// one; nothing crosses the border of a map or of a tile.
 //
-// In: single texels. Out: the atlas. A tile holds several small maps or a part of a large one; nothing crosses the
-// border of a map or of a tile. Errs dark at convex edges, where planes are drawn out, and bright where points before
-// those of rays are farther apart than they reach.
+// Departures: samples are planes, which have another distance in each direction, so nothing is averaged; a sample's
+// radius is foreshortened; the pyramid has two levels, and blocks that no sample reaches take the nearest ray's plane.
+// Errs dark at convex edges, where planes are extended, and bright where near samples lie farther apart than their
+// reach.
 #import "many_light/ism/map.wgsl"
-#import "many_light/ism/radius.wgsl"
+#import "many_light/ism/point_radius.wgsl"
 
-@group(1) @binding(11) var<storage, read> drawn: array<u32>;
+@group(1) @binding(11) var<storage, read> samples: array<u32>;
 @group(1) @binding(12) var atlas: texture_storage_2d<r32uint, write>;
 
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
-    per_map: u32,   // points of all surfaces in a map
-    reach: f32,     // how far a point reaches, over its radius
-    interval: f32,  // depth interval, over a point's radius
+    points_per_map: u32,
+    push_reach: f32,      // reach of a sample, over its radius
+    depth_interval: f32,  // over a sample's radius
 }
 
-const TILE: u32 = 64u;
-// By how much a plane may be nearer than it was, a texel away: half a step of the slopes.
-const SLOPE_ERROR: f32 = 0.5 * SLOPE_STEP * 0.6931472 / (2.0 * CODES_PER_OCTAVE);
+const TILE: u32 = 64u;  // texels on a side
 const THREADS: u32 = 64u;
+// Relative error of a plane's distance one texel off: half a step of its slope.
+const SLOPE_ERROR: f32 = 0.5 * SLOPE_STEP * 0.6931472 / (2.0 * CODES_PER_OCTAVE);
 
-// Elements are code << 16 | y << 6 | x of a point's texel in the tile, 0 for none.
+// The pyramid. An element is code << 16 | y << 6 | x, with the texel x, y of its sample in the tile; 0: no sample.
 const BLOCKS: u32 = TILE / BLOCK;  // on a side
 const COARSE: u32 = BLOCKS / 2u;
 var<workgroup> blocks: array<u32, 1024>;
 var<workgroup> coarse: array<u32, 256>;
 
-fn load_drawn(tile: vec2u, at: vec2u) -> u32 {
-    return drawn[(tile.y + at.y) * textureDimensions(atlas).x + tile.x + at.x];
+fn load_sample(tile: vec2u, at: vec2u) -> u32 {
+    return samples[(tile.y + at.y) * textureDimensions(atlas).x + tile.x + at.x];
 }
 
-fn drawn_element(tile: vec2u, at: vec2u) -> u32 {
-    let code = load_drawn(tile, at) & 0xffff0000u;
+fn sample_element(tile: vec2u, at: vec2u) -> u32 {
+    let code = load_sample(tile, at) & 0xffff0000u;
     return select(0u, code | (at.y << 6u) | at.x, code > 0u);
 }
 
-// Returns the direction of a place of a tile in the frame of its map, texels.
+// Returns the unit direction, in the frame of its map, of a place of a tile, texels.
 fn tile_direction(tile: vec2u, place: vec2f) -> vec3f {
-    return map_direction(vec2f(tile & vec2u(ISM_RESOLUTION - 1u)) + fract(place / f32(ISM_RESOLUTION)) * f32(ISM_RESOLUTION));
+    let inside = fract(place / f32(ISM_RESOLUTION)) * f32(ISM_RESOLUTION);
+    return map_direction(vec2f(tile & vec2u(ISM_RESOLUTION - 1u)) + inside);
 }
 
-// A point as the elements around it see it.
-struct Point {
+struct Sample {
     plane: vec3f,
-    place: vec2f,  // texels of the tile
-    reach: f32,    // texels; negative: there is no point
-    depth: f32,    // interval, over the distance
+    place: vec2f,     // texels of the tile
+    reach: f32,       // texels; negative: there is no sample
+    interval: f32,    // depth interval over the distance
 }
 
-fn point_of(tile: vec2u, element: u32) -> Point {
+fn sample_of(tile: vec2u, element: u32) -> Sample {
     let at = vec2u(element, element >> 6u) & vec2u(63u);
     let place = vec2f(at) + 0.5;
-    let texel = load_drawn(tile, at);
+    let texel = load_sample(tile, at);
     let distance = code_distance(f32(texel >> 16u));
     let plane = texel_plane(tile_direction(tile, place), distance, texel_slopes(texel));
-    // The plane's distance from the light is 1 / |m|: over the point's, that is the cosine.
+    // The plane is 1 / |m| away from the VPL: over the sample's distance, that is the cosine of the angle of incidence.
     let cosine = inverseSqrt(max(dot(plane, plane), 1e-37)) / distance;
-    let radius = point_radius(distance, params.per_map);
-    let reach = min(params.reach * radius * sqrt(cosine), RAY_RADIUS * f32(SPACING));
-    let depth = params.interval * min(radius, RAY_RADIUS * f32(SPACING)) * (2.5 / f32(ISM_RESOLUTION));
-    return Point(plane, place, select(-1.0, reach, element != 0u), depth);
+    let radius = point_radius(distance, params.points_per_map);
+    let reach = min(params.push_reach * radius * sqrt(cosine), RAY_RADIUS * f32(RAY_SPACING));
+    let interval =
+        params.depth_interval * min(radius, RAY_RADIUS * f32(RAY_SPACING)) * (TEXEL_ANGLE / f32(ISM_RESOLUTION));
+    return Sample(plane, place, select(-1.0, reach, element != 0u), interval);
 }
 
 // Returns a coarse element, none beyond the tile.
@@ -78,59 +79,62 @@ fn coarse_at(at: vec2i) -> u32 {
     return select(0u, coarse[u32(place.y) * COARSE + u32(place.x)], inside);
 }
 
-// The points of the four coarse elements around a corner that four blocks share.
-struct Around {
+// The samples of the four coarse elements around a corner that four blocks share, one in each column or component.
+struct Neighbours {
     planes: mat4x3f,
     x: vec4f,
     y: vec4f,
     reach: vec4f,
-    depth: vec4f,
+    interval: vec4f,
 }
 
-fn load_around(tile: vec2u, at: vec2i) -> Around {
-    let a = point_of(tile, coarse_at(at));
-    let b = point_of(tile, coarse_at(at + vec2i(1, 0)));
-    let c = point_of(tile, coarse_at(at + vec2i(0, 1)));
-    let d = point_of(tile, coarse_at(at + vec2i(1, 1)));
-    return Around(
+fn load_neighbours(tile: vec2u, at: vec2i) -> Neighbours {
+    let a = sample_of(tile, coarse_at(at));
+    let b = sample_of(tile, coarse_at(at + vec2i(1, 0)));
+    let c = sample_of(tile, coarse_at(at + vec2i(0, 1)));
+    let d = sample_of(tile, coarse_at(at + vec2i(1, 1)));
+    return Neighbours(
         mat4x3f(a.plane, b.plane, c.plane, d.plane), vec4f(a.place.x, b.place.x, c.place.x, d.place.x),
         vec4f(a.place.y, b.place.y, c.place.y, d.place.y), vec4f(a.reach, b.reach, c.reach, d.reach),
-        vec4f(a.depth, b.depth, c.depth, d.depth));
+        vec4f(a.interval, b.interval, c.interval, d.interval));
 }
 
-// Returns the texels of a block, given the points around it.
-fn push(tile: vec2u, block: vec2u, around: Around) -> vec4u {
+// Returns the texels of a block, given the samples of the coarse elements around it.
+fn push(tile: vec2u, block: vec2u, neighbours: Neighbours) -> vec4u {
     let centre = vec2f(BLOCK * block) + 0.5 * f32(BLOCK);
     let w = tile_direction(tile, centre);
-    let dx = around.x - centre.x;
-    let dy = around.y - centre.y;
-    // Maps smaller than a tile have neighbours in it.
+    let dx = neighbours.x - centre.x;
+    let dy = neighbours.y - centre.y;
+    // Find the samples that reach its centre. Maps smaller than a tile have neighbours in it.
     let shift = vec4u(firstTrailingBit(min(ISM_RESOLUTION, TILE)));
-    let same_map = (vec4u(around.x) >> shift == vec4u(u32(centre.x)) >> shift)
-        & (vec4u(around.y) >> shift == vec4u(u32(centre.y)) >> shift);
-    let reached = (around.reach >= vec4f(0.0)) & (dx * dx + dy * dy <= around.reach * around.reach) & same_map;
+    let same_map = (vec4u(neighbours.x) >> shift == vec4u(u32(centre.x)) >> shift)
+        & (vec4u(neighbours.y) >> shift == vec4u(u32(centre.y)) >> shift);
+    let squared_reach = neighbours.reach * neighbours.reach;
+    let reached = (neighbours.reach >= vec4f(0.0)) & (dx * dx + dy * dy <= squared_reach) & same_map;
+    // Take the nearest of their planes there.
     let off = 1.0 - SLOPE_ERROR * (abs(dx) + abs(dy));
-    let inverse = select(vec4f(0.0), w * around.planes * off, reached);
+    let inverse = select(vec4f(0.0), w * neighbours.planes * off, reached);
     let nearest = max(max(inverse.x, inverse.y), max(inverse.z, inverse.w));
     let is = inverse == vec4f(nearest);
-    let depth = select(
-        select(around.depth.w, around.depth.z, is.z), select(around.depth.y, around.depth.x, is.x), is.x || is.y);
+    let interval = select(
+        select(neighbours.interval.w, neighbours.interval.z, is.z),
+        select(neighbours.interval.y, neighbours.interval.x, is.x), is.x || is.y);
     let plane = select(
-        select(around.planes[3], around.planes[2], is.z), select(around.planes[1], around.planes[0], is.x),
-        is.x || is.y);
-    // Its own point stays unless it lies behind the interval of what covers it; who has none takes that of a ray.
+        select(neighbours.planes[3], neighbours.planes[2], is.z),
+        select(neighbours.planes[1], neighbours.planes[0], is.x), is.x || is.y);
+    // Its own sample stays unless it is more than the interval behind that plane. Without one, the nearest ray's does.
     let own = blocks[block.y * BLOCKS + block.x];
     let place = tile + vec2u(centre);
     let map = place & ~vec2u(ISM_RESOLUTION - 1u);
-    let corner = (place - map + SPACING / 2u) & vec2u(~(SPACING - 1u));
-    let ray = drawn_element(tile, clamp(map + ray_texel(corner), tile, tile + TILE - 1u) - tile);
-    let mine = select(own, ray, own == 0u);
-    let point = point_of(tile, mine);
-    let away = abs(point.place - centre);
-    let straight = max(dot(w, point.plane), 1e-30);
-    let here = select(0.0, straight * (1.0 - SLOPE_ERROR * (away.x + away.y)), mine != 0u);
-    let keeps = nearest <= 0.0 || (own != 0u && here * (1.0 + depth) >= nearest);
-    let kept = point.plane * (here / straight);
+    let corner = (place - map + RAY_SPACING / 2u) & vec2u(~(RAY_SPACING - 1u));
+    let ray = sample_element(tile, clamp(map + ray_texel(corner), tile, tile + TILE - 1u) - tile);
+    let element = select(own, ray, own == 0u);
+    let own_sample = sample_of(tile, element);
+    let away = abs(own_sample.place - centre);
+    let straight = max(dot(w, own_sample.plane), 1e-30);
+    let here = select(0.0, straight * (1.0 - SLOPE_ERROR * (away.x + away.y)), element != 0u);
+    let keeps = nearest <= 0.0 || (own != 0u && here * (1.0 + interval) >= nearest);
+    let kept = own_sample.plane * (here / straight);
     return block_texels(w, select(plane * (nearest / max(dot(w, plane), 1e-30)), kept, keeps));
 }
 
@@ -141,11 +145,13 @@ fn nearest_of(a: u32, b: u32, c: u32, d: u32) -> u32 {
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
     let tile = group.xy * TILE;
+    // Pull the samples to blocks, and these to elements of four blocks.
     for (var i = thread; i < BLOCKS * BLOCKS; i += THREADS) {
         let at = 2u * vec2u(i % BLOCKS, i / BLOCKS);
         blocks[i] = nearest_of(
-            drawn_element(tile, at), drawn_element(tile, at + vec2u(1u, 0u)), drawn_element(tile, at + vec2u(0u, 1u)),
-            drawn_element(tile, at + vec2u(1u, 1u)));
+            sample_element(tile, at), sample_element(tile, at + vec2u(1u, 0u)),
+            sample_element(tile, at + vec2u(0u, 1u)),
+            sample_element(tile, at + vec2u(1u, 1u)));
     }
     workgroupBarrier();
     for (var i = thread; i < COARSE * COARSE; i += THREADS) {
@@ -153,16 +159,16 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) th
         coarse[i] = nearest_of(blocks[first], blocks[first + 1u], blocks[first + BLOCKS], blocks[first + BLOCKS + 1u]);
     }
     workgroupBarrier();
-    // Four blocks between four coarse elements, from one before the first.
+    // Push: four blocks lie between four coarse elements, starting one element before the first.
     let side = COARSE + 1u;
     for (var i = thread; i < side * side; i += THREADS) {
         let at = vec2i(vec2u(i % side, i / side)) - 1;
-        let around = load_around(tile, at);
+        let neighbours = load_neighbours(tile, at);
         for (var k = 0; k < 4; k += 1) {
             let block = vec2u(2 * at + 1 + vec2i(k & 1, k >> 1));
-            // Negative ones are large as unsigned.
+            // Negative coordinates are large as unsigned ones.
             if (all(block < vec2u(BLOCKS))) {
-                let texels = push(tile, block, around);
+                let texels = push(tile, block, neighbours);
                 let to = tile + BLOCK * block;
                 textureStore(atlas, to, vec4u(texels.x));
                 textureStore(atlas, to + vec2u(1u, 0u), vec4u(texels.y));

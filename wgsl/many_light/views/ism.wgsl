@@ -1,35 +1,37 @@
-// One invocation shows the nearest of those texels of the imperfect shadow maps that a pixel covers: the atlas over the
-// whole picture, as its distance from its light in metres, 0 for nothing.
+// One invocation shows the imperfect shadow maps, the atlas over the whole picture: of the texels that a pixel covers,
+// the least distance from the VPL in metres, 0 for none.
 #import "many_light/ism/map.wgsl"
 
-override DRAWN: bool = false;  // what was found before gaps were closed: single texels, and rays at every CELL texels
-override CELL: u32 = 0u;       // 0: rays are texels, too
+override SAMPLES: bool = false;   // show the samples before gaps are closed: texels, and rays at every RAY_SPACING
+override RAY_SPACING: u32 = 0u;  // texels; 0: rays are in `samples`
 
 @group(1) @binding(11) var atlas: texture_storage_2d<r32uint, read>;
-@group(1) @binding(12) var<storage, read> drawn: array<u32>;
-@group(1) @binding(13) var<storage, read> near_points: array<vec4f>;
+@group(1) @binding(12) var<storage, read> samples: array<u32>;
+@group(1) @binding(13) var<storage, read> ray_hits: array<vec4f>;
 @group(1) @binding(14) var<storage, read_write> picture: array<vec4f>;
 
-// Returns 1 / distance.
+// Returns 1 / distance, 1/m.
 fn inverse_distance(texel: u32) -> f32 {
     return select(0.0, 1.0 / code_distance(f32(texel >> 16u)), texel != 0u);
 }
 
+// Returns the same of a texel of the atlas, or of its samples.
 fn nearness(at: vec2u, size: vec2u) -> f32 {
-    if (!DRAWN) {
+    if (!SAMPLES) {
         return inverse_distance(textureLoad(atlas, at).r);
     }
     let index = at.y * size.x + at.x;
+    // A splat or a single texel, or the hit of a ray through the texel's corner.
     var found = 0.0;
-    if (index < arrayLength(&drawn)) {
-        found = inverse_distance(drawn[index]);
+    if (index < arrayLength(&samples)) {
+        found = inverse_distance(samples[index]);
     }
     let inside = at % vec2u(ISM_RESOLUTION);
-    if (CELL > 0u && all(inside % vec2u(max(CELL, 1u)) == vec2u(0u))) {
-        let side = ISM_RESOLUTION / max(CELL, 1u) + 1u;
+    if (RAY_SPACING > 0u && all(inside % vec2u(max(RAY_SPACING, 1u)) == vec2u(0u))) {
+        let side = ISM_RESOLUTION / max(RAY_SPACING, 1u) + 1u;
         let map = at / ISM_RESOLUTION;
-        let ray = inside / max(CELL, 1u);
-        let distance = near_points[3u * (((map.y * (size.x / ISM_RESOLUTION) + map.x) * side + ray.y) * side + ray.x)].w;
+        let ray = inside / max(RAY_SPACING, 1u);
+        let distance = ray_hits[3u * (((map.y * (size.x / ISM_RESOLUTION) + map.x) * side + ray.y) * side + ray.x)].w;
         found = max(found, select(0.0, 1.0 / distance, distance > 0.0));
     }
     return found;

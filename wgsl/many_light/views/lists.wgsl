@@ -27,7 +27,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             cluster = tile * SLICES + slice_of(Slicing(lists[2u * tile], lists[2u * tile + 1u]), seen);
         }
         let class_number = class_of(pixel, sequence.index);
-        let first = first_list(view.size) + (cluster * class_count() + class_number) * words_per_class(params.vpl_count);
+        let list = cluster * class_count() + class_number;
+        let first = first_list(view.size) + list * words_per_class(params.vpl_count);
         for (var word = 0u; word < words_of_class(params.vpl_count, class_number); word += 1u) {
             count += countOneBits(lists[first + word]);
         }
