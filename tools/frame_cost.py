@@ -111,7 +111,7 @@ def milliseconds(step: Callable[[], Any]) -> float:
 def measure(scene: Any, technique: str, watch: Stopwatch) -> dict[str, Any]:
     """Return the costs of one technique, by what is done."""
     settings = gi.Settings()
-    settings.gi = technique
+    settings.gi, settings.exposure = technique, 0.0
     renderer = gi.Renderer(scene, size=SIZE, settings=settings)
     compiled = Compiled(renderer._device.gpu)
     rest = renderer.camera
@@ -166,20 +166,22 @@ def measure(scene: Any, technique: str, watch: Stopwatch) -> dict[str, Any]:
     return found
 
 
-def other_value(row: Row) -> float | int | None:
-    """Return another value of a setting that is a number, within its range; None if it is none."""
+def other_values(row: Row) -> list[float | int]:
+    """Return two other values of a setting that is a number, within its range; none if it is no number."""
     if row.kind not in (int, float):
-        return None
+        return []
     low, high = row.range or (-1e30, 1e30)
-    if row.value is None:
-        return row.kind(min(max(1, low), high))
-    change = 1 if row.kind is int else 0.13 * abs(row.value) or 0.1
-    value = row.value + change if row.value + change <= high else row.value - change
-    return row.kind(value) if low <= value <= high else None
+    value = max(1, low) if row.value is None else row.value
+    step = 1 if row.kind is int else 0.13 * abs(value) or 0.1
+    near = [row.kind(value + k * step) for k in (1, 2, -1, -2)]
+    return [v for v in near if low <= v <= high][:2]
 
 
 def sweep(scene: Any, technique: str) -> tuple[int, dict[str, list[str]]]:
-    """Change one number of the settings at a time; return how many there are, and which compiled which passes."""
+    """Change one number of the settings at a time; return how many there are, and which compiled which passes.
+
+    Each takes two other values. Of an integer only the second counts: the first may be what switches a feature on.
+    """
     settings = gi.Settings()
     settings.gi = technique
     settings.camera.frames = 1
@@ -188,18 +190,17 @@ def sweep(scene: Any, technique: str) -> tuple[int, dict[str, list[str]]]:
     renderer.step()
     changed, guilty = 0, {}
     for row in describe(settings):
-        value = other_value(row)
-        if value is None:
-            continue
+        values = other_values(row)
+        changed += bool(values)
         section, _, name = row.name.rpartition(".")
         owner = getattr(settings, section) if section else settings
-        compiled.take()
-        setattr(owner, name, value)
-        renderer.step()
-        changed += 1
-        names = compiled.take()
-        if names:
-            guilty[f"{row.name} {row.value} -> {value:g} ({row.kind.__name__})"] = names
+        for number, value in enumerate(values):
+            compiled.take()
+            setattr(owner, name, value)
+            renderer.step()
+            names = compiled.take()
+            if names and (number or row.kind is float):
+                guilty[f"{row.name} -> {value:g} ({row.kind.__name__})"] = names
         setattr(owner, name, row.value)
         renderer.step()
     return changed, guilty
@@ -223,7 +224,7 @@ def main() -> int:
     for technique in techniques:
         if options.settings:
             count, guilty = sweep(scene, technique)
-            print(f"{technique}: {count} numbers among the settings, of which {len(guilty)} compile pipelines")
+            print(f"{technique}: {count} numbers among the settings; pipelines compiled by {len(guilty)} changes")
             for name, passes in guilty.items():
                 print(f"  {name}: {', '.join(passes)}")
     counts = wgpu.diagnostics.object_counts.get_dict()

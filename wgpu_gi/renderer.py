@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from copy import deepcopy
-from dataclasses import replace
+from copy import copy, deepcopy
+from dataclasses import is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,11 @@ from .buffers import BUFFERS, Source, buffers_of, views_of
 from .camera import Camera
 from .errors import GiError
 from .frame import declare_frame
-from .gpu.describe import Row, table
+from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
 from .gpu.handles import Texture
+from .gpu.schedule import Stale
 from .gpu.wgsl.load import refresh
 from .options import TECHNIQUES, Settings, check_size, picture_count, technique_of
 from .pictures.picture import Picture
@@ -61,6 +62,7 @@ class Renderer:
         self._device = open_device(adapter, large_buffers=True)
         check_size(*size, self._device)
         self._graph = Graph(self._device)
+        self._shaders = refresh()  # which version of the shader files is in use
         self._upload: SceneUpload | None = None
         self._kept = Kept()
         self.automatic_exposure = 0.0  # EV of the buffer `display` if the settings give none
@@ -69,7 +71,7 @@ class Renderer:
         self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
         self._frame = 0  # of those that a still picture averages; negative during the warm-up
         self._rested = False  # nothing has moved in the last step
-        self._rows: list[Row] = []  # of the plan
+        self._ran: dict[str, Stale] = {}  # the passes of the last step that ran any, and why
         self._complete = False  # every pixel is known to have all its samples
         self._refining = False  # the technique has planned more runs than were declared
 
@@ -112,10 +114,16 @@ class Renderer:
         self._sources = {}
         self._kept = Kept()
 
-    def reload(self) -> None:
-        """Let the next step declare the frame from the shader files as they are now."""
-        refresh()
+    def reload(self) -> bool:
+        """Look whether shader files have changed; if so, return True, and the next step takes them as they are then.
+
+        Without this, steps touch no file.
+        """
+        before, self._shaders = self._shaders, refresh()
+        if self._shaders == before:
+            return False
         self._declared = self._inputs = None
+        return True
 
     @property
     def has_history(self) -> bool:
@@ -193,7 +201,7 @@ class Renderer:
             progress((ahead + self._frame + 1) / (ahead + frames))
         if ran:
             self._complete = False
-            self._rows = graph.plan()
+            self._ran = graph.last_run
         elif technique.refine is not None and not self._complete and technique.refined.intersection(shown):
             self._refining = technique.refine(graph, self._kept, self.settings)
             self._complete = not self._refining
@@ -237,7 +245,7 @@ class Renderer:
 
     def plan(self) -> Table:
         """Return what each pass did in the last frame that ran any, and why, as a text table."""
-        return table(self._rows) if self._rows else Table("")
+        return table(self._graph.plan(self._ran)) if self._ran else Table("")
 
     def timings(self) -> Table:
         """Return the median milliseconds of each pass that was measured, as a text table."""
@@ -266,16 +274,18 @@ class Renderer:
         known = before[len(seen)] if before else None
         if settings != known:
             validate(settings)
-            known = deepcopy(settings)
+            known = _copy(settings)
         inputs = (*seen, known)
-        goes_on = same
+        goes_on, up_to_date = same, None
         if still and not same:
             # Only settings differ: whether they matter to the frames averaged so far, the graph knows.
             self._update(inputs)
+            up_to_date = self._frame
             goes_on = not any(name.startswith(MEANS) for name in self._graph.stale())
         first = -technique_of(settings.gi).warm_up(settings)
         self._frame = min(self._frame + 1, frames - 1) if goes_on else first
-        self._update(inputs)
+        if self._frame != up_to_date:
+            self._update(inputs)
 
     def _update(self, inputs: tuple[Any, ...]) -> None:
         """Bring what is on the GPU and what is declared up to date."""
@@ -324,6 +334,12 @@ class Renderer:
         for name in names:
             if name not in (*self.buffers, *views_of(self.settings.gi), "display"):
                 raise GiError(f"--gi {self.settings.gi} has no buffer {name!r}; it has {', '.join(self.buffers)}")
+
+
+def _copy(settings: Settings) -> Settings:
+    """Return settings with sections of their own; all other values are immutable."""
+    sections: dict[str, Any] = {name: copy(value) for name, value in vars(settings).items() if is_dataclass(value)}
+    return replace(settings, **sections)
 
 
 def render(

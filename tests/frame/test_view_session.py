@@ -333,8 +333,7 @@ def test_long_frame_at_rest_is_left_when_something_changes():
 def test_saved_shader_is_seen_and_a_broken_one_keeps_the_picture(tmp_path, monkeypatch):
     folder = tmp_path / "wgsl"
     shutil.copytree(resource_dir("wgsl"), folder)
-    for module in (wgsl, session_module):
-        monkeypatch.setattr(module, "resource_dir", lambda name: folder)
+    monkeypatch.setattr(wgsl, "resource_dir", lambda name: folder)
     for name in ("_loaded", "_outdated", "_times"):
         monkeypatch.setattr(wgsl, name, {})
     session = make_session()
@@ -359,6 +358,16 @@ def test_saved_shader_is_seen_and_a_broken_one_keeps_the_picture(tmp_path, monke
     settle(session)
     assert not session.error
     assert np.array_equal(session.renderer.read_back(DISPLAY), before)
+    # A declaration that cannot be read, and an import that is missing for a while.
+    for broken in (text + "nonsense", text + '\n#import "shared/composite/missing.wgsl"\n'):
+        shader.write_text(broken)
+        assert session.watch_shaders()
+        settle(session)
+        assert "shared/composite/display.wgsl:" in session.error
+    (folder / "shared/composite/missing.wgsl").write_text("")
+    assert session.watch_shaders()
+    settle(session)
+    assert not session.error
 
 
 def test_truth_refines_and_tells_the_error():

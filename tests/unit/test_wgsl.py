@@ -70,14 +70,28 @@ def test_read_again_when_asked_after_a_file_changed(shader, tmp_path):
     assert load("main.wgsl", root=tmp_path) is first
     # A shader read after the change does not hide it from those read before.
     assert load("a.wgsl", root=tmp_path).constants["A"] == 2
-    assert refresh() and load("main.wgsl", root=tmp_path).constants["A"] == 2
-    assert not refresh()
+    changes = refresh()
+    assert load("main.wgsl", root=tmp_path).constants["A"] == 2
+    assert refresh() == changes
+    (tmp_path / "a.wgsl").write_text("const A = ;")
+    os.utime(tmp_path / "a.wgsl", ns=(2, 2))
+    assert refresh() == changes + 1
 
 
 def test_a_file_written_with_the_same_text_gives_the_same_source(shader, tmp_path):
     first = shader('#import "a.wgsl"', a="const A = 1;")
     os.utime(tmp_path / "a.wgsl", ns=(1, 1))
-    assert refresh() and load("main.wgsl", root=tmp_path) is first
+    changes = refresh()
+    assert load("main.wgsl", root=tmp_path) is first and refresh() == changes
+
+
+def test_a_file_that_was_missing_is_found_once_it_is_there(tmp_path):
+    (tmp_path / "main.wgsl").write_text('#import "late.wgsl"')
+    with pytest.raises(GiError, match=r"there is no shader 'late\.wgsl'"):
+        load("main.wgsl", root=tmp_path)
+    changes = refresh()
+    (tmp_path / "late.wgsl").write_text("const A = 1;")
+    assert refresh() == changes + 1 and load("main.wgsl", root=tmp_path).constants["A"] == 1
 
 
 # Layout: the examples of the WGSL specification, section 14.4, and what padding does.

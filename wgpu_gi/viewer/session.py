@@ -7,7 +7,6 @@ steps, and the picture converges. Knows nothing of windows; the window and the n
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,7 +19,6 @@ from ..camera import Camera
 from ..errors import GiError
 from ..options import MAX_SIDE, Settings, picture_count
 from ..renderer import Renderer
-from ..resources import resource_dir
 from ..scene.files.light_texts import light_texts
 from ..settings import apply_quality, assign
 from .dynamic_resolution import DynamicResolution, pixels_at
@@ -64,7 +62,7 @@ class Session:
         self.interrupted = False  # something changed since the last step began
         self.shown_range: tuple[float, float] | None = None  # least and largest value shown
         self._meter = ExposureMeter(renderer)
-        self._shaders, self._watched = _shader_times(), time.monotonic()
+        self._watched = time.monotonic()  # of the last check of the shader files
 
     @property
     def settings(self) -> Settings:
@@ -165,11 +163,9 @@ class Session:
         """Return True if a shader file changed since the last call; the next step reloads it."""
         if time.monotonic() - self._watched < WATCH_SECONDS:
             return False
-        before, self._shaders = self._shaders, _shader_times()
         self._watched = time.monotonic()
-        if before == self._shaders:
+        if not self.renderer.reload():
             return False
-        self.renderer.reload()
         self.changed()
         return True
 
@@ -287,12 +283,3 @@ class Session:
     def _size_at(self, level: int) -> tuple[int, int]:
         scale = math.sqrt(pixels_at(level))
         return max(round(self.size[0] * scale), 1), max(round(self.size[1] * scale), 1)
-
-
-def _shader_times() -> dict[str, int]:
-    """Return the modification time of each shader file."""
-    times: dict[str, int] = {}
-    for folder, _, _ in os.walk(resource_dir("wgsl")):
-        with os.scandir(folder) as entries:
-            times |= {entry.path: entry.stat().st_mtime_ns for entry in entries if entry.is_file()}
-    return times

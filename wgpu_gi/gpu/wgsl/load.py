@@ -75,9 +75,10 @@ class ShaderSource:
 
 
 _Key = tuple[str, Path | None]
-_loaded: dict[_Key, tuple[ShaderSource, frozenset[Path]]] = {}  # with the files it comes from
+_loaded: dict[_Key, tuple[ShaderSource, frozenset[Path]]] = {}  # with the files that it depends on
 _outdated: dict[_Key, ShaderSource] = {}  # sources of which a file has changed
-_times: dict[Path, int] = {}  # when each file had been written when it was read
+_times: dict[Path, int] = {}  # when each file was written, as first seen; -1: it was looked for and is not there
+_changes = 0  # times that `refresh` has found something
 
 
 def load(path: str, root: Path | str | None = None) -> ShaderSource:
@@ -90,9 +91,15 @@ def load(path: str, root: Path | str | None = None) -> ShaderSource:
     known = _loaded.get(key)
     if known is not None:
         return known[0]
+    # Paste its files, and note them even if that fails: a change may mend it.
     files: dict[Path, int] = {}
     pasted: list[tuple[str, str, int]] = []
-    _paste(path, key[1], [], files, pasted, "")
+    try:
+        _paste(path, key[1], [], files, pasted, "")
+    finally:
+        for file, time in files.items():
+            _times.setdefault(file, time)
+    # Reflect it, unless it is what it was before.
     text = "\n".join(line for line, _, _ in pasted) + "\n"
     source = _outdated.get(key)
     if source is None or source.text != text:
@@ -101,15 +108,18 @@ def load(path: str, root: Path | str | None = None) -> ShaderSource:
             source.module = parse(text)
         except ParseError as error:
             raise GiError(f"{source.where(error.line)}: {error}") from error
-    for file, time in files.items():
-        _times.setdefault(file, time)  # that of the first shader read: `refresh` then renews all of them
     _loaded[key] = (source, frozenset(files))
     _outdated.pop(key, None)
     return source
 
 
-def refresh() -> bool:
-    """Return True if a file of a loaded shader has changed; `load` then reads that shader again."""
+def refresh() -> int:
+    """Look at all files of loaded shaders; `load` will read those shaders again of which a file has changed.
+
+    Returns how many calls of this process have found a change: another number than at an earlier call means that a
+    shader may be another one than then.
+    """
+    global _changes
     changed = {file for file, time in _times.items() if _mtime(file) != time}
     for key, (source, files) in list(_loaded.items()):
         if not files.isdisjoint(changed):
@@ -117,7 +127,8 @@ def refresh() -> bool:
             del _loaded[key]
     for file in changed:
         del _times[file]
-    return bool(changed)
+    _changes += bool(changed)
+    return _changes
 
 
 def _paste(
@@ -131,7 +142,7 @@ def _paste(
     """Append the lines of `path` as (text, file, line), its imports in the place of their lines."""
     if path in parents:
         raise GiError(f"{where}: import cycle {' -> '.join([*parents[parents.index(path) :], path])}")
-    file = _find(path, root, where)
+    file = _find(path, root, files, where)
     if file in files:
         return
     files[file] = _mtime(file)
@@ -146,7 +157,8 @@ def _paste(
         _paste(quoted[1], root, [*parents, path], files, pasted, f"{path}:{number}")
 
 
-def _find(path: str, root: Path | None, where: str) -> Path:
+def _find(path: str, root: Path | None, files: dict[Path, int], where: str) -> Path:
+    """Return the file of a shader; note in `files` where it was looked for first."""
     roots = [root] if root is not None else []
     try:
         roots.append(resource_dir("wgsl"))
@@ -156,6 +168,7 @@ def _find(path: str, root: Path | None, where: str) -> Path:
     for folder in roots:
         if (folder / path).is_file():
             return folder / path
+        files[folder / path] = -1
     searched = " or ".join(str(folder) for folder in roots)
     raise GiError(f"{where + ': ' if where else ''}there is no shader {path!r} in {searched}")
 

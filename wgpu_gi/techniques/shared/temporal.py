@@ -65,6 +65,7 @@ def declare_accumulate(
             "distance": gbuffer.distance,
         },
         writes={"kept": history, "averaged": averaged, "rejected": rejected},
-        constants={**scene.constants(SHADER), "FRAMES": settings.frames, "PER_PIXEL": settings.speed},
+        params={"frames": settings.frames, "speed": settings.speed},
+        constants=scene.constants(SHADER),
     )
     return Averaged(averaged, rejected)

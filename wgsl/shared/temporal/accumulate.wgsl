@@ -1,17 +1,20 @@
 // One invocation averages a pixel's irradiance over frames: mean += (x - mean) / k, for the k-th frame that shows its
-// surface, at most FRAMES, fewer where it moves.
+// surface, at most `frames`, fewer where it moves.
 //
 // Where it was in the frame before says `motion`; of the four pixels there those are left out whose distance or normal
 // says that they showed something else. Later frames of a still picture are left as they are: they are averaged anyway,
 // and after the blur, which tells noise by how frames differ. In: irradiance W/m2, motion, what was kept. Out: irradiance, what is kept, and
-// the share of it that was left out. Errs late where light changes, by FRAMES at most.
+// the share of it that was left out. Errs late where light changes, by `frames` at most.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/temporal/history.wgsl"
 #import "scene/sequence.wgsl"
 
-override FRAMES: f32 = 8.0;
-override PER_PIXEL: f32 = 0.0;  // FRAMES are divided by 1 + this times the pixels that the surface moves
+struct Params {
+    frames: f32,
+    speed: f32,  // `frames` is divided by 1 + `speed` times the pixels that the surface moves
+}
 
+@group(1) @binding(10) var<uniform> params: Params;
 @group(1) @binding(11) var<storage, read> irradiance: array<vec4f>;
 @group(1) @binding(12) var<storage, read> motion: array<vec4f>;
 @group(1) @binding(13) var<storage, read> before: array<vec4u>;
@@ -63,7 +66,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     // With less than a tenth of a pixel found again, noise would be all that is.
     let found = weight > 0.1;
-    let most = max(FRAMES / (1.0 + PER_PIXEL * length(moved.xy)), 1.0);
+    let most = max(params.frames / (1.0 + params.speed * length(moved.xy)), 1.0);
     let count = select(1.0, min(round(frames / max(weight, 0.1)) + 1.0, most), found);
     let mean = mix(select(now.rgb, light / max(weight, 0.1), found), now.rgb, 1.0 / count);
     averaged[index] = vec4f(select(mean, now.rgb, sequence.index > 0u), now.w);

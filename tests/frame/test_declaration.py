@@ -1,0 +1,126 @@
+"""What changes from frame to frame compiles no pipeline and touches no file; pipelines out of use are freed."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.techniques import make_settings, medley_under_a_sky
+
+from wgpu_gi import load
+from wgpu_gi.gpu import pipelines
+from wgpu_gi.options import TECHNIQUES
+from wgpu_gi.renderer import Renderer
+from wgpu_gi.settings import apply_quality, describe
+
+SIZE = (32, 18)
+
+
+@pytest.fixture
+def compiled(monkeypatch):
+    """Return a function that takes a renderer and returns the list of the pipelines it compiles from now on."""
+
+    def watch(renderer):
+        labels, gpu = [], renderer._device.gpu
+
+        def counting(create):
+            def counted(**made_with):
+                labels.append(made_with["label"])
+                return create(**made_with)
+
+            return counted
+
+        for kind in ("create_compute_pipeline", "create_render_pipeline"):
+            monkeypatch.setattr(gpu, kind, counting(getattr(gpu, kind)))
+        return labels
+
+    return watch
+
+
+@pytest.fixture(params=TECHNIQUES, scope="module")
+def renderer(request):
+    """Return a renderer of each technique, after a frame of a scene that has everything, with history."""
+    settings = make_settings(request.param)
+    settings.temporal.frames = 4
+    renderer = Renderer(medley_under_a_sky(), size=SIZE, settings=settings)
+    renderer.step()
+    return renderer
+
+
+def owner_of(settings, path):
+    """Return the section that holds a setting, and the name of the setting in it."""
+    *sections, name = path.split(".")
+    for section in sections:
+        settings = getattr(settings, section)
+    return settings, name
+
+
+def other_value(row):
+    """Return another value of a continuous setting, within its range."""
+    value, (low, high) = (1.0 if row.value is None else row.value), row.range or (-1e30, 1e30)
+    step = 0.13 * abs(value) or 0.1
+    return value + step if value + step <= high else max(value - step, low)
+
+
+def test_no_continuous_setting_compiles_a_pipeline(renderer, compiled):
+    renderer.settings.ssil.radius = 20.0  # another radius than the default needs another number of levels
+    renderer.step()
+    labels, found = compiled(renderer), {}
+    for row in describe(renderer.settings):
+        if row.kind is not float:
+            continue
+        owner, name = owner_of(renderer.settings, row.name)
+        for value in (other_value(row), row.value):
+            setattr(owner, name, value)
+            renderer.step()
+        if labels:
+            found[row.name] = [*labels]
+            labels.clear()
+    assert found == {}
+
+
+def test_no_size_and_no_move_compiles_a_pipeline(renderer, compiled):
+    renderer.settings.ssil.radius = None  # twice the least that covers the screen, whatever its size
+    renderer.step()
+    labels = compiled(renderer)
+    for size in ((33, 18), (64, 36), (17, 40), SIZE):
+        renderer.size = size
+        renderer.step()
+    renderer.scene.lights[0].intensity *= 2.0
+    renderer.camera = renderer.scene.cameras[0]
+    renderer.step()
+    assert labels == []
+
+
+def test_no_step_touches_a_file(renderer, monkeypatch):
+    renderer.settings.exposure = 0.5
+    renderer.step()  # what is imported on first use
+
+    def forbidden(path, *_, **__):
+        raise AssertionError(f"{path} is looked at")
+
+    for name in ("os.stat", "os.lstat", "os.open", "os.listdir", "os.scandir", "builtins.open"):
+        monkeypatch.setattr(name, forbidden)
+    renderer.step()
+    renderer.settings.exposure = 1.0
+    renderer.step()
+    renderer.size = (40, 20)
+    renderer.step()
+
+
+def test_pipelines_out_of_use_are_freed(monkeypatch):
+    monkeypatch.setattr(pipelines, "KEPT", 3)
+    renderer = Renderer(load("cornell"), size=SIZE, settings=make_settings("many-light"))
+    alive = renderer._device.pipelines._pipelines
+    others = {id(pipeline) for pipeline in alive.values()}
+
+    def out_of_use():
+        used = {id(p.pipeline) for p in renderer.graph.order}
+        return {id(pipeline) for pipeline in alive.values()} - used - others
+
+    for technique in TECHNIQUES:
+        for quality in ("low", "medium"):
+            renderer.settings.gi = technique
+            apply_quality(renderer.settings, quality)
+            renderer.step(show=("radiance",))
+            assert len(out_of_use()) <= 3
+    renderer.release()
+    assert len(out_of_use()) <= 3
