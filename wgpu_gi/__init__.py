@@ -2,7 +2,8 @@
 
 >>> import wgpu_gi as gi
 >>> scene = gi.load("cornell")                                    # or a path: .glb .gltf .obj .ply .stl .off
->>> picture = gi.render(scene, size=(640, 360), gi="path", spp=64)  # (height, width, 3) float32 linear radiance
+>>> picture = gi.render(scene, size=(640, 360))                   # (height, width, 3) float32 linear radiance
+>>> truth = gi.render(scene, size=(640, 360), gi="path", spp=64)  # the same by path tracing
 >>> gi.show(scene)                                                # in a notebook: a live canvas
 
 Names are imported when first used, so that `import wgpu_gi` stays cheap.

@@ -136,15 +136,21 @@ def describe(settings: Any) -> list[Row]:
 
 
 def format_rows(rows: Sequence[Row]) -> str:
-    """Return the rows as an aligned text table: name=value, range with unit, sentence, presets."""
+    """Return the rows as an aligned text table, one line each: name=value, range with unit, sentence, presets."""
+    cells = cells_of(rows)
+    widths = [max((len(line[column]) for line in cells), default=0) for column in (0, 1)]
+    return "\n".join(f"  {a:<{widths[0]}}  {b:<{widths[1]}}  {c}".rstrip() for a, b, c in cells)
+
+
+def cells_of(rows: Sequence[Row]) -> list[tuple[str, str, str]]:
+    """Return the three cells of each row: name=value, range with unit or choices, sentence with presets."""
     cells = []
     for row in rows:
         limits = " .. ".join(map(_text, row.range)) if row.range else " | ".join(row.choices)
         presets = ", ".join(f"{quality} {_text(value)}" for quality, value in row.presets.items())
         sentence = f"{row.sentence} ({presets})" if presets else row.sentence
         cells.append((f"{row.name}={_text(row.value)}", f"{limits} {row.unit}".strip(), sentence))
-    widths = [max((len(line[column]) for line in cells), default=0) for column in (0, 1)]
-    return "\n".join(f"  {a:<{widths[0]}}  {b:<{widths[1]}}  {c}".rstrip() for a, b, c in cells)
+    return cells
 
 
 def _fields(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any, dataclasses.Field]]:

@@ -10,86 +10,7 @@ from typing import NoReturn
 from ..errors import GiError
 from ..settings import QUALITIES
 from ..version import __version__
-
-MAIN_EPILOG = """\
-first steps:
-  wgpu-gi render scene.glb        a picture in out.png: many-light, automatic exposure
-  wgpu-gi view scene.glb          the same in a window
-  wgpu-gi COMMAND -h              the options of a command, with examples
-"""
-
-RENDER_EPILOG = """\
-examples:
-  wgpu-gi render                                    the built-in Cornell box to out.png
-  wgpu-gi render scene.glb --camera 1 --size 1280x720 --quality high
-  wgpu-gi render scene.glb --gi path --spp 256      the truth, by path tracing
-  wgpu-gi render scene.glb --gi none                direct light only, the fastest
-  wgpu-gi render scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8"
-  wgpu-gi render scene.glb --relight 0=5,4,3 --relight "env=1,1,1 90"
-  wgpu-gi render scene.glb -o frame.exr --show radiance --show depth --show normal
-  wgpu-gi render scene.glb -o f/{frame:04d}.exr --frames 0:240 --turntable --layers depth,normal --shard 1/8
-  wgpu-gi render scene.glb -o around.mp4 --frames 0:240 --turntable
-  wgpu-gi render --gi ssil --set help               the settings of a technique
-
-output:
-  .npy .npz .exr   linear radiance, float32, W/(m2 sr), without exposure or tone curve
-  .png .mp4        sRGB, 8 bits, with exposure and tone curve
-  Automatic exposure brings the log-average luminance to 0.18. It is printed and stored in the .png, rounded to
-  0.1 EV, so --exposure with that number gives the same picture. A sequence keeps the exposure of its first frame.
-
-sequences:
-  --frames A:B renders frames A to B-1 and skips those whose files exist, so the same command resumes a stopped run.
-  --shard I/N renders part I of N; the frames do not depend on the parts. A .json beside them holds the command and
-  every camera; another command is refused. Techniques with a temporal history restart it every 32 frames, after 8
-  frames of warm-up that are not written.
-  --camera-path FILE holds a list of keys: [{"frame": 0, "position": [0, 1, 5], "target": [0, 1, 0]}, ...].
-"""
-
-VIEW_EPILOG = """\
-examples:
-  wgpu-gi view scene.glb                            drag to orbit; ? in the window lists all keys
-  wgpu-gi view scene.glb --gi none --size 1280x720
-  wgpu-gi view scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8" --exposure 1
-
-It needs a display and pip install 'wgpu_gi[viewer]'. Saved shader files are reloaded.
-"""
-
-COMPARE_EPILOG = """\
-examples:
-  wgpu-gi compare frame.exr truth.exr
-  wgpu-gi compare a.npz b.npz --layer indirect
-  wgpu-gi compare a.npz truth.npz:emit+direct+one+multi --noise truth.npz:se_full
-  wgpu-gi compare a.npz b.npz --mask regions.png --html report.html --json report.json
-
-A and B are linear (.npy .npz .exr) and of one size. FILE:LAYER names a layer, FILE:ONE+TWO the sum of several. The
-default layer is R, G, B of an .exr and "radiance" of an .npz.
-
-With x of A, t of B, m the mean of t over the picture or the region:
-  relMSE              mean((x-t)^2 / (t^2 + 0.01 m^2)), minus the noise floor if --noise is given
-  noise floor         the relMSE that the noise of B alone causes
-  bias                mean(x-t) / m; in the JSON a fraction, not percent
-  99.9th percentile   of |x-t| / (t + 0.1 m), for fireflies
-  FLIP                mean LDR-FLIP, from 0 (equal) to 1, at 67 pixels per degree. Both pictures are scaled so that
-                      the mean luminance of B is 0.18, and clipped at 1. Needs pip install 'wgpu_gi[bench]'
-"""
-
-BENCH_EPILOG = """\
-examples:
-  wgpu-gi bench                                     every technique on the Cornell box
-  wgpu-gi bench a.glb b.glb --quality low,medium,high --json now.json --plot now.png
-  wgpu-gi bench a.glb --gi many-light --sweep vpl.count=512,2048 --sweep gather.rays=1,4 --plot best.png
-  wgpu-gi bench a.glb --compare before.json         ratios of time and error to an earlier run on this machine
-  wgpu-gi bench a.glb --truth truth.npz             layers as `render` names them, or emit, direct, one, multi
-
-Errors: linear radiance at the pixel centres, over the pixels that see a surface, as `wgpu-gi compare` defines them,
-minus the noise of the truth.
-Times: medians after a warm-up, in three cases: still (nothing changes), camera moving, all moving (every pass runs).
-GPU ms is the sum over the passes of a frame; wall ms includes Python and waiting.
-Truth: --truth path renders it, which may take minutes, and caches it in ~/.cache/wgpu_gi/truth (XDG_CACHE_HOME and
-WGPU_GI_CACHE move it). The folder may be deleted at any time.
-"""
-
-INFO_EPILOG = "The exit code is 0 if an adapter can be used, else 2."
+from .epilogs import BENCH_EPILOG, COMPARE_EPILOG, INFO_EPILOG, MAIN_EPILOG, RENDER_EPILOG, VIEW_EPILOG
 
 
 class Parser(argparse.ArgumentParser):
@@ -110,6 +31,8 @@ def build_parser() -> Parser:
         formatter_class=verbatim,
         allow_abbrev=False,
     )
+
+    # The commands, each with a parser of its own.
     parser.add_argument("--version", action="version", version=f"wgpu_gi {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands", required=True)
 
@@ -125,17 +48,18 @@ def build_parser() -> Parser:
             allow_abbrev=False,
         )
 
+    # Their arguments.
     render = command("render", "render a scene to a picture, or to a sequence of pictures", RENDER_EPILOG, USAGE)
     _add_picture_arguments(render, size="640x360")
     _add_render_arguments(render)
-    _add_messages(render)
+    _add_messages(render, "what --plan or --timings asks for")
     view = command("view", "show a scene in a window", VIEW_EPILOG, USAGE)
     _add_picture_arguments(view, size="960x540")
-    _add_messages(view)
+    _add_messages(view, "commands that are copied")
     _add_compare_arguments(command("compare", "measure the error of a picture against a truth", COMPARE_EPILOG))
     bench = command("bench", "measure error and time of techniques", BENCH_EPILOG, "[OPTIONS] [SCENE ...]")
     _add_bench_arguments(bench)
-    _add_messages(bench)
+    _add_messages(bench, "the tables")
     command("info", "list adapters, drivers and versions, and what is missing", INFO_EPILOG)
     return parser
 
@@ -146,6 +70,7 @@ SET_HELP = "change a setting, repeatable; 'help' lists those of the technique, '
 
 
 def _add_picture_arguments(parser: Parser, size: str) -> None:
+    # What to render.
     scene = parser.add_argument_group("scene")
     scene.add_argument(
         "scene", nargs="?", default="cornell", metavar="SCENE", help="a file or a built-in scene, default cornell"
@@ -156,6 +81,7 @@ def _add_picture_arguments(parser: Parser, size: str) -> None:
     _add_light_arguments(scene)
     scene.add_argument("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
 
+    # How to light it.
     technique = parser.add_argument_group("technique")
     add = technique.add_argument
     add(
@@ -171,6 +97,7 @@ def _add_picture_arguments(parser: Parser, size: str) -> None:
     add("--seed", type=int, default=0, metavar="N", help="seed of the random numbers, default 0")
     add("--set", action="append", default=[], metavar="NAME=VALUE", help=SET_HELP)
 
+    # What to make of it.
     picture = parser.add_argument_group("picture")
     add = picture.add_argument
     add("--size", type=parse_size, default=parse_size(size), metavar="WxH", help=f"pixels, default {size}")
@@ -199,6 +126,7 @@ def _add_light_arguments(group: argparse._ArgumentGroup) -> None:
 
 
 def _add_render_arguments(parser: Parser) -> None:
+    # Files and reports.
     output = parser.add_argument_group("output")
     add = output.add_argument
     add(
@@ -219,6 +147,7 @@ def _add_render_arguments(parser: Parser) -> None:
     add("--timings", action="store_true", help="print the time of each pass")
     add("--check", action="store_true", help="name the first pass that writes a NaN or an infinity (slow)")
 
+    # Several frames.
     sequence = parser.add_argument_group("sequence")
     add = sequence.add_argument
     add(
@@ -234,12 +163,10 @@ def _add_render_arguments(parser: Parser) -> None:
     add("--fps", type=int, default=24, metavar="N", help="frames per second of an .mp4, default 24")
 
 
-def _add_messages(parser: Parser) -> None:
+def _add_messages(parser: Parser, asked: str) -> None:
     group = parser.add_argument_group("messages").add_mutually_exclusive_group()
     group.add_argument("-v", "--verbose", action="store_true", help="also print sizes and times of loading")
-    group.add_argument(
-        "-q", "--quiet", action="store_true", help="print only errors and what --plan or --timings asks for"
-    )
+    group.add_argument("-q", "--quiet", action="store_true", help=f"print only errors and {asked}")
 
 
 def _add_compare_arguments(parser: Parser) -> None:
@@ -255,6 +182,7 @@ def _add_compare_arguments(parser: Parser) -> None:
 
 
 def _add_bench_arguments(parser: Parser) -> None:
+    # Scenes.
     scene = parser.add_argument_group("scene")
     scene.add_argument(
         "scene", nargs="*", default=["cornell"], metavar="SCENE", help="files or built-in scenes, default cornell"
@@ -266,6 +194,7 @@ def _add_bench_arguments(parser: Parser) -> None:
     _add_light_arguments(scene)
     scene.add_argument("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
 
+    # Techniques and settings.
     technique = parser.add_argument_group("what to measure")
     add = technique.add_argument
     add("--gi", metavar="A,B,C", help="techniques, default all; path is always measured, as the reference")
@@ -283,6 +212,7 @@ def _add_bench_arguments(parser: Parser) -> None:
     add("--truth-spp", type=int, default=256, metavar="N", help="samples per pixel of --truth path, default 256")
     add("--adapter", metavar="NAME", help=ADAPTER_HELP)
 
+    # Reports.
     output = parser.add_argument_group("output")
     add = output.add_argument
     add("--json", metavar="OUT", help="write all numbers to this .json")

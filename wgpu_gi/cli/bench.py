@@ -22,8 +22,8 @@ from ..measure.truth import Progress, Truth, truth_by_path, truth_from_file
 from ..options import TECHNIQUES, Settings, check_size
 from ..pictures.atomic_file import check_writable
 from ..scene.scene import Scene
-from ..settings import QUALITIES, apply_quality, assign, describe, format_rows, validate
-from .common import LISTS, prepare_scene, warn_of_cpu
+from ..settings import QUALITIES, apply_quality, assign, validate
+from .common import LISTS, prepare_scene, print_settings, warn_of_cpu
 from .messages import Messages
 
 DEFAULT_SIZE = (640, 360)
@@ -42,7 +42,7 @@ MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
 def bench(arguments: Namespace) -> int:
     """Carry out `wgpu-gi bench`; return the exit code. Raises GiError for all that the user can put right."""
     if not set(LISTS).isdisjoint(arguments.set):
-        print(format_rows(describe(Settings())))
+        print_settings(Settings(), everything=True)
         return 0
     say = Messages(arguments.verbose, arguments.quiet)
 
@@ -148,7 +148,7 @@ def bench_scene(
 ) -> SceneReport:
     """Load and measure one scene."""
     scene, camera = prepare_scene(arguments, name, say)
-    # All techniques are held against the same path tracer.
+    # All techniques are compared with the same path tracer.
     visible_only = candidates[0].settings.path.visible_only
     with say.progress(name) as bar:
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ from ..scene.files.environment_files import load_environment
 from ..scene.files.light_texts import parse_light, relight
 from ..scene.load import NO_CAMERA_NOTE, load
 from ..scene.scene import Scene
-from ..settings import apply_quality, assign, describe, format_rows, validate
+from ..settings import apply_quality, assign, cells_of, describe, format_rows, validate
 from ..version import __version__
 from .messages import Messages
 
@@ -40,18 +41,28 @@ def list_names(arguments: Namespace) -> bool:
         return True
     if set(LISTS).isdisjoint(arguments.set):
         return False
-    print(settings_list(settings_from(arguments), everything="help=all" in arguments.set))
+    print_settings(settings_from(arguments), everything="help=all" in arguments.set)
     return True
 
 
-def settings_list(settings: Settings, everything: bool = False) -> str:
-    """Return a table of the settings that the technique uses, and how many there are besides; or of `everything`."""
+def print_settings(settings: Settings, everything: bool = False) -> None:
+    """Print the settings that the technique uses, or all; wrapped to a terminal, else one on each line."""
     rows = describe(settings)
     used = [row for row in rows if everything or uses(settings.gi, row.name)]
-    table = format_rows(used)
+    if sys.stdout.isatty():
+        from rich.console import Console
+        from rich.markup import escape
+        from rich.table import Table
+
+        table = Table.grid(padding=(0, 2, 0, 0))
+        table.add_column(no_wrap=True)
+        for cells in cells_of(used):
+            table.add_row(*map(escape, cells))
+        Console(highlight=False).print(table)
+    else:
+        print(format_rows(used))
     if len(used) < len(rows):
-        table += f"\n{len(rows) - len(used)} more that --gi {settings.gi} does not use: --set help=all"
-    return table
+        print(f"{len(rows) - len(used)} more that --gi {settings.gi} does not use: --set help=all")
 
 
 def uses(gi: str, name: str) -> bool:

@@ -163,7 +163,7 @@ def _render(renderer: Renderer, sequence: Job, say: Messages) -> Iterator[tuple[
     frames, exists = sequence.frames, sequence.exists
     if all(map(exists, frames)):
         return
-    # Only a declared frame tells whether it has a history; `motion` is one of the frame before.
+    # A history is known once the frame is declared. `motion` depends on the last frame, too.
     renderer.camera = sequence.camera_at(frames[0])
     renderer.step(show=sequence.show)
     has_history = renderer.has_history or "motion" in sequence.show

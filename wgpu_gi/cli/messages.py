@@ -1,6 +1,6 @@
-"""What the command line tells a person: notes and warnings, details with -v, progress of anything that takes long.
+"""Messages of the command line: notes and warnings, details with -v, progress of anything that takes long.
 
-All of it goes to stderr, but for the one line of a result. `NO_COLOR` is respected, by rich.
+They go to stderr; only the line of a result goes to stdout. rich respects NO_COLOR.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ LINE_SECONDS = 30.0  # from line to line where stderr is no terminal: a log of a
 
 
 class Report(Protocol):
-    """Takes the fraction done, 0 to 1, and perhaps what is being done now."""
+    """Takes the fraction done, 0 to 1, and optionally the present step."""
 
     def __call__(self, fraction: float, what: str | None = None, /) -> None:
         """Show it."""
 
 
 class Messages:
-    """Prints what the verbosity asks for."""
+    """Prints by verbosity: `verbose` adds details, `quiet` leaves only errors."""
 
     def __init__(self, verbose: bool = False, quiet: bool = False) -> None:
         self.verbose, self.quiet = verbose, quiet
@@ -42,7 +42,7 @@ class Messages:
             print(f"warning: {text}", file=sys.stderr, flush=True)
 
     def detail(self, text: str) -> None:
-        """Print what only -v asks for."""
+        """Print a detail, with -v only."""
         if self.verbose:
             print(text, file=sys.stderr, flush=True)
 
@@ -53,7 +53,7 @@ class Messages:
 
     @contextmanager
     def timed(self, what: str) -> Iterator[None]:
-        """Show that a step without known length is at work; with -v print how long it took."""
+        """Show that a step of unknown length is running; with -v print its time."""
         start = time.perf_counter()
         with self.progress(what, known=False):
             yield
@@ -61,10 +61,10 @@ class Messages:
 
     @contextmanager
     def progress(self, what: str, known: bool = True) -> Iterator[Report]:
-        """Yield a function that takes the fraction done: a bar on a terminal, else a line now and then.
+        """Yield a function that takes the fraction done and shows it: a bar on a terminal, else a line now and then.
 
-        `known` says whether fractions will come; without, the bar only moves. The function raises KeyboardInterrupt if
-        Ctrl+C came while C code called Python back, which drops exceptions.
+        Without `known` fractions the bar only shows the time passed. The function raises KeyboardInterrupt if Ctrl+C
+        came during a callback from C code, which drops exceptions.
         """
         if self.quiet:
             yield _nothing
@@ -86,11 +86,12 @@ def _nothing(fraction: float, what: str | None = None) -> None:
 
 @contextmanager
 def _bar(what: str, known: bool) -> Iterator[Report]:
-    """Yield what moves a bar with the time left, which appears after BAR_SECONDS."""
+    """Yield a function that moves a bar with the time left, which appears after BAR_SECONDS."""
     # Before the first fraction, a renderer uploads the scene, builds its hierarchy and compiles shaders.
     state: dict[str, Any] = {"what": "preparing" if known else what}
     lock = threading.Lock()
 
+    # A timer shows the bar, so that quick commands show none and do not import rich.
     def appear() -> None:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -113,6 +114,7 @@ def _bar(what: str, known: bool) -> Iterator[Report]:
             left = _time_left(time.monotonic() - start, fraction)
             bar.update(task, description=state["what"], completed=fraction, total=1.0, left=left)
 
+    # Run the caller's work, then take the bar away; the lock keeps a late timer from showing it.
     timer = threading.Timer(BAR_SECONDS, appear)
     timer.daemon = True
     timer.start()

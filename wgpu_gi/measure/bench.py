@@ -138,9 +138,11 @@ def _measure_technique(
         except GiError as error:
             raise GiError(f"{name}: {error}") from None
 
+    # Errors of one frame, and of a still picture.
     errors = picture(1)
     settled_frames = picture_count(candidate.settings)
     settled = picture(settled_frames) if settled_frames > 1 else errors
+    # Times and memory.
     cases = {
         case: measure_case(renderer, case, frames, partial(report, f"{name}: {what}")) for case, what in CASES.items()
     }

@@ -41,6 +41,7 @@ def comparison_page(
     image: tuple[str, Array], truth: tuple[str, Array], cells: list[list[str]], remarks: list[str]
 ) -> str:
     """Return the page as text. `image` and `truth`: name and values, (h, w, 3) or (h, w); `cells`: header and rows."""
+    # Scales: exposure, difference, relative error.
     x, t = (np.asarray(values, np.float64) for _, values in (image, truth))
     scale, mean = display_scale(t), float(t.mean())
     height, width = t.shape[:2]
@@ -48,6 +49,8 @@ def comparison_page(
     extent = rounded_up(DIFFERENCE_EXTENT * float(np.abs(difference).mean()) or mean)
     low, high = HEAT_DECADES
     decades = np.log10(np.maximum(relative_error(x, t), 10.0 ** (low - 1)))
+
+    # The four pictures, and the numbers that the page's script needs.
     pictures = {
         "png_a": srgb_from_linear(in_color(x) * scale) * 255.0,
         "png_b": srgb_from_linear(in_color(t) * scale) * 255.0,
@@ -63,6 +66,8 @@ def comparison_page(
         "extent": extent,
         "diverging": DIVERGING,
     }
+
+    # Fill in the template.
     page = files("wgpu_gi.measure").joinpath("compare_page.html").read_text(encoding="utf-8")
     return Template(page).substitute(
         {name: png_uri(values) for name, values in pictures.items()},

@@ -75,12 +75,14 @@ def truth_by_path(
     With `visible_only`, only surfaces in the picture send light, as in screen-space techniques. Raises GiError if the
     cache cannot be written, before anything is rendered.
     """
+    # Look into the cache.
     folder = cache_folder()
     key = truth_key(scene, camera, size, spp=spp, bounces=bounces, diffuse=diffuse, visible_only=visible_only)
     path = folder / f"{key}.npz"
     source = f"path tracer, {spp} spp" + (", of what is visible" if visible_only else "")
     arrays = _cached(path, size)
     if arrays is None:
+        # Render it, once the cache is known to be writable.
         _make(folder)
         check_writable(path)
         settings = Settings(gi="path", spp=-(-spp // 2), bounces=bounces, diffuse=diffuse)

@@ -36,7 +36,7 @@ def automatic_exposure(picture: ArrayLike) -> float:
 
 
 def is_exposed(name: str) -> bool:
-    """Tell whether a buffer holds light, so that exposure and tone curve apply to it on a screen."""
+    """Return whether exposure and tone curve apply to a buffer on a screen: it holds light."""
     return name not in NOT_EXPOSED
 
 

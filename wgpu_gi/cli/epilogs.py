@@ -1,0 +1,81 @@
+"""What the help of each command ends with: examples, file formats, definitions."""
+
+MAIN_EPILOG = """\
+first steps:
+  wgpu-gi render scene.glb        a picture in out.png: many-light, automatic exposure
+  wgpu-gi view scene.glb          the same in a window
+  wgpu-gi COMMAND -h              the options of a command, with examples
+"""
+
+RENDER_EPILOG = """\
+examples:
+  wgpu-gi render                                    the built-in Cornell box to out.png
+  wgpu-gi render scene.glb --camera 1 --size 1280x720 --quality high
+  wgpu-gi render scene.glb --gi path --spp 256      the truth, by path tracing
+  wgpu-gi render scene.glb --gi none                direct light only, the fastest
+  wgpu-gi render scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8"
+  wgpu-gi render scene.glb --relight 0=5,4,3 --relight "env=1,1,1 90"
+  wgpu-gi render scene.glb -o frame.exr --show radiance --show depth --show normal
+  wgpu-gi render scene.glb -o f/{frame:04d}.exr --frames 0:240 --turntable --layers depth,normal --shard 1/8
+  wgpu-gi render scene.glb -o around.mp4 --frames 0:240 --turntable
+  wgpu-gi render --gi ssil --set help               the settings of a technique
+
+output:
+  .npy .npz .exr   linear radiance, float32, W/(m2 sr), without exposure or tone curve
+  .png .mp4        sRGB, 8 bits, with exposure and tone curve
+  Automatic exposure brings the log-average luminance to 0.18. It is printed and stored in the .png, rounded to
+  0.1 EV, so --exposure with that number gives the same picture. A sequence keeps the exposure of its first frame.
+
+sequences:
+  --frames A:B renders frames A to B-1 and skips those whose files exist, so the same command resumes a stopped run.
+  --shard I/N renders part I of N; the frames do not depend on the parts. A .json beside them holds the command and
+  every camera; another command is refused. Techniques with a temporal history restart it every 32 frames, after 8
+  frames of warm-up that are not written.
+  --camera-path FILE holds a list of keys: [{"frame": 0, "position": [0, 1, 5], "target": [0, 1, 0]}, ...].
+"""
+
+VIEW_EPILOG = """\
+examples:
+  wgpu-gi view scene.glb                            drag to orbit; ? in the window lists all keys
+  wgpu-gi view scene.glb --gi none --size 1280x720
+  wgpu-gi view scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8" --exposure 1
+
+It needs a display and pip install 'wgpu_gi[viewer]'. Saved shader files are reloaded.
+"""
+
+COMPARE_EPILOG = """\
+examples:
+  wgpu-gi compare frame.exr truth.exr
+  wgpu-gi compare a.npz b.npz --layer indirect
+  wgpu-gi compare a.npz truth.npz:emit+direct+one+multi --noise truth.npz:se_full
+  wgpu-gi compare a.npz b.npz --mask regions.png --html report.html --json report.json
+
+A and B are linear (.npy .npz .exr) and of one size. FILE:LAYER names a layer, FILE:ONE+TWO the sum of several. The
+default layer is R, G, B of an .exr and "radiance" of an .npz.
+
+With x of A, t of B, m the mean of t over the picture or the region:
+  relMSE              mean((x-t)^2 / (t^2 + 0.01 m^2)), minus the noise floor if --noise is given
+  noise floor         the relMSE that the noise of B alone causes
+  bias                mean(x-t) / m; in the JSON a fraction, not percent
+  99.9th percentile   of |x-t| / (t + 0.1 m), for fireflies
+  FLIP                mean LDR-FLIP, from 0 (equal) to 1, at 67 pixels per degree. Both pictures are scaled so that
+                      the mean luminance of B is 0.18, and clipped at 1. Needs pip install 'wgpu_gi[bench]'
+"""
+
+BENCH_EPILOG = """\
+examples:
+  wgpu-gi bench                                     every technique on the Cornell box
+  wgpu-gi bench a.glb b.glb --quality low,medium,high --json now.json --plot now.png
+  wgpu-gi bench a.glb --gi many-light --sweep vpl.count=512,2048 --sweep gather.rays=1,4 --plot best.png
+  wgpu-gi bench a.glb --compare before.json         ratios of time and error to an earlier run on this machine
+  wgpu-gi bench a.glb --truth truth.npz             layers as `render` names them, or emit, direct, one, multi
+
+Errors: linear radiance at the pixel centres, over the pixels that see a surface, as `wgpu-gi compare` defines them,
+minus the noise of the truth.
+Times: medians after a warm-up, in three cases: still (nothing changes), camera moving, all moving (every pass runs).
+GPU ms is the sum over the passes of a frame; wall ms includes Python and waiting.
+Truth: --truth path renders it, which may take minutes, and caches it in ~/.cache/wgpu_gi/truth (XDG_CACHE_HOME and
+WGPU_GI_CACHE move it). The folder may be deleted at any time.
+"""
+
+INFO_EPILOG = "The exit code is 0 if an adapter can be used, else 2."
