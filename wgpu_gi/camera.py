@@ -1,7 +1,7 @@
-"""Camera: pose and lens, and the matrices of the View uniform.
+"""The camera: its pose, its lens and its projection matrix.
 
-World is right-handed with Y up; the camera looks down its -Z. Clip depth is reversed and infinite: 1 at the near
-plane, 0 at infinity (Upchurch and Desbrun 2012, "Tightening the precision of perspective rendering").
+World space is right-handed with Y up; the camera looks along its -Z. Clip depth is reversed and infinite: 1 at the near
+plane, 0 at infinity (Upchurch and Desbrun 2012, "Tightening the Precision of Perspective Rendering").
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from .errors import GiError
 class Camera:
     """A pinhole or orthographic camera.
 
-    `world_from_view` is a (4, 4) float64 rigid transform (no scale), `yfov` the full vertical angle in radians.
-    With `orthographic_height` (metres, full height of the picture) the projection is parallel and `yfov` unused.
+    `world_from_view` is a rigid (4, 4) float64 transform (no scale), `yfov` the full vertical angle in radians. With
+    `orthographic_height`, the height of the picture in metres, the projection is orthographic and `yfov` is unused.
     """
 
     world_from_view: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
@@ -38,17 +38,19 @@ class Camera:
         yfov_deg: float = 60.0,
         name: str = "",
     ) -> Camera:
-        """Place a perspective camera at `position` (metres) so that it looks at `target`.
+        """Return a perspective camera at `position` (metres) that looks at `target`.
 
         An `up` parallel to the view direction is replaced by another axis. Raises GiError if position and target
         coincide, a value is not finite, or the angle is outside (0, 180) degrees.
         """
+        # Check the arguments.
         eye, aim, upward = (np.asarray(v, np.float64) for v in (position, target, up))
         for label, value in (("position", eye), ("target", aim), ("up", upward)):
             if value.shape != (3,) or not np.isfinite(value).all():
                 raise GiError(f"camera {name!r}: {label} must be three finite numbers")
         if not 0.0 < yfov_deg < 180.0:
             raise GiError(f"camera {name!r}: yfov_deg must lie between 0 and 180, not {yfov_deg}")
+        # Build the axes: the camera's +Z points away from the target.
         back = eye - aim
         length = float(np.linalg.norm(back))
         if length == 0.0:
@@ -56,7 +58,7 @@ class Camera:
         back /= length
         right = np.cross(upward, back)
         if np.linalg.norm(right) < 1e-9 * max(float(np.linalg.norm(upward)), 1e-300):
-            # Looking straight along up: any horizontal axis will do; -Z matches a camera tilted down from the front.
+            # The view is parallel to `up`: take -Z, as for a camera that was tilted down from the front.
             right = np.cross((0.0, 0.0, -1.0) if abs(back[1]) > 0.5 else (0.0, 1.0, 0.0), back)
         right /= np.linalg.norm(right)
         world_from_view = np.eye(4)
@@ -82,12 +84,13 @@ class Camera:
         """Return the (4, 4) projection of positions relative to `origin` for a picture of `size` (width, height).
 
         Perspective depth is near / view depth; orthographic depth falls from 1 at the camera to 0 at `far` metres.
-        Where rays go through their pixels at `offset` instead of (0.5, 0.5), the picture is shifted likewise.
+        `offset` is where rays pass through their pixels; the picture is shifted accordingly (subpixel jitter).
         """
         half_height = np.tan(self.yfov / 2) if self.orthographic_height is None else self.orthographic_height / 2
         half_width = half_height * size[0] / size[1]
         axes = self.world_from_view[:3, :3].T * [[1.0], [1.0], [-1.0]]  # right, up, forward
         view = np.column_stack([axes, axes @ (np.asarray(origin, np.float64) - self.position)])
+        # Project x and y, then depth.
         clip = np.zeros((4, 4))
         clip[0], clip[1] = view[0] / half_width, view[1] / half_height
         if self.orthographic_height is None:
@@ -95,6 +98,7 @@ class Camera:
         else:
             clip[2], clip[3, 3] = -view[2] / far, 1.0
             clip[2, 3] += 1.0
+        # Shift by the offset from the pixel's centre.
         clip[0] += (1.0 - 2.0 * offset[0]) / size[0] * clip[3]
         clip[1] -= (1.0 - 2.0 * offset[1]) / size[1] * clip[3]
         return clip

@@ -1,4 +1,4 @@
-"""The one exception for what a user can put right: bad files, bad values, missing drivers; and how to name a name."""
+"""The exception for problems that a user can solve (bad files, bad values, missing drivers), and hints at names."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ FEW = 8  # names that a sentence can list
 
 
 class GiError(Exception):
-    """One sentence for the user: what is wrong, where (file, node, field) and what to do.
+    """Its message is one sentence: what is wrong, where (file, node, field), and what to do.
 
-    The command line prints it without a traceback and exits with code 2.
+    The command line prints the message without a traceback and exits with code 2.
     """
 
 

@@ -1,16 +1,16 @@
-"""Where the shaders and the small scenes lie, in an installed package as well as in a checkout."""
+"""Finds the folders of shaders and small scenes, in an installed package and in a checkout."""
 
 from importlib.resources import files
 from pathlib import Path
 
 
 def resource_dir(name: str) -> Path:
-    """Return the folder `name` ("wgsl" or "scenes").
+    """Return the folder `name`, "wgsl" or "scenes".
 
-    A wheel carries it inside the package; a checkout (editable install) has it beside the package.
-    Raises FileNotFoundError if the installation is incomplete.
+    A wheel has it inside the package, a checkout (editable install) beside the package. Raises FileNotFoundError if the
+    installation is incomplete.
     """
     for folder in (Path(__file__).parent.parent / name, Path(str(files("wgpu_gi"))) / name):
         if folder.is_dir() and (name != "wgsl" or (folder / "common").is_dir()):
             return folder
-    raise FileNotFoundError(f"wgpu_gi is installed without its folder {name!r}; install it again")
+    raise FileNotFoundError(f"the installation of wgpu_gi lacks its folder {name!r}; install it again")

@@ -164,7 +164,7 @@ def test_huge_buffer_and_sparse_count(tmp_path):
     document = json.loads(path.read_text())
     document["buffers"][0]["byteLength"] = 10**10
     path.write_text(json.dumps(document))
-    assert "buffers[0]: announces 10000000000 bytes, its data has 36" in message(path)
+    assert "buffers[0]: byteLength is 10000000000, but its data has 36" in message(path)
 
 
 # Wrong values, each with its place
@@ -337,10 +337,10 @@ def test_paths_may_not_leave_the_folder(tmp_path, uri):
     document = json.loads(path.read_text())
     document["buffers"][0]["uri"] = uri
     path.write_text(json.dumps(document))
-    assert "leaves the folder" in message(path)
+    assert "leaves the scene's folder" in message(path)
     builder = full_builder()
     builder.json["images"][0] = {"uri": uri}
-    assert "leaves the folder" in message(builder.glb(folder))
+    assert "leaves the scene's folder" in message(builder.glb(folder))
 
 
 @pytest.mark.parametrize("uri", ["missing.bin", "", ".", "a\0b", "x" * 5000, "data:;base64,@@@", "data:nothing"])

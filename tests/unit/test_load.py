@@ -75,7 +75,7 @@ def test_what_is_no_scene(tmp_path):
         (tmp_path / "none.glb", "does not exist"),
         (tmp_path / "empty.xyz", "empty"),
         (tmp_path / "empty.glb", "empty"),
-        (tmp_path / "text.txt", r"\.txt is no scene format.*\.glb \.gltf \.obj"),
+        (tmp_path / "text.txt", r"\.txt is not a supported scene format.*\.glb \.gltf \.obj"),
         (tmp_path / "plain", "without extension"),
         (tmp_path / "folder.glb", "folder"),
         ("x" * 5000, "no built-in|cannot be read"),
@@ -90,7 +90,7 @@ def test_what_is_no_scene(tmp_path):
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="needs a device file")
 def test_a_device_is_not_read_for_ever(tmp_path):
     (tmp_path / "endless.ply").symlink_to("/dev/zero")
-    with pytest.raises(GiError, match="not an ordinary file"):
+    with pytest.raises(GiError, match="not a regular file"):
         load(tmp_path / "endless.ply")
 
 
@@ -146,7 +146,7 @@ def test_light_texts_are_what_relight_understands():
         ("lamp=1,-1,1", "negative"),
         ("lamp=1,x,1", "not a list of numbers"),
         ("lamp=1,nan,1", "finite"),
-        ("lamp=1 0,-1,0", "only of a sun"),
+        ("lamp=1 0,-1,0", "only suns have a direction"),
         ("1=1 0,-1", "three numbers for its direction"),
         ("1=1 0,0,0", "points nowhere"),
         ("2=1", "this scene has 0 'lamp', 1 'the sun = 1', env"),

@@ -156,7 +156,7 @@ def test_obj_materials(tmp_path):
         ("map_Kd ../../../../etc/hostname", "outside the scene's folder"),
         ("map_Kd /etc/hostname", "outside the scene's folder"),
         ("map_Kd \0", "outside the scene's folder"),
-        ("map_Kd broken.png", "no picture"),
+        ("map_Kd broken.png", "not an image"),
         ("map_Kd huge.png", "too large"),
         ("map_Kd .", "is a folder"),
         ("d 0.5", "transparency is ignored"),

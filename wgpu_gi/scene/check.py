@@ -1,22 +1,36 @@
-"""What a scene may hold: loaders keep to it, scenes that are made or changed in code may not."""
+"""Checks the values of scenes and cameras, which code may set to anything; loaders check files before."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import GiError
-from .scene import Light, Scene, SpotLight
+from .scene import Environment, Instance, Light, Material, Scene, SpotLight
 
-FLAT = 1e-15  # determinant of a transform, its largest entry scaled to 1, below which float64 cannot invert it
+# Determinant of a transform, its largest entry scaled to 1, below which float64 cannot invert it.
+SINGULAR = 1e-15
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise GiError for values that mean nothing: flattening transforms, negative light, reflectance above 1, NaN."""
-    matrices = [np.asarray(i.world_from_local, np.float64) for i in scene.instances]
-    for instance, matrix in zip(scene.instances, matrices, strict=True):
+    """Raise GiError for values that mean nothing: singular transforms, negative light, reflectance above 1, NaN."""
+    _check_instances(scene.instances)
+    for light in scene.lights:
+        _check_light(light)
+    for material in scene.materials:
+        _check_material(material)
+    if scene.environment is not None:
+        _check_environment(scene.environment)
+
+
+def _check_instances(instances: list[Instance]) -> None:
+    # All transforms at once, since this runs whenever one of many instances moves.
+    matrices = [np.asarray(i.world_from_local, np.float64) for i in instances]
+    for instance, matrix in zip(instances, matrices, strict=True):
         if matrix.shape != (4, 4):
             raise GiError(f"instance {instance.name!r}: world_from_local must be a (4, 4) matrix")
     stacked = np.array(matrices).reshape(-1, 4, 4)
@@ -24,33 +38,33 @@ def check_scene(scene: Scene) -> None:
     scale = np.abs(linear).max((1, 2), initial=0.0)[:, None, None]
     with np.errstate(invalid="ignore"):
         volume = np.abs(np.linalg.det(linear / np.where(scale > 0, scale, 1)))
-    flat = np.asarray(~(volume > FLAT)).tolist()
-    finite = np.asarray(np.isfinite(stacked[:, :3]).all((1, 2))).tolist()
-    for instance, is_finite, is_flat in zip(scene.instances, finite, flat, strict=True):
-        if not is_finite:
-            raise GiError(f"instance {instance.name!r}: world_from_local must be finite")
-        if is_flat:
-            raise GiError(
-                f"instance {instance.name!r}: its transform flattens it to nothing; give it a scale above zero"
-            )
-    for light in scene.lights:
-        _check_light(light)
-    for material in scene.materials:
-        where = f"material {material.name!r}"
-        shares = [*material.base_color, material.metallic, material.roughness]
-        if len(material.base_color) != 4 or not all(0 <= v <= 1 for v in shares):
-            raise GiError(f"{where}: base_color (4 values), metallic and roughness must lie between 0 and 1")
-        _check_color(where, "emission", material.emission)
-        if not np.isfinite([material.alpha_cutoff, material.normal_scale]).all():
-            raise GiError(f"{where}: alpha_cutoff and normal_scale must be finite")
-    if scene.environment is not None:
-        environment = scene.environment
-        where = f"environment {environment.name!r}"
-        _check_color(where, "color", environment.color)
-        if not np.isfinite(environment.rotation):
-            raise GiError(f"{where}: rotation must be finite")
-        if environment.image is not None and (np.ndim(environment.image) != 3 or environment.image.shape[2] != 3):
-            raise GiError(f"{where}: image must be (height, width, 3)")
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(stacked[:, :3]).all((1, 2)))
+    valid = finite & (volume > SINGULAR)
+    if not valid.all():
+        first = int(np.argmin(valid))
+        reason = "its transform is singular (flattens it); give it a scale above zero"
+        raise GiError(
+            f"instance {instances[first].name!r}: {reason if finite[first] else 'world_from_local must be finite'}"
+        )
+
+
+def _check_material(material: Material) -> None:
+    where = f"material {material.name!r}"
+    shares = [*material.base_color, material.metallic, material.roughness]
+    if len(material.base_color) != 4 or not all(0 <= v <= 1 for v in shares):
+        raise GiError(f"{where}: base_color (4 values), metallic and roughness must lie between 0 and 1")
+    _check_color(where, "emission", material.emission)
+    if not math.isfinite(material.alpha_cutoff) or not math.isfinite(material.normal_scale):
+        raise GiError(f"{where}: alpha_cutoff and normal_scale must be finite")
+
+
+def _check_environment(environment: Environment) -> None:
+    where = f"environment {environment.name!r}"
+    _check_color(where, "color", environment.color)
+    if not np.isfinite(environment.rotation):
+        raise GiError(f"{where}: rotation must be finite")
+    if environment.image is not None and (np.ndim(environment.image) != 3 or environment.image.shape[2] != 3):
+        raise GiError(f"{where}: image must be (height, width, 3)")
 
 
 def check_camera(camera: Camera) -> None:
@@ -71,13 +85,13 @@ def _check_light(light: Light) -> None:
     where = f"light {light.name!r}"
     _check_color(where, "color", light.color)
     if not 0 <= light.intensity < np.inf:
-        raise GiError(f"{where}: color and intensity must be finite and not negative")
+        raise GiError(f"{where}: intensity must be finite and not negative")
     for name in ("position", "direction"):
         place = getattr(light, name, (0.0, 0.0, 0.0))
         if len(place) != 3 or not np.isfinite(np.asarray(place, np.float64)).all():
             raise GiError(f"{where}: {name} must be three finite numbers")
     if isinstance(light, SpotLight) and not 0 <= light.inner_cone_angle <= light.outer_cone_angle <= np.pi:
-        raise GiError(f"{where}: its cone angles must be 0 <= inner <= outer <= pi radians")
+        raise GiError(f"{where}: its cone angles must satisfy 0 <= inner <= outer <= pi radians")
 
 
 def _check_color(where: str, name: str, color: Sequence[float]) -> None:

@@ -1,4 +1,4 @@
-"""One way in: a scene from a built-in name or a file, completed with a stated default light and camera."""
+"""Loads a scene from a built-in name or a file, and adds a default light and camera where it has none."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .scene import Environment, Light, Scene
 
 GLTF_EXTENSIONS = (".glb", ".gltf")
 
-NO_CAMERA_NOTE = "the scene has no camera: one was placed that frames it (--camera sets another)"
+NO_CAMERA_NOTE = "the scene has no camera: one that frames it was added (--camera sets another)"
 
-# Radiance of the default sky: white, so that a material of albedo rho in the open has radiance rho.
+# Radiance of the default sky: 1, so that an unoccluded matte surface of albedo rho has radiance rho.
 DEFAULT_SKY = (1.0, 1.0, 1.0)
 
 
@@ -26,9 +26,9 @@ def load(source: str | Path, *, environment: Environment | None = None, lights: 
     """Load a scene: a built-in name ("cornell") or a .glb, .gltf, .obj, .ply, .stl or .off file.
 
     `environment` replaces the scene's, `lights` are added to its own. A scene that then has no source of light gets a
-    white sky of radiance 1, and one without a camera a framing camera; `Scene.notes` says so. A bare name is a
-    built-in scene, even if a file is called so; a file needs its extension. Raises GiError for unknown names and
-    extensions, for missing, empty and damaged files, with the supported ones listed.
+    white sky of radiance 1, and one without a camera gets a camera that frames it; `Scene.notes` says so. A bare name
+    is a built-in scene, even if a file has that name; files need their extension. Raises GiError for unknown names and
+    extensions, with a list of the known ones, and for missing, empty and damaged files.
     """
     path = Path(source)
     extension = path.suffix.lower()
@@ -50,7 +50,7 @@ def load(source: str | Path, *, environment: Environment | None = None, lights: 
 
 
 def _unknown(path: Path) -> GiError:
-    """Say why `path` is no scene: a folder, missing, empty, a mistyped name or a format that is not read."""
+    """Return the reason why `path` is not a scene: a folder, missing, empty, a mistyped name or an unknown format."""
     formats = " ".join((*GLTF_EXTENSIONS, *MESH_EXTENSIONS))
     names = ", ".join(BUILTIN_SCENES)
     if not path.suffix and not os.path.exists(path):
@@ -62,18 +62,18 @@ def _unknown(path: Path) -> GiError:
     except GiError as error:
         return error
     kind = path.suffix or "a file without extension"
-    return GiError(f"{path}: {kind} is no scene format that is read; use {formats}")
+    return GiError(f"{path}: {kind} is not a supported scene format; use {formats}")
 
 
 def has_light(scene: Scene) -> bool:
-    """Say whether the scene has any source of light, or nothing that needs one because all of it is unlit."""
+    """Tell whether the scene has a source of light, or needs none because all of its materials are unlit."""
     materials = scene.materials
     emitting = any(max(m.emission) > 0 for m in materials) or (bool(materials) and all(m.unlit for m in materials))
     return bool(scene.lights) or scene.environment is not None or emitting
 
 
 def add_defaults(scene: Scene) -> None:
-    """Give a scene without light a white sky, and one without cameras a framing camera, and note it."""
+    """Add a white sky to a scene without light and a framing camera to one without cameras, with a note for each."""
     if not has_light(scene):
         scene.environment = Environment(DEFAULT_SKY, name="default sky")
         scene.notes.append("the scene has no light: a white sky of radiance 1 was added (--env or --light set others)")

@@ -1,7 +1,7 @@
 """The scene as plain data: meshes, materials, instances, lights, environment and cameras, with units.
 
-Everything is in world space (right-handed, Y up, metres), linear Rec.709, physical units as glTF has them. Nothing here
-knows of files or of the GPU. Objects may be changed between frames; `upload.py` sends what changed.
+World space is right-handed with Y up, in metres; colours are linear Rec.709; units are physical, as in glTF. Objects
+may be changed between frames: `upload/` sends what changed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Image:
 
 @dataclass(eq=False)
 class Texture:
-    """An image with its sampler and its place on the surface (glTF texture, sampler, KHR_texture_transform)."""
+    """An image, its sampler and its transform on the surface (glTF texture, sampler, KHR_texture_transform)."""
 
     image: Image
     wrap_u: Wrap = "repeat"
@@ -58,12 +58,12 @@ class Material:
     alpha_mode: Literal["opaque", "mask"] = "opaque"
     alpha_cutoff: float = 0.5
     double_sided: bool = False
-    unlit: bool = False  # KHR_materials_unlit: shown as radiance base_color, neither lit nor reflecting
+    unlit: bool = False  # KHR_materials_unlit: radiance is base_color, and no light is reflected
     normal_scale: float = 1.0
     base_color_texture: Texture | None = None  # sRGB colour, linear alpha
     metallic_roughness_texture: Texture | None = None  # linear: G roughness, B metallic
     normal_texture: Texture | None = None  # linear, tangent space
-    occlusion_texture: Texture | None = None  # read and kept; unused, since occlusion is computed
+    occlusion_texture: Texture | None = None  # loaded, but not used: occlusion is computed
     emission_texture: Texture | None = None  # sRGB colour
 
 
@@ -72,8 +72,8 @@ class Mesh:
     """An indexed triangle mesh in its local space; its arrays are treated as immutable once in use.
 
     positions (n, 3) float32; triangles (m, 3) uint32; material_of_triangle (m,) uint32 into `materials`.
-    normals (n, 3) float32: a zero row asks for the geometric (flat) normal. tangents (n, 4) float32, w = +-1, zero rows
-    where there is none. texcoords (n, 2) float32, v downwards as glTF. colors (n, 4) float32 linear.
+    normals (n, 3) float32: a zero row selects the geometric (flat) normal. tangents (n, 4) float32, w = +-1, or zero
+    rows for none. texcoords (n, 2) float32, v pointing down as in glTF. colors (n, 4) float32, linear.
     """
 
     positions: NDArray[np.float32]
@@ -90,7 +90,7 @@ class Mesh:
 
 @dataclass(eq=False)
 class Instance:
-    """A mesh placed in the world by an affine (4, 4) float64 matrix; negative determinants are fine."""
+    """A mesh placed in the world by an affine (4, 4) float64 matrix, which may mirror it."""
 
     mesh: Mesh
     world_from_local: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
@@ -99,7 +99,10 @@ class Instance:
 
 @dataclass(eq=False)
 class PointLight:
-    """KHR_lights_punctual point: `intensity` in candela (W/sr), times `color`. E = I cos / d2. `range` is metadata."""
+    """KHR_lights_punctual point: `intensity` in candela (W/sr), times `color`. E = I cos / d2.
+
+    `range` (metres) limits the light only where a setting asks for it, as physical light has no range.
+    """
 
     position: Sequence[float]
     intensity: float = 1.0
@@ -110,10 +113,10 @@ class PointLight:
 
 @dataclass(eq=False)
 class SpotLight:
-    """KHR_lights_punctual spot: like a point, times saturate((cos - cos_outer)/(cos_inner - cos_outer))^2."""
+    """KHR_lights_punctual spot: a point light times saturate((cos - cos_outer)/(cos_inner - cos_outer))^2."""
 
     position: Sequence[float]
-    direction: Sequence[float]  # of travel, unit length not required
+    direction: Sequence[float]  # in which light travels, of any length
     inner_cone_angle: float = 0.0  # radians, half angles
     outer_cone_angle: float = np.pi / 4
     intensity: float = 1.0
@@ -124,9 +127,9 @@ class SpotLight:
 
 @dataclass(eq=False)
 class DirectionalLight:
-    """KHR_lights_punctual directional: `intensity` in lux (W/m2 on a plane facing it), times `color`."""
+    """KHR_lights_punctual directional: `intensity` in lux (W/m2 on a plane facing the light), times `color`."""
 
-    direction: Sequence[float]  # of travel
+    direction: Sequence[float]  # in which light travels, of any length
     intensity: float = 1.0
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     name: str = ""
@@ -137,7 +140,7 @@ Light = PointLight | SpotLight | DirectionalLight
 
 @dataclass(eq=False)
 class Environment:
-    """Light from infinitely far: constant radiance `color`, times an equirectangular `image` if there is one.
+    """Light from infinitely far away: radiance `color`, times an equirectangular `image` if there is one.
 
     `image` is (height, width, 3) float32 linear radiance, row 0 on top; u = atan2(x, -z)/2pi + rotation/2pi (so -Z is
     at the left edge, +X at 1/4), v = acos(y)/pi.
@@ -151,7 +154,7 @@ class Environment:
 
 @dataclass(eq=False)
 class Scene:
-    """Everything that a frame shows. `notes` says in sentences what loading changed, assumed or left out."""
+    """Everything that a frame shows. `notes` are sentences on what loading changed, assumed or left out."""
 
     instances: list[Instance] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
@@ -172,7 +175,7 @@ class Scene:
 
     @property
     def triangle_count(self) -> int:
-        """Triangles over all instances."""
+        """Triangles of all instances."""
         return sum(len(i.mesh.triangles) for i in self.instances)
 
     def bounds(self) -> NDArray[np.float64]:
@@ -191,7 +194,7 @@ class Scene:
         return np.stack([points.min(0), points.max(0)])
 
     def _repr_html_(self) -> str:
-        """What it holds, as a table in notebooks."""
+        """Return a summary as an HTML table, for notebooks."""
         low, high = self.bounds()
         lights = Counter(type(light).__name__ for light in self.lights)
         counts = {

@@ -1,1 +1,1 @@
-"""The scenes that come with the package, made from shapes."""
+"""The scenes that come with the package, made of simple shapes."""

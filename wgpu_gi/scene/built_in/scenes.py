@@ -1,7 +1,7 @@
-"""Procedural scenes with known answers: what a right renderer shows is written in each builder's docstring.
+"""Built-in scenes, most with a known solution, which the docstring of each function gives.
 
-Sources: Goral et al. 1984 and the Cornell University measurements of the box (colours, 1/100 of its millimetres);
-Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", C-11 (parallel squares).
+Sources: Goral et al. 1984 and Cornell University's data of the box (measured colours; a metre here is 100 mm of the
+original); Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", C-11 (parallel squares).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .shapes import Point3, arch, box, grid, prism, quad, quads, sphere
 
 
 def builtin_scene(name: str) -> Scene:
-    """Build the scene `name` of BUILTIN_SCENES with its default arguments; GiError lists the names otherwise."""
+    """Build the scene `name` of BUILTIN_SCENES with its default arguments. Raises GiError for other names."""
     if name not in BUILTIN_SCENES:
         close = difflib.get_close_matches(name, BUILTIN_SCENES, 1)
         hint = f"; did you mean {close[0]!r}?" if close else f"; there are {', '.join(BUILTIN_SCENES)}"
@@ -39,7 +39,7 @@ def matte(
 
 
 def _scene(meshes: list[Mesh], camera: Camera, lights: Sequence[Light] = (), sky: float | None = None) -> Scene:
-    """Put meshes at the origin, in a constant environment of radiance `sky` if given."""
+    """Return a scene of meshes in world space, in a constant environment of radiance `sky` if given."""
     return Scene(
         instances=[Instance(m, name=m.name) for m in meshes],
         lights=list(lights),
@@ -87,7 +87,7 @@ def _cornell_room(lights: Sequence[Light] = (), luminaire: bool = False) -> Scen
 
 
 def cornell() -> Scene:
-    """The Cornell box under its ceiling lamp, emission (17, 12, 4); no closed form, `scenes/cornell` is the same."""
+    """The Cornell box under its ceiling lamp, emission (17, 12, 4). No closed form; `scenes/cornell` is the same."""
     return _cornell_room(luminaire=True)
 
 
@@ -97,7 +97,7 @@ def cornell_point(intensity: float = 30.0) -> Scene:
 
 
 def cornell_spot(intensity: float = 400.0) -> Scene:
-    """The Cornell box lit by a narrow spot of `intensity` cd on the red wall: nearly all light is indirect."""
+    """The Cornell box under a narrow spot of `intensity` cd aimed at the red wall: nearly all light is indirect."""
     position, aim = np.array((1.0, 4.2, 1.0)), np.array((5.52, 2.4, 1.5))
     angles = (math.radians(10), math.radians(13))
     spot = SpotLight(position.tolist(), (aim - position).tolist(), *angles, intensity, (1.0, 0.95, 0.85), name="spot")
@@ -108,9 +108,9 @@ def cornell_spot(intensity: float = 400.0) -> Scene:
 
 
 def furnace(albedo: float = 0.5, sky: float = 1.0, subdivisions: int = 3) -> Scene:
-    """A convex matte ball in a constant environment: every pixel of it has L = albedo * sky, the others L = sky.
+    """A convex matte ball in a constant environment: L = albedo * sky on the ball, L = sky elsewhere.
 
-    A convex body sees only the sky, so E = pi sky everywhere, and more bounces add nothing.
+    Every point of a convex body sees only the sky, so E = pi sky, and there is no interreflection.
     """
     camera = Camera.look_at((0, 0, 3.5), (0, 0, 0), yfov_deg=40.0, name="front")
     return _scene([sphere(subdivisions=subdivisions, material=matte(albedo, "matte"), name="ball")], camera, sky=sky)
@@ -119,9 +119,9 @@ def furnace(albedo: float = 0.5, sky: float = 1.0, subdivisions: int = 3) -> Sce
 def sphere_light(radius: float = 2.0, albedo: float = 0.5, intensity: float = 10.0, subdivisions: int = 4) -> Scene:
     """A point light of I = `intensity` cd at the centre of a closed matte sphere of R = `radius`, camera inside.
 
-    Direct E = I/R2 everywhere. In a sphere interreflected light is uniform, so that bounce k adds rho^k of it:
-    direct L = rho E/pi, one bounce more rho2 E/pi, all L = rho E / (pi (1 - rho)). The facets (scaled to the sphere's
-    area) hold the mean exactly and single points within 0.5 % from 4 subdivisions on.
+    Direct E = I/R2 everywhere. Interreflected light in a sphere is uniform, and bounce k adds rho^k of it: direct
+    L = rho E/pi, the next bounce adds rho2 E/pi, and all bounces give L = rho E / (pi (1 - rho)). The facets, scaled to
+    the sphere's area, give the exact mean; from 4 subdivisions on, single points are within 0.5 %.
     """
     wall = sphere((0, 0, 0), radius, subdivisions, matte(albedo, "wall"), inward=True, name="sphere")
     camera = Camera.look_at((0, 0, radius / 2), (0, 0, -radius), yfov_deg=90.0, name="inside")
@@ -131,7 +131,7 @@ def sphere_light(radius: float = 2.0, albedo: float = 0.5, intensity: float = 10
 def closed_box(emission: float = 1.0, albedo: float = 0.5, size: Sequence[float] = (4.0, 3.0, 2.0)) -> Scene:
     """A closed box whose walls all emit Le and reflect rho, camera inside: L = Le / (1 - rho) in every pixel.
 
-    n bounces give Le (1 + rho + ... + rho^n): direct is rho Le, one more bounce rho2 Le.
+    Direct light adds rho Le, bounce k adds rho^(k + 1) Le.
     """
     half = np.asarray(size, np.float64) / 2
     room = box((-half).tolist(), half.tolist(), matte(albedo, "glow", emission), inward=True, name="room")
@@ -139,7 +139,7 @@ def closed_box(emission: float = 1.0, albedo: float = 0.5, size: Sequence[float]
 
 
 def plates_form_factor(distance: float = 1.0) -> float:
-    """Return the share of light from one of two aligned parallel unit squares that meets the other (Howell C-11)."""
+    """Return the form factor between two aligned parallel unit squares `distance` metres apart (Howell C-11)."""
     x = 1.0 / distance
     root = math.sqrt(1 + x * x)
     logarithm = math.log((1 + x * x) / math.sqrt(1 + 2 * x * x))
@@ -147,10 +147,11 @@ def plates_form_factor(distance: float = 1.0) -> float:
 
 
 def plates(distance: float = 1.0, emission: float = 1.0, albedo: float = 0.5) -> Scene:
-    """Two unit squares facing each other: the upper one emits Le and reflects nothing, the lower one reflects rho.
+    """Two unit squares facing each other: the upper one emits Le and is black, the lower one has albedo rho.
 
-    Mean E = pi Le F over the lower one, so the mean of the picture is L = rho Le F, F = `plates_form_factor(distance)`
-    (0.19982 at 1 m). The camera is orthographic, between the plates, and sees in a square picture just the lower one.
+    Over the lower one the mean of E is pi Le F, so the mean of the picture is L = rho Le F with
+    F = `plates_form_factor(distance)` (0.19982 at 1 m). The camera between the plates is orthographic and looks down; a
+    square picture shows exactly the lower one.
     """
     lower = quad((-0.5, 0, 0.5), (1, 0, 0), (0, 0, -1), matte(albedo, "receiver"), "receiver")
     lamp = matte(0.0, "lamp", emission, double_sided=False)
@@ -163,8 +164,9 @@ def plates(distance: float = 1.0, emission: float = 1.0, albedo: float = 0.5) ->
 def plane_point(height: float = 2.0, intensity: float = 10.0, albedo: float = 0.5, size: float = 8.0) -> Scene:
     """A matte floor under a point light of I = `intensity` cd at `height` h: L = rho I h / (pi (h2 + r2)^1.5).
 
-    r is the distance from the foot of the light at the origin: E = I cos/d2, L = rho E/pi. More bounces add nothing.
-    The camera looks straight down, orthographic, 4 m high, -Z on top: pixel centres map linearly to x and z.
+    r is the distance on the floor from the origin, below the light; E = I cos/d2, L = rho E/pi, and there is no
+    interreflection. The camera is orthographic, 4 m high, and looks down with -Z on top, so that pixels map linearly to
+    x and z.
     """
     floor = grid(size, material=matte(albedo, "floor"), name="floor")
     camera = Camera.look_at((0, 2 * height, 0), (0, 0, 0), up=(0, 0, -1), name="down")
@@ -173,7 +175,7 @@ def plane_point(height: float = 2.0, intensity: float = 10.0, albedo: float = 0.
 
 
 def plane_sun(lux: float = 3.0, zenith_deg: float = 60.0, albedo: float = 0.5, size: float = 8.0) -> Scene:
-    """A matte floor in the sun, `zenith_deg` from the vertical: L = albedo lux cos(zenith) / pi in every pixel."""
+    """A matte floor under a sun `zenith_deg` from the zenith: L = albedo lux cos(zenith) / pi in every pixel."""
     scene = plane_point(albedo=albedo, size=size)
     zenith = math.radians(zenith_deg)
     scene.lights = [DirectionalLight((math.sin(zenith), -math.cos(zenith), 0.0), lux, name="sun")]
@@ -182,8 +184,8 @@ def plane_sun(lux: float = 3.0, zenith_deg: float = 60.0, albedo: float = 0.5, s
 
 # ------------------------------------------------------------------------------------------------ light leaks
 
-# Lower and upper corner (x, y, z) of each block. Walls reach into floor, ceiling and each other, so that no ray finds
-# a gap where blocks touch. The corridor lies along x between z = -1 and 1; the sealed chamber has 10 cm walls.
+# Material, lower and upper corner (x, y, z) of each block. Walls overlap floor, ceiling and each other, so that no ray
+# passes between them. The corridor lies along x between z = -1 and 1; the sealed chamber has walls of 10 cm.
 CORRIDOR_BLOCKS: dict[str, tuple[str, Point3, Point3]] = {
     "floor": ("floor", (-0.4, -0.2, -4.8), (10.4, 0.0, 4.8)),
     "ceiling": ("grey", (-0.4, 2.6, -4.8), (10.4, 2.8, 4.8)),
@@ -209,10 +211,10 @@ CORRIDOR_BLOCKS: dict[str, tuple[str, Point3, Point3]] = {
 
 
 def corridor(lamp: float = 300.0, sealed_lamp: float = 1200.0) -> Scene:
-    """A dark corridor between a warm and a cool lit room, and a sealed chamber with a magenta lamp (cd).
+    """A dark corridor between two lit rooms, warm and cool, and a sealed chamber with a magenta lamp; lamps in cd.
 
-    The answer: no light leaves the chamber, so the picture does not change at all with `sealed_lamp`, and is black
-    with `lamp` 0. All light in the corridor comes through two doors, most of it after several bounces.
+    No light leaves the chamber, so the picture does not depend on `sealed_lamp`, and is black for `lamp` = 0. All light
+    in the corridor comes through two doors, most of it after several bounces.
     """
     materials = {
         "grey": matte(0.7, "grey"),
@@ -233,10 +235,10 @@ def corridor(lamp: float = 300.0, sealed_lamp: float = 1200.0) -> Scene:
 
 
 def curtain(lamp: float = 60.0) -> Scene:
-    """A room parted by a curtain of no thickness, with a lamp of `lamp` cd close to it on one side; no closed form.
+    """A room divided by a curtain of zero thickness, with a lamp of `lamp` cd close to one side of it; no closed form.
 
-    The curtain is a flat sheet whose front is the dark side, then a cloth in folds, then a gap of 1.2 m. The lamp's
-    cone ends before the gap, so that the half that is seen has no direct light: all comes around the curtain.
+    The curtain consists of a flat sheet, whose front faces the dark side, and a cloth in folds, then there is a gap of
+    1.2 m. The lamp's cone ends before the gap, so the visible half gets no direct light: all comes through the gap.
     """
     room = box((-3.0, 0.0, -2.0), (3.0, 2.6, 2.0), matte((0.7, 0.68, 0.64), "plaster"), inward=True, name="room")
     sheet = matte((0.25, 0.4, 0.7), "sheet", double_sided=False)
@@ -255,7 +257,8 @@ def curtain(lamp: float = 60.0) -> Scene:
 
 # ------------------------------------------------------------------------------------------------ outdoors
 
-# Blocks stand 10 cm deep in the ground. The wall with the gate lies along x at z = -6, open between x = -1.5 and 1.5.
+# Material, lower and upper corner of each block. Blocks reach 10 cm into the ground. The wall with the gate lies along
+# x at z = -6, open between x = -1.5 and 1.5.
 COURTYARD_BLOCKS: dict[str, tuple[str, Point3, Point3]] = {
     "gate_west": ("plaster", (-8.0, -0.1, -6.6), (-1.5, 4.6, -6.0)),
     "gate_east": ("plaster", (1.5, -0.1, -6.6), (7.0, 4.6, -6.0)),
@@ -277,7 +280,7 @@ COURTYARD_BLOCKS: dict[str, tuple[str, Point3, Point3]] = {
 
 
 def courtyard(lux: float = 3.0) -> Scene:
-    """A yard with a gate, a portico and a pole 6 cm thick under sun and sky, seen by a pedestrian; no closed form."""
+    """A courtyard with a gate, a portico and a pole 6 cm thick under sun and sky, from eye level; no closed form."""
     materials = {
         "plaster": matte((0.72, 0.66, 0.55), "plaster"),
         "brick": matte((0.55, 0.2, 0.13), "brick"),

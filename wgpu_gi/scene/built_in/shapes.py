@@ -1,7 +1,7 @@
-"""Meshes of simple shapes for tests and built-in scenes, flat-shaded: quads, box, prism, arch, sphere and grid.
+"""Flat-shaded meshes of simple shapes for built-in scenes and tests: quads, box, prism, arch, sphere and grid.
 
-Triangles are counter-clockwise seen from outside (from the tip of a quad's normal), so that emitters shine outwards;
-`inward` turns a closed shape into a room.
+Triangles are counter-clockwise seen from outside, or from the tip of a quad's normal, so that emitters emit outwards.
+`inward` makes a closed shape a room.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ def box(
 
 
 def quads(corners: Sequence[Sequence[Point3]], material: Material, name: str) -> Mesh:
-    """Make a mesh of quads given by their four corners."""
+    """Make a mesh of quads, each given by its four corners."""
     triangles = [(4 * i + a, 4 * i + b, 4 * i + c) for i in range(len(corners)) for a, b, c in ((0, 1, 2), (0, 2, 3))]
     return mesh([corner for four in corners for corner in four], triangles, material, name)
 
 
 def prism(footprint: Sequence[tuple[float, float]], height: float, material: Material, name: str) -> Mesh:
-    """Raise four (x, z) corners to a block with top, sides and bottom."""
+    """Make a block with top, sides and bottom from four (x, z) corners on the floor, `height` metres high."""
     low = [(x, 0.0, z) for x, z in footprint]
     top = [(x, height, z) for x, z in footprint]
     sides = [[low[i], top[i], top[(i + 1) % 4], low[(i + 1) % 4]] for i in range(4)]
@@ -66,10 +66,11 @@ def prism(footprint: Sequence[tuple[float, float]], height: float, material: Mat
 
 
 def arch(low: Point3, high: Point3, material: Material, name: str, segments: int = 16) -> Mesh:
-    """Make a block between two corners, along x, out of which a half circle of its width is cut from below."""
+    """Make a block between two corners with a semicircular opening as wide as the block, cut from below along z."""
     (left, spring, back), (right, top, front) = low, high
     radius, angles = (right - left) / 2, [math.pi * i / segments for i in range(segments + 1)]
     curve = [(left + radius * (1 - math.cos(a)), spring + radius * math.sin(a)) for a in angles]
+    # Front, back, underside and top of each segment, then the two ends.
     sides: list[list[Point3]] = []
     for (xa, ya), (xb, yb) in pairwise(curve):
         sides.append([(xa, ya, front), (xb, yb, front), (xb, top, front), (xa, top, front)])
@@ -93,6 +94,7 @@ def sphere(
 
     So the flux through it, and the mean irradiance from a light at its centre, are those of the sphere.
     """
+    # Begin with an icosahedron.
     golden = (1 + 5**0.5) / 2
     points = np.array(
         [
@@ -109,9 +111,11 @@ def sphere(
             *[(4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)],
         ]
     )
+    # Subdivide it on the unit sphere.
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     for _ in range(subdivisions):
         points, triangles = _subdivided(points, triangles)
+    # Scale it to the area of the sphere.
     a, b, c = (points[triangles[:, k]] for k in range(3))
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     scale = radius * (4 * np.pi / area) ** 0.5
@@ -125,7 +129,7 @@ def grid(
     centre: Sequence[float] = (0.0, 0.0, 0.0),
     name: str = "",
 ) -> Mesh:
-    """Make a square floor of `cells` x `cells` quads about `centre`, `size` metres wide, facing +Y."""
+    """Make a square floor of `cells` x `cells` quads around `centre`, `size` metres wide, facing +Y."""
     steps = np.linspace(-size / 2, size / 2, cells + 1)
     z, x = np.meshgrid(steps, steps, indexing="ij")
     positions = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(-1, 3) + np.asarray(centre, np.float64)
@@ -136,13 +140,13 @@ def grid(
 
 
 def _facing(triangles: object, inward: bool) -> NDArray[np.int64]:
-    """Return the triangles, turned round if `inward`."""
+    """Return the triangles, with reversed winding if `inward`."""
     array = np.asarray(triangles, np.int64)
     return array[:, ::-1] if inward else array
 
 
 def _subdivided(points: NDArray[np.float64], triangles: NDArray) -> tuple[NDArray[np.float64], NDArray]:
-    """Cut each triangle of a unit sphere into four and push the new vertices out to the sphere."""
+    """Divide each triangle of a unit sphere into four, with the new vertices on the sphere."""
     edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
     unique, inverse = np.unique(edges, axis=0, return_inverse=True)
     middles = points[unique].sum(1)

@@ -1,1 +1,1 @@
-"""Readers of meshes, environments, cameras and lights from files and from text; glTF has a folder of its own."""
+"""Readers of meshes, images, environments, cameras and lights from files and text; glTF has its own folder."""

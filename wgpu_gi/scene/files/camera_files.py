@@ -1,4 +1,4 @@
-"""Cameras that are not in the scene: from a small JSON file, or placed so that they frame the scene."""
+"""Cameras that are not part of the scene: from a JSON file or text, or placed so that they frame the scene."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from .read import read_file
 
 CAMERA_FIELDS = ("position", "target", "up", "yfov_deg", "orthographic_height")
 
-# From where objects show three faces: a little right of the front (+Z in glTF) and above.
+# From the front (+Z in glTF), the right and above, where a box shows three faces.
 FRAMING_DIRECTION = (0.55, 0.4, 0.75)
 FRAMING_YFOV_DEG = 45.0
-FRAMING_MARGIN = 1.05
+FRAMING_MARGIN = 1.05  # of the distance: 5 % of free picture around the bounding box
 
 
 def load_camera(path: str | Path) -> Camera:
     """Load a camera from JSON such as {"position": [0, 1, 5], "target": [0, 1, 0], "yfov_deg": 50}.
 
-    `position` and `target` are world points in metres; `up` ([0, 1, 0]) and `yfov_deg` (60, full vertical angle) may
-    be left out, and `orthographic_height` (metres) makes the projection parallel. The name is that of the file. Raises
-    GiError naming the first field that is missing or wrong.
+    `position` and `target` are world points in metres. `up` ([0, 1, 0]) and `yfov_deg` (60, full vertical angle) are
+    optional; `orthographic_height` (metres) makes the projection orthographic. The camera is named after the file.
+    Raises GiError for the first field that is missing or wrong.
     """
     path = Path(path)
     try:
@@ -47,7 +47,7 @@ def _parse_camera(text: str, where: str, name: str) -> Camera:
 
 
 def camera_fields(camera: Camera, distance: float) -> dict[str, Any]:
-    """Return the fields of a camera file for a camera that looks at a point `distance` metres before it."""
+    """Return the fields of a camera file for a camera whose target lies `distance` metres in front of it."""
     axes = camera.world_from_view[:3, :3]
     fields = {
         "position": camera.position.tolist(),
@@ -61,7 +61,8 @@ def camera_fields(camera: Camera, distance: float) -> dict[str, Any]:
 
 
 def camera_from(fields: Any, where: str, name: str = "") -> Camera:
-    """Return the camera that the fields of a camera file describe; `where` names the place in messages."""
+    """Return the camera that the fields of a camera file describe; `where` begins messages. Raises GiError."""
+    # Refuse unknown, missing and wrong fields.
     if not isinstance(fields, dict):
         raise GiError(f'{where} must hold an object such as {{"position": [0, 1, 5], "target": [0, 1, 0]}}')
     unknown = sorted(set(fields) - set(CAMERA_FIELDS))
@@ -79,6 +80,7 @@ def camera_from(fields: Any, where: str, name: str = "") -> Camera:
     height = fields.get("orthographic_height")
     if height is not None and not (_is_number(height) and height > 0):
         raise GiError(f"{where}: 'orthographic_height' must be a number of metres above 0, not {height!r}")
+    # Make the camera.
     position, target = _vector(where, fields, "position"), _vector(where, fields, "target")
     try:
         camera = Camera.look_at(position, target, up, float(yfov_deg), name)
@@ -96,7 +98,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _vector(where: str, fields: dict[str, Any], name: str) -> list[float]:
-    """Return three finite numbers, or say which field lacks them."""
+    """Return the three finite numbers of a field. Raises GiError for anything else."""
     value = fields[name]
     if not isinstance(value, list) or len(value) != 3 or not all(_is_number(v) for v in value):
         raise GiError(f"{where}: {name!r} must be three finite numbers, not {json.dumps(value)[:60]}")
@@ -104,10 +106,10 @@ def _vector(where: str, fields: dict[str, Any], name: str) -> list[float]:
 
 
 def framing_camera(scene: Scene) -> Camera:
-    """Return a camera outside the scene that sees all of it, from the front right and a little above.
+    """Return a camera outside the scene that sees all of it, from the front, the right and above.
 
-    Every corner of the bounding box lies inside a square picture, so wider ones have room at the sides. An empty
-    scene or one without extent is looked at from a distance of its own order (at least 1 m for a point).
+    Every corner of the bounding box lies inside a square picture; wider pictures have room at the sides. A scene
+    without extent is seen from 1 m.
     """
     low, high = scene.bounds()
     centre, half = (low + high) / 2, (high - low) / 2
@@ -123,11 +125,11 @@ def framing_camera(scene: Scene) -> Camera:
 
 
 def choose_camera(scene: Scene, selector: str | int | None = None, folder: Path | None = None) -> Camera:
-    """Return the camera that `selector` names: a name or index in the scene, or a .json file; None: the first.
+    """Return the camera that `selector` names; None is the first camera.
 
-    Names win over indices. A relative file is looked for in the working folder, then in `folder` (the scene's). What
-    such a file holds is taken, too. A scene without cameras has a framing one. Raises GiError listing the cameras if
-    there is none such.
+    `selector` is a name or an index in the scene, a .json file, or the text of such a file. Names come before indices.
+    A relative file is looked up in the working folder, then in `folder` (the scene's). A scene without cameras has a
+    framing one. Raises GiError with a list of the cameras if there is no such camera.
     """
     cameras = scene.cameras or [framing_camera(scene)]
     if selector is None:

@@ -1,4 +1,7 @@
-"""Cameras that move from frame to frame: once round the scene, or along the keys of a JSON file."""
+"""Cameras that move from frame to frame: a turntable around the scene, or keyframes from a JSON file.
+
+Keyframes are joined by cubic Hermite splines with finite-difference tangents.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +26,9 @@ CameraAt = Callable[[int], Camera]  # the camera of a frame
 
 
 def turntable(camera: Camera, scene: Scene, frames: range) -> CameraAt:
-    """Return a camera that goes once round the middle of the scene's bounding box, counter-clockwise from above.
+    """Return a camera that circles the middle of the scene's bounding box once, counter-clockwise from above.
 
-    The first of `frames` is `camera` itself; one after the last would be, too, so that the frames repeat seamlessly.
+    The first of `frames` shows `camera` itself, and so would the one after the last: the frames loop seamlessly.
     """
     low, high = scene.bounds()
     centre = (low + high) / 2
@@ -43,12 +46,13 @@ def turntable(camera: Camera, scene: Scene, frames: range) -> CameraAt:
 
 
 def load_camera_path(path: str | Path) -> CameraAt:
-    """Load a camera that moves smoothly through keys, from JSON such as [{"frame": 0, "position": ..., "target": ...}].
+    """Load a camera that moves through keyframes, from JSON such as [{"frame": 0, "position": ..., "target": ...}].
 
-    A key has the fields of a camera file and its `frame`; frames ascend. Between keys position, target, up and angle
-    follow cubics that pass each key with the slope of the parabola through it and its neighbours; before the first key
-    and after the last one the camera stands still. Raises GiError naming the key that is wrong.
+    A key has the fields of a camera file and its `frame`; frames must ascend. Position, target, up and angle follow
+    cubic Hermite splines whose tangent at a key is that of the parabola through it and its neighbours. Before the first
+    and after the last key the camera stands still. Raises GiError for the first key that is wrong.
     """
+    # Read and check the keys.
     path = Path(path)
     try:
         keys = json.loads(read_file(path, "camera path").decode("utf-8-sig"))
@@ -73,17 +77,17 @@ def load_camera_path(path: str | Path) -> CameraAt:
 
 
 def _key(where: str, key: Any) -> tuple[int, list[float]]:
-    """Return the frame of a key, and its position, target, up and angle in a row."""
+    """Return the frame of a key, and its position, target, up and angle in one list."""
     if not isinstance(key, dict) or type(key.get("frame")) is not int:
         raise GiError(f"{where}: the field 'frame' must be a whole number")
     fields = {name: value for name, value in key.items() if name != "frame"}
-    camera_from(fields, where)  # refuses what no camera can have
+    camera_from(fields, where)  # raises GiError for wrong fields
     up, angle = fields.get("up", [0.0, 1.0, 0.0]), fields.get("yfov_deg", 60.0)
     return key["frame"], [*map(float, (*fields["position"], *fields["target"], *up)), float(angle)]
 
 
 def _through(frames: Sequence[int], values: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
-    """Return the value at `frame` of the cubics through `values` at `frames`."""
+    """Return the value at `frame` of the splines through `values` (n, 10) at `frames`."""
     if frame <= frames[0]:
         return values[0]
     if frame >= frames[-1]:

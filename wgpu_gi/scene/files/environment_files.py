@@ -1,6 +1,7 @@
-"""Environments: a constant radiance, or an equirectangular Radiance .hdr/.pic or OpenEXR picture.
+"""Environments: a constant radiance, or an equirectangular map from a Radiance (.hdr, .pic) or OpenEXR file.
 
-The .hdr reader is our own (numpy only), after Ward, "The RADIANCE Picture File Format": flat, old and new run lengths.
+Radiance files are read with numpy after Ward, "The RADIANCE Picture File Format": uncompressed, and with old and new
+run-length encoding. OpenEXR files are read by the OpenEXR package.
 """
 
 from __future__ import annotations
@@ -23,22 +24,22 @@ from .read import read_file
 
 ENVIRONMENT_EXTENSIONS = (".hdr", ".pic", ".exr")
 
-# 16384 x 8192 is the largest map sold; its floats are 1.5 GiB. What announces more is damaged or hostile.
+# 16384 x 8192 is the largest map in circulation, 1.5 GiB as floats. A file that announces more is damaged or hostile.
 LARGEST_SIDE = 16384
 MOST_PIXELS = 16384 * 8192
 
 MAX_TEXTURE = 8192  # WebGPU's default limit for a side
 
-# The disc of the sun has about 1.6e9 cd/m2; above, a value is an error that would drown the picture.
+# The sun's disc has a luminance of 1.6e9 cd/m2; larger values are errors, and would outshine everything else.
 LARGEST_RADIANCE = 1e10
 
 
 def load_environment(text: str | Path, notes: list[str] | None = None) -> Environment:
     """Return the environment that `text` names: "R,G,B" (constant radiance, W/(m2 sr)) or a .hdr, .pic or .exr file.
 
-    Pictures are equirectangular with -Z at the left edge, +X at a quarter and +Y on top; rows and columns are kept as
-    stored. Negative, NaN and infinite pixels become 0, absurd ones 1e10, and `notes` receives a sentence saying so.
-    Raises GiError for negative or non-finite colours and for missing, foreign, damaged or oversized files.
+    Maps are equirectangular with -Z at the left edge, +X at a quarter of the width and +Y on top. Negative, NaN and
+    infinite pixels become 0, and radiance is limited to 1e10; `notes` receives a sentence that says so. Raises GiError
+    for negative or non-finite colours and for missing, foreign, damaged or oversized files.
     """
     extension = Path(text).suffix.lower()
     if extension not in ENVIRONMENT_EXTENSIONS:
@@ -49,6 +50,7 @@ def load_environment(text: str | Path, notes: list[str] | None = None) -> Enviro
 
 
 def _constant_color(text: str) -> tuple[float, float, float]:
+    """Parse "R,G,B", or one number for grey."""
     words = text.split(",")
     try:
         values = [float(word) for word in words]
@@ -64,7 +66,7 @@ def _constant_color(text: str) -> tuple[float, float, float]:
 
 
 def _sanitised(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> NDArray[np.float32]:
-    """Replace what is no radiance by black, and limit what no sky has."""
+    """Replace values that cannot be radiance by 0, and limit others to LARGEST_RADIANCE."""
     with np.errstate(invalid="ignore"):
         bad = ~(np.isfinite(image) & (image >= 0))
         absurd = image > LARGEST_RADIANCE
@@ -92,7 +94,7 @@ def _reduced(image: NDArray[np.float32], path: Path, notes: list[str] | None) ->
 
 
 def _check_size(width: int, height: int, source: str) -> None:
-    """Refuse, before anything is allocated, sizes that no map has."""
+    """Raise GiError, before anything is allocated, for sizes that no map has."""
     if width < 1 or height < 1:
         raise GiError(f"environment map {source} has no pixels ({width}x{height})")
     if max(width, height) > LARGEST_SIDE or width * height > MOST_PIXELS:
@@ -105,6 +107,7 @@ def read_hdr(data: bytes, source: str) -> NDArray[np.float32]:
     EXPOSURE lines are divided out, as the format asks. Raises GiError for XYZE data, for other orientations than
     `-Y height +X width`, and for truncated or damaged data.
     """
+    # Read the header: format, orientation and size.
     header, separator, body = data.partition(b"\n\n")
     if not header.startswith(b"#?") or not separator:
         raise GiError(f"{source} is not a Radiance picture: its header (#?RADIANCE) is missing")
@@ -115,25 +118,27 @@ def read_hdr(data: bytes, source: str) -> NDArray[np.float32]:
     if match is None:
         raise GiError(f"{source}: the line with the picture's size is missing or damaged")
     if (match[1], match[3]) != (b"-Y", b"+X"):
-        raise GiError(f"{source} is stored {match[1].decode()} {match[3].decode()}; only -Y +X (row 0 on top) is read")
+        raise GiError(
+            f"{source} is stored {match[1].decode()} {match[3].decode()}; only -Y +X (row 0 on top) can be read"
+        )
     height, width = int(match[2]), int(match[4])
     _check_size(width, height, source)
-    # Even the best run length needs 8 bytes a row: more rows than that cannot be there.
+    # Refuse files that are too short for their size before allocating it; the best compression leaves 8 bytes a row.
     if len(body) < 8 * height and len(body) < 4 * width * height:
         raise GiError(f"{source} is truncated: {len(body)} bytes cannot hold {width}x{height} pixels")
     try:
         rgbe = _decode_rows(body, width, height)
     except IndexError:
         raise GiError(f"{source} is truncated or damaged: its run lengths do not fit {width}x{height} pixels") from None
-    # Mantissas are 8-bit fractions, the exponent is biased by 128; exponent 0 means black. No half step is added, so
-    # that round values stay exact and pictures agree with other renderers (writers truncate: up to 0.8 % dark).
+    # Decode: mantissas are 8-bit fractions, the exponent is biased by 128, and exponent 0 means black. No half step is
+    # added, so that round values stay exact and maps agree with other renderers (writers truncate: up to 0.8 % dark).
     exponent = rgbe[..., 3:].astype(np.int32)
     scale = np.where(exponent > 0, np.ldexp(np.float32(1), exponent - 136), np.float32(0)).astype(np.float32)
     return rgbe[..., :3].astype(np.float32) * (scale / np.float32(_exposure(header, source)))
 
 
 def _exposure(header: bytes, source: str) -> float:
-    """Return the product of all EXPOSURE lines: what the stored pixels were multiplied by."""
+    """Return the product of all EXPOSURE lines, by which the stored pixels were multiplied."""
     try:
         exposure = math.prod(float(line[9:]) for line in header.splitlines() if line.startswith(b"EXPOSURE="))
     except ValueError:
@@ -144,7 +149,7 @@ def _exposure(header: bytes, source: str) -> float:
 
 
 def _decode_rows(body: bytes, width: int, height: int) -> NDArray[np.uint8]:
-    """Undo the run lengths; each row says by its first bytes whether it is of the new kind. IndexError if it ends."""
+    """Decode all rows; the first bytes of a row tell which encoding it has. IndexError if the data ends."""
     rgbe = np.empty((height, width, 4), np.uint8)
     new_mark = bytes([2, 2, width >> 8, width & 255])
     at = 0
@@ -157,7 +162,7 @@ def _decode_rows(body: bytes, width: int, height: int) -> NDArray[np.uint8]:
 
 
 def _decode_new_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
-    """Fill a row stored as four planes of runs (count > 128: repeat a byte; else copy) and return where it ends."""
+    """Decode a row of the new encoding, four planes of runs (count > 128: repeat a byte), and return where it ends."""
     for channel in range(4):
         plane = bytearray()
         while len(plane) < len(row):
@@ -175,7 +180,8 @@ def _decode_new_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
 
 
 def _decode_old_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
-    """Fill a row of plain pixels, where a pixel (1, 1, 1, n) repeats the one before, and return where it ends."""
+    """Decode a row of the old encoding, where a pixel (1, 1, 1, n) repeats the one before; return where it ends."""
+    # A row without repeats is copied at once.
     plain = np.frombuffer(body[at : at + row.size], np.uint8)
     if len(plain) == row.size and not (plain.reshape(row.shape)[:, :3] == 1).all(1).any():
         row[:] = plain.reshape(row.shape)
@@ -190,7 +196,7 @@ def _decode_old_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
             pixels += pixel
             shift = 0
         else:
-            # Counts of consecutive repeats are digits to the base 256, the lowest first.
+            # Consecutive repeats are the digits of one count to the base 256, the lowest first.
             repeats = pixel[3] << shift
             if not pixels or 4 * repeats > row.size - len(pixels):
                 raise IndexError
@@ -207,6 +213,7 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
 
     if read_file(path, "environment map")[:4] != b"\x76\x2f\x31\x01":
         raise GiError(f"{path} is not an OpenEXR file: its first bytes are wrong")
+    # Check the size before reading the pixels.
     try:
         with _silent_c_library():
             low, high = OpenEXR.File(str(path), header_only=True).header()["dataWindow"]
@@ -219,6 +226,7 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
         raise
     except Exception as error:  # the library raises RuntimeError, ValueError and others
         raise GiError(f"environment map {path} is truncated or damaged ({error})") from None
+    # Stack the channels.
     names = ("R", "G", "B") if {"R", "G", "B"} <= set(channels) else ("Y", "Y", "Y")
     planes = [channels[name].pixels for name in names if name in channels]
     if len(planes) < 3 or any(plane is None or plane.shape != (height, width) for plane in planes):
@@ -228,7 +236,7 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
 
 @contextmanager
 def _silent_c_library() -> Iterator[None]:
-    """Send what the OpenEXR library prints (file descriptors 1 and 2) nowhere; its errors arrive as exceptions."""
+    """Suppress what the OpenEXR library prints to file descriptors 1 and 2; its errors also arrive as exceptions."""
     sys.stdout.flush()
     sys.stderr.flush()
     saved = [(fd, os.dup(fd)) for fd in (1, 2)]

@@ -1,4 +1,4 @@
-"""Lights as a line of text says them: new ones, and changes of those that a scene has."""
+"""Lights as text, for the command line and the viewer: new lights, and changes of a scene's lights."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections.abc import Iterable
 from ...errors import GiError
 from ..scene import DirectionalLight, Light, PointLight, Scene
 
-ENVIRONMENT = "env"  # as the name of a light
+ENVIRONMENT = "env"  # names the environment among the lights
 
 
 def parse_light(text: str) -> Light:
     """Return the light that "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b" describes.
 
-    The sun's direction is that of travel and its r,g,b are lux (W/m2) on a plane facing it; a point's position is in
-    metres and its r,g,b are candela (W/sr). One value instead of three is white light. Raises GiError if malformed,
-    not finite or negative, or without direction.
+    A sun has the direction in which its light travels, and r,g,b in lux (W/m2 on a plane facing it); a point has its
+    position in metres, and r,g,b in candela (W/sr). One number instead of three means white. Raises GiError for text
+    that is malformed, not finite or negative, and for a sun without direction.
     """
     words = text.split()
     if len(words) != 3 or words[0] not in ("sun", "point"):
@@ -32,25 +32,29 @@ def parse_light(text: str) -> Light:
 
 
 def relight(scene: Scene, text: str) -> None:
-    """Change a light of the scene as "LIGHT=r,g,b" says, a sun's direction, too: "LIGHT=r,g,b dx,dy,dz".
+    """Change a light of the scene by "LIGHT=r,g,b", or a sun's direction, too, by "LIGHT=r,g,b dx,dy,dz".
 
-    LIGHT is a place in `scene.lights`, from 0, or a name; places win. "env=r,g,b" is the environment's constant
-    radiance, or what multiplies its picture; "env=r,g,b degrees" also turns the picture about +Y. Units are those of
-    `parse_light`. Raises GiError if malformed, not finite or negative, and listing the lights if there is none such.
+    LIGHT is an index into `scene.lights` or a name; indices come before names. "env=r,g,b" sets the radiance of the
+    environment, which multiplies its map; "env=r,g,b degrees" also rotates the map about +Y. Units are those of
+    `parse_light`. Raises GiError for text that is malformed, not finite or negative, and with a list of the lights if
+    there is no such light.
     """
+    # Parse the text.
     name, _, rest = text.rpartition("=")
     words = rest.split()
     if not name or len(words) not in (1, 2):
         raise GiError(f'light {text!r} is not understood; write "LIGHT=r,g,b", for a sun also "LIGHT=r,g,b dx,dy,dz"')
     color = _color(text, words[0])
     more = _numbers(text, words[1]) if len(words) == 2 else None
+    # Change the environment.
     if name == ENVIRONMENT and scene.environment is not None:
         if more is not None and len(more) != 1:
-            raise GiError(f"light {text!r}: an environment is turned by one number, in degrees")
+            raise GiError(f"light {text!r}: the rotation of the environment must be one number, in degrees")
         scene.environment.color = color
         if more is not None:
             scene.environment.rotation = math.radians(more[0])
         return
+    # Change a light.
     light = _light(scene, name)
     if light is None:
         known = [f"{place} {light.name!r}" for place, light in enumerate(scene.lights[:20])]
@@ -58,13 +62,13 @@ def relight(scene: Scene, text: str) -> None:
         raise GiError(f"light {text!r}: there is no light {name!r}; this scene has {', '.join(known) or 'none'}")
     if more is not None:
         if not isinstance(light, DirectionalLight):
-            raise GiError(f"light {text!r}: only of a sun the direction can be changed")
+            raise GiError(f"light {text!r}: only suns have a direction that can be changed")
         light.direction = _direction(text, more)
     light.intensity, light.color = 1.0, color
 
 
 def light_texts(scene: Scene) -> list[str]:
-    """Return what makes each light, and then the environment, what it is by `relight`."""
+    """Return the texts by which `relight` would set each light, and then the environment, to its present values."""
     texts = []
     for place, light in enumerate(scene.lights):
         text = f"{place}={_list(light.intensity * part for part in light.color)}"
@@ -76,14 +80,14 @@ def light_texts(scene: Scene) -> list[str]:
 
 
 def _light(scene: Scene, name: str) -> Light | None:
-    """Return the light at a place, else the first of a name."""
+    """Return the light with an index, else the first one with a name."""
     if name.isdecimal() and int(name) < len(scene.lights):
         return scene.lights[int(name)]
     return next((light for light in scene.lights if light.name == name), None)
 
 
 def _color(text: str, word: str) -> tuple[float, float, float]:
-    """Return r,g,b; one value is white."""
+    """Parse r,g,b, or one number for white."""
     color = _numbers(text, word)
     color = color * 3 if len(color) == 1 else color
     if len(color) != 3:
@@ -94,6 +98,7 @@ def _color(text: str, word: str) -> tuple[float, float, float]:
 
 
 def _direction(text: str, direction: list[float]) -> list[float]:
+    """Return `direction` if it is one. Raises GiError otherwise."""
     if len(direction) != 3:
         raise GiError(f"light {text!r} needs three numbers for its direction")
     if not any(direction):
@@ -113,5 +118,5 @@ def _numbers(text: str, word: str) -> list[float]:
 
 
 def _list(values: Iterable[float]) -> str:
-    """Write numbers with all digits that the GPU's have."""
+    """Write numbers with the nine digits that float32 needs."""
     return ",".join(f"{float(value):.9g}" for value in values)

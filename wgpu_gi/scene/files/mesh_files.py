@@ -1,11 +1,11 @@
-"""Mesh files without lights or cameras, OBJ, PLY, STL and OFF, to a Scene.
+"""Reads mesh files (OBJ, PLY, STL, OFF) as scenes of one mesh, without lights or cameras.
 
-PLY and STL go through trimesh's parsers (imported when needed; the import takes up to a second). Only their raw arrays
-are used: trimesh's own mesh class merges vertices and invents normals. Why OBJ does not: see `obj.py`.
+PLY and STL are parsed by trimesh, which is imported when needed, since that takes up to a second. Only its raw arrays
+are used: its mesh class merges vertices and invents normals. OBJ is parsed by `obj`, OFF here.
 
-Conventions: units are metres and Y is up, as the numbers stand. 8-bit vertex and face colours of PLY are sRGB, float
-ones linear. Normals are smooth only where the file has vertex normals (OBJ, PLY), flat otherwise. A surface without
-material is matte light grey. For materials and textures of OBJ see `obj.read_mtl`.
+Conventions: coordinates are metres with Y up, unchanged. 8-bit vertex and face colours of PLY are sRGB, float ones
+linear. Shading is smooth only where the file has vertex normals (OBJ, PLY). A surface without material is matte light
+grey. For materials and textures of OBJ see `obj.read_mtl`.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off")
 def load_mesh_file(path: str | Path) -> Scene:
     """Load an OBJ, PLY, STL or OFF file as a scene of one mesh, without lights and cameras.
 
-    Positions are stored relative to the box centre, which is the instance's translation (float64). What was left out
-    (degenerate triangles, missing textures, transparency) is said in `Scene.notes`. Raises GiError for a missing,
-    empty, damaged or foreign file, for indices out of range, NaN or infinite vertices, and for a file without faces.
+    Positions are stored relative to the box centre, which is the instance's translation (float64). `Scene.notes` says
+    what was left out (degenerate triangles, missing textures, transparency). Raises GiError for a missing, empty,
+    damaged or foreign file, for indices out of range, NaN or infinite vertices, and for a file without faces.
     """
     path = Path(path)
     extension = path.suffix.lower()
@@ -53,9 +53,9 @@ def _read_ply(path: Path, notes: list[str]) -> RawMesh:
     data = read_file(path, "PLY file")
     with _silence():
         try:
-            # Without fix_texture, which would renumber vertices but not their normals and colours.
+            # fix_texture would renumber vertices, but not their normals and colours.
             return _raw_mesh(load_ply(BytesIO(data), fix_texture=False, skip_materials=True))
-        except Exception as error:  # trimesh raises whatever numpy does on such bytes
+        except Exception as error:  # trimesh lets any of numpy's exceptions through
             reason = "damaged, truncated or another format"
             if "unexpected length" in str(error):
                 reason = "truncated, or binary with polygons of different sizes: export it as triangles"
@@ -66,17 +66,18 @@ def _read_stl(path: Path, notes: list[str]) -> RawMesh:
     from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
 
     data = read_file(path, "STL file")
-    # A binary file may begin with "solid", too; only its length tells.
+    # Tell binary from text by the length, since binary files may begin with "solid", too.
     announced = 84 + 50 * int.from_bytes(data[80:84], "little")
     text = data.decode("utf-8-sig", errors="replace").lower() if announced != len(data) else ""
     if not text.lstrip().startswith("solid"):
         if announced > len(data):
-            raise GiError(f"{path} is truncated or no STL file: it announces {announced} bytes and has {len(data)}")
+            raise GiError(f"{path} is truncated or not an STL file: it announces {announced} bytes and has {len(data)}")
         load, data = load_stl_binary, data[:announced]
     elif "endsolid" not in text:
         raise GiError(f"{path} is truncated: there is no 'endsolid'")
     else:
         load, data = load_stl_ascii, text.encode()
+    # Join the solids of the file.
     with _silence():
         try:
             arrays = load(BytesIO(data))
@@ -90,12 +91,12 @@ def _read_stl(path: Path, notes: list[str]) -> RawMesh:
 
 
 def _read_off(path: Path, notes: list[str]) -> RawMesh:
-    """Read text OFF on our own, for trimesh fails on polygons of five corners; colours and normals are skipped."""
+    """Read a text OFF file, whose polygons of five corners trimesh cannot read; skip colours and normals."""
     text = read_file(path, "OFF file").decode("utf-8-sig", errors="replace")
     lines = [words for line in text.splitlines() if (words := line.split("#")[0].split())]
     if not lines or not lines[0][0].upper().endswith("OFF"):
         raise GiError(f"{path} is not an OFF file: it does not begin with the word OFF")
-    # The counts may stand beside the word or below it.
+    # The counts may follow the word OFF on its line or below it.
     lines = [lines[0][1:], *lines[1:]] if len(lines[0]) > 1 else lines[1:]
     try:
         vertex_count, face_count = int(lines[0][0]), int(lines[0][1])
@@ -115,7 +116,7 @@ def _read_off(path: Path, notes: list[str]) -> RawMesh:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep trimesh's log lines and numpy's warnings from the user; text that stops being numbers becomes an error."""
+    """Suppress trimesh's log and numpy's warnings; raise numpy's warnings about text that is not a number."""
     logger = logging.getLogger("trimesh")
     before = logger.disabled
     logger.disabled = True
@@ -130,7 +131,7 @@ def _silence() -> Iterator[None]:
 
 
 def _raw_mesh(arrays: dict[str, Any]) -> RawMesh:
-    """Turn trimesh's arrays into triangles; face colours give each triangle corners of its own."""
+    """Turn trimesh's arrays into triangles; with face colours, triangles share no vertices."""
     positions = np.asarray(arrays.get("vertices", ()), np.float64).reshape(-1, 3)
     faces = np.asarray(arrays.get("faces", ()))
     corners = faces.shape[1] if faces.ndim == 2 else 3
@@ -147,7 +148,7 @@ def _raw_mesh(arrays: dict[str, Any]) -> RawMesh:
 
 
 def _linear_colors(colors: NDArray | None) -> NDArray[np.float64] | None:
-    """Return RGBA in linear light: integers are sRGB of their full range, floats are linear already."""
+    """Return linear RGBA; integers are sRGB over their full range, floats are linear."""
     if colors is None or len(colors) == 0:
         return None
     if colors.dtype.kind in "ui":
@@ -159,7 +160,7 @@ def _linear_colors(colors: NDArray | None) -> NDArray[np.float64] | None:
 
 
 def _join(meshes: list[RawMesh]) -> RawMesh:
-    """Concatenate meshes without attributes, as the solids of an STL file are; a single mesh stays as it is."""
+    """Concatenate meshes without attributes, such as the solids of an STL file; a single one is returned unchanged."""
     if len(meshes) == 1:
         return meshes[0]
     counts = [0, *(len(mesh.positions) for mesh in meshes)]

@@ -1,14 +1,13 @@
-"""Wavefront OBJ with its MTL materials, read on our own.
+"""Reads Wavefront OBJ files with their MTL materials.
 
-trimesh counts negative indices from the end of the file instead of from the face's own line (the common Cornell box
-files come out folded together), reads one material library only, rounds `Kd` to 8 bits, keeps `Ke` as text and loses
-missing textures silently.
+Not by trimesh, which counts negative indices from the end of the file instead of from the face's line (this breaks the
+common Cornell box files), reads only one material library, rounds `Kd` to 8 bits, keeps `Ke` as text and does not
+report missing textures.
 """
 
 from __future__ import annotations
 
-import warnings
-from io import BytesIO
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,66 +19,76 @@ from ..scene import Image, Material, Texture
 from .raw_mesh import RawMesh, clay, default_material, fans
 from .read import path_inside, read_file
 
-# An 8192 x 8192 picture, the largest texture that WebGPU promises; decoded it takes 256 MiB.
-MOST_TEXTURE_PIXELS = 8192 * 8192
-
-# How many values the texture options of MTL take at most (`-s 2 2 2 wood.png`).
+# The most values that each texture option of MTL takes (`-s 2 2 2 wood.png`).
 TEXTURE_OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
 
 
 def read_obj(path: Path, notes: list[str]) -> RawMesh:
-    """Read polygons (as fans), normals, texture coordinates, vertex colours and materials of an OBJ file.
+    """Read polygons, normals, texture coordinates, vertex colours and materials of an OBJ file.
 
-    Vertices are one per distinct `v/vt/vn`. Vertex colours (`v x y z r g b`) are sRGB, as Blender and MeshLab write
-    them. Smoothing groups, lines, points, curves and surfaces are skipped. Raises GiError for malformed numbers
+    There is one vertex for each distinct `v/vt/vn`. Vertex colours (`v x y z r g b`) are sRGB, as Blender and MeshLab
+    write them. Smoothing groups, lines, points, curves and surfaces are skipped. Raises GiError for malformed numbers
     and indices out of range.
     """
+    lines = _read_lines(path)
+    index, ids = _unique_corners(path, lines.corners, {key: len(rows) for key, rows in lines.rows.items()})
+    triangles, face = fans(ids, np.array(lines.corner_counts, np.int64))
+    materials = _materials(path, lines.libraries, list(lines.materials), notes)
+    positions, colors = _positions(path, lines.rows["v"])
+    if -1 in lines.material_of_face:
+        materials.append(default_material(colors))
+    # -1, no material, becomes the last one, which is the default just appended.
+    material_of_face = np.array(lines.material_of_face, np.int64) % max(len(materials), 1)
+    return RawMesh(
+        positions=positions[index[:, 0]],
+        triangles=triangles,
+        materials=materials,
+        material_of_triangle=material_of_face[face].astype(np.uint32),
+        normals=_attribute(path, lines.rows["vn"], index[:, 2], 3, "vn"),
+        texcoords=_flip_v(_attribute(path, lines.rows["vt"], index[:, 1], 2, "vt")),
+        colors=None if colors is None else colors[index[:, 0]],
+    )
+
+
+@dataclass
+class _Lines:
+    """The lines of an OBJ file by kind, faces as the texts of their corners with positive indices."""
+
+    rows: dict[str, list[str]] = field(default_factory=lambda: {"v": [], "vt": [], "vn": []})
+    corners: list[str] = field(default_factory=list)
+    corner_counts: list[int] = field(default_factory=list)
+    material_of_face: list[int] = field(default_factory=list)  # into `materials`; -1: none
+    materials: dict[str, int] = field(default_factory=dict)  # those used, in order
+    libraries: list[str] = field(default_factory=list)
+
+
+def _read_lines(path: Path) -> _Lines:
+    """Sort the lines of a file by their first word."""
     text = read_file(path, "OBJ file").decode("utf-8-sig", errors="replace").replace("\\\r\n", " ").replace("\\\n", " ")
-    rows: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
-    corners: list[str] = []
-    corner_counts: list[int] = []
-    used: dict[str, int] = {}
-    material_of_face: list[int] = []
-    libraries: list[str] = []
-    material = -1
+    found, material = _Lines(), -1
     for line in text.splitlines():
         words = line.split(None, 1)
         if len(words) < 2:
             continue
         key, rest = words
-        if key in rows:
-            rows[key].append(rest)
+        if key in found.rows:
+            found.rows[key].append(rest)
         elif key == "f":
             refs = rest.split("#")[0].split()
             if "-" in rest:
-                refs = [_absolute(ref, rows) for ref in refs]
-            corners += refs
-            corner_counts.append(len(refs))
-            material_of_face.append(material)
+                refs = [_absolute(ref, found.rows) for ref in refs]
+            found.corners += refs
+            found.corner_counts.append(len(refs))
+            found.material_of_face.append(material)
         elif key == "usemtl":
-            material = used.setdefault(rest.strip(), len(used))
+            material = found.materials.setdefault(rest.strip(), len(found.materials))
         elif key == "mtllib":
-            libraries.append(rest.strip())
-    index, ids = _unique_corners(path, corners, {key: len(lines) for key, lines in rows.items()})
-    triangles, face = fans(ids, np.array(corner_counts, np.int64))
-    materials = _materials(path, libraries, list(used), notes)
-    positions, colors = _positions(path, rows["v"])
-    if -1 in material_of_face:
-        materials.append(default_material(colors))
-    return RawMesh(
-        positions=positions[index[:, 0]],
-        triangles=triangles,
-        materials=materials,
-        # -1, "no material yet", counts from the end: the default just appended.
-        material_of_triangle=(np.array(material_of_face, np.int64)[face] % max(len(materials), 1)).astype(np.uint32),
-        normals=_attribute(path, rows["vn"], index[:, 2], 3, "vn"),
-        texcoords=_flip_v(_attribute(path, rows["vt"], index[:, 1], 2, "vt")),
-        colors=None if colors is None else colors[index[:, 0]],
-    )
+            found.libraries.append(rest.strip())
+    return found
 
 
 def _absolute(ref: str, rows: dict[str, list[str]]) -> str:
-    """Turn the negative indices of one corner into positive ones; they count back from the newest row."""
+    """Turn the negative indices of a corner, which count back from the latest row, into positive ones."""
     parts = ref.split("/")
     for k, (part, lines) in enumerate(zip(parts, rows.values(), strict=False)):
         if part.startswith("-") and part[1:].isdigit():
@@ -88,7 +97,7 @@ def _absolute(ref: str, rows: dict[str, list[str]]) -> str:
 
 
 def _unique_corners(path: Path, corners: list[str], counts: dict[str, int]) -> tuple[NDArray, NDArray]:
-    """Return the distinct corners as 0-based indices (n, 3) of v, vt, vn (-1: none), and each corner's row there."""
+    """Return the distinct corners as 0-based indices (n, 3) of v, vt, vn (-1: none), and the row of each corner."""
     row_of = {corner: row for row, corner in enumerate(dict.fromkeys(corners))}
     ids = np.fromiter(map(row_of.__getitem__, corners), np.int64, len(corners))
     try:
@@ -105,12 +114,12 @@ def _unique_corners(path: Path, corners: list[str], counts: dict[str, int]) -> t
 
 
 def _numbers(path: Path, lines: list[str], start: int, stop: int, key: str) -> NDArray[np.float64]:
-    """Parse columns [start, stop) of all rows; short or malformed rows raise GiError."""
+    """Parse columns [start, stop) of all rows. Raises GiError for short or malformed ones."""
     try:
         values = np.array([line.split(None, stop)[start:stop] for line in lines], np.float64)
         return values.reshape(len(lines), stop - start)
     except ValueError:
-        message = f"{path}: a {key!r} row does not hold the numbers it should; the file is damaged"
+        message = f"{path}: a {key!r} row does not begin with {stop} numbers; the file is damaged"
         raise GiError(message) from None
 
 
@@ -144,28 +153,28 @@ def _materials(path: Path, libraries: list[str], names: list[str], notes: list[s
     for library in libraries:
         file = path_inside(path.parent, library)
         if file is None:
-            notes.append(f"material library {library!r} lies outside the scene's folder; its materials are shown grey")
+            notes.append(f"material library {library!r} lies outside the scene's folder; its materials become grey")
             unread += 1
             continue
         try:
             text = read_file(file, "material library").decode("utf-8-sig", errors="replace")
         except GiError as error:
-            notes.append(f"{error}; its materials are shown grey")
+            notes.append(f"{error}; its materials become grey")
             unread += 1
             continue
         known |= read_mtl(text, path.parent, notes)
     missing = [name for name in names if name not in known]
     if missing and not unread:
-        notes.append(f"{path}: no material library defines {', '.join(map(repr, missing[:5]))}; shown grey")
+        notes.append(f"{path}: no material library defines {', '.join(map(repr, missing[:5]))}; they become grey")
     return [known.get(name) or clay() for name in names]
 
 
 def read_mtl(text: str, folder: Path, notes: list[str]) -> dict[str, Material]:
     """Read the materials of an MTL text; textures are looked up below `folder`.
 
-    `Kd` is linear reflectance, as in the published Cornell boxes, and `Ke` radiance in W/(m2 sr); `map_Kd` and
-    `map_Ke` are sRGB and multiply them (an all-zero or missing factor counts as one, as exporters write it).
-    `d`, `Tr` and `map_d` are noted and ignored; all else (specular, bump, illumination model) is not read.
+    `Kd` is linear reflectance, as in the published Cornell boxes, and `Ke` radiance in W/(m2 sr). `map_Kd` and `map_Ke`
+    are sRGB and multiply them; a factor that is zero or missing beside a map counts as one, as exporters write it.
+    `d`, `Tr` and `map_d` are ignored with a note; all else (specular, bump, illumination model) without.
     """
     blocks: dict[str, dict[str, str]] = {}
     block: dict[str, str] = {}
@@ -182,22 +191,25 @@ def read_mtl(text: str, folder: Path, notes: list[str]) -> dict[str, Material]:
 def _material(
     name: str, block: dict[str, str], folder: Path, images: dict[str, Texture | None], notes: list[str]
 ) -> Material:
-    """Build one material from the key-value rows of its MTL block; `images` caches textures by name."""
+    """Return a material from the rows of its MTL block by key; `images` caches textures by name."""
     material = clay()
     material.name = name
+    # Reflectance.
     diffuse = _color(name, "Kd", block, notes)
     material.base_color_texture = _texture(block.get("map_kd"), folder, images, notes)
     if diffuse is not None:
         if max(diffuse) > 1:
-            notes.append(f"material {name!r}: Kd is above 1, which no surface reflects; limited to 1")
+            notes.append(f"material {name!r}: Kd is above 1, more than a surface can reflect; it was limited to 1")
         material.base_color = (*(min(c, 1.0) for c in diffuse), 1.0)  # type: ignore[assignment]
     if material.base_color_texture and (diffuse is None or max(diffuse) == 0):
         material.base_color = (1.0, 1.0, 1.0, 1.0)
+    # Emission.
     emission = _color(name, "Ke", block, notes)
     material.emission = emission or (0.0, 0.0, 0.0)
     material.emission_texture = _texture(block.get("map_ke"), folder, images, notes)
     if material.emission_texture and max(material.emission) == 0:
         material.emission = (1.0, 1.0, 1.0)
+    # Transparency.
     opaque = min(_values(block, "d"), default=1.0 - max(_values(block, "tr"), default=0.0)) >= 1.0
     if "map_d" in block or not opaque:
         notes.append(f"material {name!r}: transparency is ignored; it is shown opaque")
@@ -205,7 +217,7 @@ def _material(
 
 
 def _values(block: dict[str, str], key: str) -> list[float]:
-    """Return the numbers of an MTL row; empty if there is no such row or it holds something else."""
+    """Return the numbers of an MTL row, none if there is no such row or it is malformed."""
     try:
         return [float(word) for word in block.get(key, "").split("#")[0].split()]
     except ValueError:
@@ -213,19 +225,19 @@ def _values(block: dict[str, str], key: str) -> list[float]:
 
 
 def _color(name: str, key: str, block: dict[str, str], notes: list[str]) -> tuple[float, float, float] | None:
-    """Return an MTL colour (one value means grey), or None if it is absent or, with a note, unusable."""
+    """Return an MTL colour (one number means grey); None if it is absent, or malformed, with a note."""
     if key.lower() not in block:
         return None
     values = _values(block, key.lower())
     values = values * 3 if len(values) == 1 else values
     if len(values) != 3 or not all(0.0 <= value < 1e30 for value in values):
-        notes.append(f"material {name!r}: {key} {block[key.lower()]!r} is not a colour and was ignored")
+        notes.append(f"material {name!r}: {key} {block[key.lower()]!r} is not a colour; it was ignored")
         return None
     return values[0], values[1], values[2]
 
 
 def _texture(row: str | None, folder: Path, cache: dict[str, Texture | None], notes: list[str]) -> Texture | None:
-    """Return the texture that a `map_` row names, or None with a note why it cannot be shown."""
+    """Return the texture that a `map_` row names after its options; None, with a note, if it cannot be loaded."""
     if not row:
         return None
     words = row.split()
@@ -242,31 +254,24 @@ def _texture(row: str | None, folder: Path, cache: dict[str, Texture | None], no
 
 
 def _is_number(word: str) -> bool:
+    """Tell whether a word of an MTL row is a decimal number, without exponent."""
     return word.lstrip("+-").replace(".", "", 1).isdigit()
 
 
 def _load_texture(name: str, folder: Path, notes: list[str]) -> Texture | None:
-    from PIL import Image as Picture
+    """Return the texture in a file below `folder`, or None with a note why it cannot be shown."""
+    from .image_files import decode_image, open_image  # imports Pillow, which few scenes here need
 
     file = path_inside(folder, name)
     if file is None:
         notes.append(f"texture {name!r} lies outside the scene's folder; the plain colour is used")
         return None
     try:
-        data = read_file(file, "texture")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of Pillow: a large picture is no reason to talk
-            with Picture.open(BytesIO(data)) as picture:
-                if picture.width * picture.height > MOST_TEXTURE_PIXELS:
-                    raise GiError(f"texture {file} is {picture.width}x{picture.height} pixels, too large")
-                # Pillow clips 16-bit grey at 255 instead of scaling it.
-                sixteen_bit = picture.mode.startswith("I")
-                eight_bit = Picture.fromarray((np.asarray(picture) >> 8).astype(np.uint8)) if sixteen_bit else picture
-                pixels = np.asarray(eight_bit.convert("RGBA"))
+        pixels = decode_image(open_image(read_file(file, "texture")))
     except GiError as error:
         notes.append(f"{error}; the plain colour is used")
         return None
-    except Exception:  # Pillow's decoders raise whatever their format's parser does
-        notes.append(f"texture {file} is no picture that can be read; the plain colour is used")
+    if isinstance(pixels, str):
+        notes.append(f"texture {file} cannot be used: {pixels}; the plain colour is used")
         return None
     return Texture(Image(pixels, name))

@@ -1,4 +1,4 @@
-"""Triangles as a mesh file gives them, in float64, and their way into a checked, centred, 32-bit Scene."""
+"""From the triangles of a mesh file, in float64, to a Scene of one checked, centred, float32 mesh."""
 
 from __future__ import annotations
 
@@ -8,14 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
+from ..mesh_cleaning import MAX_COORDINATE, has_area, unit_rows, used_vertices
 from ..scene import Instance, Material, Mesh, Scene
-
-# Squared distances must stay finite in 32 bits (3.4e38), with room for sums of them.
-LARGEST_EXTENT = 1e15
-
-# Twice the area over the squared longest edge below which the normal of a triangle drowns in the rounding of its
-# 32-bit corners (6e-8 of its size); its area is then nothing that a picture could show.
-SMALLEST_RELATIVE_AREA = 1e-10
 
 
 @dataclass
@@ -32,7 +26,10 @@ class RawMesh:
 
 
 def fans(ids: NDArray[np.int64], corner_counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cut polygons into fans about their first corner; return triangles (m, 3) and the face of each (m,)."""
+    """Triangulate polygons as fans about their first corners; return triangles (m, 3) and the face of each, (m,).
+
+    `ids` are the corners of all polygons in a row, `corner_counts` the corners of each.
+    """
     triangles_per_face = np.maximum(corner_counts - 2, 0)
     face = np.repeat(np.arange(len(corner_counts)), triangles_per_face)
     first = (np.cumsum(corner_counts) - corner_counts)[face]
@@ -41,12 +38,12 @@ def fans(ids: NDArray[np.int64], corner_counts: NDArray[np.int64]) -> tuple[NDAr
 
 
 def clay() -> Material:
-    """Return the matte light grey that surfaces without a material get: bright, but no closed room glows for ever."""
+    """Return the matte material of surfaces without one: albedo 0.8, so that light in a closed room dies out."""
     return Material(name="clay", base_color=(0.8, 0.8, 0.8, 1.0))
 
 
 def default_material(colors: NDArray | None) -> Material:
-    """Return the material of triangles that have none: clay, or white where vertex colours multiply it."""
+    """Return the material of triangles without one: clay, or white if vertex colours multiply it."""
     return clay() if colors is None else Material(name="vertex colours")
 
 
@@ -57,34 +54,22 @@ def scene_from_raw(raw: RawMesh, name: str, source: str, notes: list[str]) -> Sc
     a mesh a million metres away keeps the precision of one at the origin. `source` opens messages.
     Raises GiError for no faces, indices out of range, NaN or infinite vertices and boundless extent.
     """
-    if len(raw.triangles) == 0 or len(raw.positions) == 0:
-        raise GiError(f"{source} has no faces; point clouds and lines are not supported")
-    low, high = int(raw.triangles.min()), int(raw.triangles.max())
-    if low < 0 or high >= len(raw.positions):
-        wrong = low if low < 0 else high
-        raise GiError(f"{source}: a face uses vertex {wrong} of {len(raw.positions)}; the file is damaged")
+    _check_indices(raw, source)
     raw = _drop_unused_vertices(raw)
-    finite = np.isfinite(raw.positions).all(1)
-    if not finite.all():
-        raise GiError(f"{source}: {np.count_nonzero(~finite)} vertices are NaN or infinite; repair the mesh")
-    with np.errstate(over="ignore"):
-        corners = np.stack([raw.positions.min(0), raw.positions.max(0)])
-        # Halves first, so that the largest doubles do not overflow.
-        centre = corners[0] / 2 + corners[1] / 2
-        extent = float((corners[1] - corners[0]).max())
-    if not extent < LARGEST_EXTENT:
-        raise GiError(f"{source} is {extent:g} m across, too much for 32-bit arithmetic; scale it down")
+    centre = _centre(raw, source)
     positions = (raw.positions - centre).astype(np.float32)
-    solid = _solid_triangles(positions, raw.triangles)
-    if not solid.any():
-        raise GiError(f"{source}: all {len(solid)} triangles are degenerate (no area); nothing to render")
-    if not solid.all():
-        notes.append(f"{source}: {np.count_nonzero(~solid)} degenerate triangles (no area) were left out")
+    # Drop triangles that rounding to float32 leaves without area, too.
+    kept = has_area(positions, raw.triangles)
+    if not kept.any():
+        raise GiError(f"{source}: all {len(kept)} triangles are degenerate (no area); nothing to render")
+    if not kept.all():
+        notes.append(f"{source}: {np.count_nonzero(~kept)} degenerate triangles (no area) were left out")
+    # Make the mesh and place it.
     mesh = Mesh(
         positions=positions,
-        triangles=raw.triangles[solid].astype(np.uint32),
+        triangles=raw.triangles[kept].astype(np.uint32),
         materials=raw.materials or [default_material(raw.colors)],
-        material_of_triangle=None if raw.material_of_triangle is None else raw.material_of_triangle[solid],
+        material_of_triangle=None if raw.material_of_triangle is None else raw.material_of_triangle[kept],
         normals=_unit_or_zero(raw.normals),
         texcoords0=_finite(raw.texcoords),
         colors=None if raw.colors is None else _finite(raw.colors.clip(0, 1)),
@@ -95,10 +80,19 @@ def scene_from_raw(raw: RawMesh, name: str, source: str, notes: list[str]) -> Sc
     return Scene(instances=[Instance(mesh, world_from_local, name)], name=name, notes=notes)
 
 
+def _check_indices(raw: RawMesh, source: str) -> None:
+    """Raise GiError if there are no faces, or if one of them refers to a vertex that does not exist."""
+    if len(raw.triangles) == 0 or len(raw.positions) == 0:
+        raise GiError(f"{source} has no faces; point clouds and lines are not supported")
+    low, high = int(raw.triangles.min()), int(raw.triangles.max())
+    if low < 0 or high >= len(raw.positions):
+        wrong = low if low < 0 else high
+        raise GiError(f"{source}: a face uses vertex {wrong} of {len(raw.positions)}; the file is damaged")
+
+
 def _drop_unused_vertices(raw: RawMesh) -> RawMesh:
     """Return `raw` without the vertices that no face uses: they must neither widen the bounds nor be an error."""
-    used = np.zeros(len(raw.positions), bool)
-    used[raw.triangles] = True
+    used = used_vertices(raw.triangles, len(raw.positions))
     if used.all():
         return raw
     new_index = np.cumsum(used) - 1
@@ -111,17 +105,21 @@ def _drop_unused_vertices(raw: RawMesh) -> RawMesh:
     )
 
 
-def _solid_triangles(positions: NDArray[np.float32], triangles: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Say for each triangle whether its rounded corners still span an area."""
-    a, b, c = (positions[triangles[:, k]].astype(np.float64) for k in range(3))
-    longest = np.maximum.reduce([((p - q) ** 2).sum(1) for p, q in ((a, b), (b, c), (c, a))])
-    twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    solid: NDArray[np.bool_] = twice_area > SMALLEST_RELATIVE_AREA * longest
-    return solid
+def _centre(raw: RawMesh, source: str) -> NDArray[np.float64]:
+    """Return the centre of the bounding box. Raises GiError for vertices that are not finite, or too far apart."""
+    finite = np.isfinite(raw.positions).all(1)
+    if not finite.all():
+        raise GiError(f"{source}: {np.count_nonzero(~finite)} vertices are NaN or infinite; repair the mesh")
+    low, high = raw.positions.min(0), raw.positions.max(0)
+    with np.errstate(over="ignore"):
+        extent = float((high - low).max())
+    if not extent < MAX_COORDINATE:
+        raise GiError(f"{source} is {extent:g} m across, too much for 32-bit arithmetic; scale it down")
+    return low / 2 + high / 2  # halves first, so that the largest doubles do not overflow
 
 
 def _finite(rows: NDArray[np.float64] | None) -> NDArray[np.float32] | None:
-    """Return rows in 32 bits with zeros for what is not finite."""
+    """Return rows as float32, with zeros in place of values that are not finite."""
     if rows is None:
         return None
     limit = float(np.finfo(np.float32).max)
@@ -135,6 +133,4 @@ def _unit_or_zero(normals: NDArray[np.float64] | None) -> NDArray[np.float32] | 
     # Scale by the largest component first, so that squares neither overflow nor vanish.
     clean = np.where(np.isfinite(normals).all(1, keepdims=True), normals, 0.0).astype(np.float64)
     largest = np.abs(clean).max(1, keepdims=True)
-    clean = clean / np.where(largest > 0, largest, 1.0)
-    length = np.linalg.norm(clean, axis=1, keepdims=True)
-    return (clean / np.where(length > 0, length, 1.0)).astype(np.float32)
+    return unit_rows(clean / np.where(largest > 0, largest, 1.0))

@@ -1,4 +1,4 @@
-"""Reading files that may be missing, foreign or hostile, with one clear sentence when they are."""
+"""Reads files that may be missing, foreign or hostile, with one clear sentence in an error."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ...errors import GiError
 
 
 def read_file(path: Path, kind: str) -> bytes:
-    """Return all bytes of a regular, non-empty file; `kind` names it in messages ("mesh file", "camera file").
+    """Return all bytes of a regular, non-empty file; `kind` describes it in messages ("mesh file", "camera file").
 
     Raises GiError if it is missing, a folder, a device, unreadable or empty.
     """
@@ -18,7 +18,7 @@ def read_file(path: Path, kind: str) -> bytes:
         if not path.exists():
             raise GiError(f"{kind} {path} does not exist; check the path")
         if not path.is_file():
-            raise GiError(f"{path} is not an ordinary file, so it cannot be a {kind}")
+            raise GiError(f"{path} is not a regular file, so it cannot be a {kind}")
         data = path.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
         raise GiError(f"{kind} {str(path)!r} cannot be read: {error}") from None
@@ -28,7 +28,7 @@ def read_file(path: Path, kind: str) -> bytes:
 
 
 def path_inside(folder: Path, name: str) -> Path | None:
-    """Return the file `name`, as written in a scene file, below `folder`; None if it leads out of the folder."""
+    """Return the path of `name`, as a scene file has it, below `folder`; None if it leads out of the folder."""
     try:
         root = folder.resolve()
         path = (root / name.strip().replace("\\", "/")).resolve()

@@ -1,1 +1,1 @@
-"""The reader of glTF 2.0 and GLB."""
+"""The reader of glTF 2.0 files, text (.gltf) and binary (.glb); `load` is the entry."""

@@ -1,4 +1,4 @@
-"""glTF buffers, buffer views and accessors as numpy arrays: views of the file's bytes wherever the data allows."""
+"""glTF buffers, buffer views and accessors as numpy arrays, without copying where possible (glTF 2.0, section 3.6)."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _INDEX_TYPES: dict[int, np.dtype[Any]] = {5121: np.dtype("u1"), 5123: np.dtype("
 _COMPONENT_TYPES = _INDEX_TYPES | {5120: np.dtype("i1"), 5122: np.dtype("<i2"), 5126: np.dtype("<f4")}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
-# An accessor without a buffer view is all zeros, so no data in the file bounds its count. Real files use that for
-# sparse morph targets; 64 MiB (5 million positions) is far above them and harmless to allocate.
+# An accessor without a buffer view is all zeros, so its count is not bounded by data. Real files use that for sparse
+# morph targets; 64 MiB (5 million positions) is far more than those need, and harmless to allocate.
 _MAX_ZERO_BYTES = 64 << 20
 
 
 class Accessors:
-    """Reads the accessors of a document; every count and offset is checked against the bytes that are there."""
+    """Reads the accessors of a document, and checks every count and offset against the size of the data."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -44,7 +44,7 @@ class Accessors:
     def read(self, index: int) -> Array:
         """Return accessor `index` as (count, components): float32 if it is normalized, else its component type.
 
-        The array may be a read-only view of the file. Raises GiError if it reads past its data.
+        The array may be a read-only view of the file. Raises GiError if the accessor reaches past its data.
         """
         if index not in self._array_of_accessor:
             accessor = self._accessors[index]
@@ -52,7 +52,7 @@ class Accessors:
         return self._array_of_accessor[index]
 
     def view(self, index: int) -> tuple[memoryview, int]:
-        """Return the bytes of buffer view `index` and its stride (0: tightly packed)."""
+        """Return the bytes of buffer view `index`, decompressed, and its stride (0: tightly packed)."""
         if index not in self._data_of_view:
             view = self._views[index]
             meshopt = view.extension("EXT_meshopt_compression") or view.extension("KHR_meshopt_compression")
@@ -72,7 +72,7 @@ class Accessors:
         return owner.index("bufferView", len(self._views), "bufferViews")
 
     def _raw(self, accessor: JsonObject) -> Array:
-        """Return the elements of an accessor in its component type, with the sparse ones put in."""
+        """Return the elements of an accessor in its component type, with sparse values inserted."""
         shape = accessor.integer("count", low=1), accessor.choice("type", _COMPONENTS)
         dtype = accessor.choice("componentType", _COMPONENT_TYPES)
         if "bufferView" in accessor:
@@ -84,7 +84,7 @@ class Accessors:
         return self._with_sparse(accessor, values) if "sparse" in accessor else values
 
     def _with_sparse(self, accessor: JsonObject, base: Array) -> Array:
-        """Return a copy of `base` with the sparse values of the accessor in their places."""
+        """Return a copy of `base` with the accessor's sparse values inserted."""
         sparse = accessor.child("sparse")
         count = sparse.integer("count", low=1, high=len(base))
         places, replacements = sparse.child("indices"), sparse.child("values")
@@ -97,7 +97,7 @@ class Accessors:
         return values
 
     def _elements(self, accessor: JsonObject, place: JsonObject, shape: tuple[int, int], dtype: np.dtype[Any]) -> Array:
-        """Return a strided view of the buffer view that `place` (the accessor or a part of it) names."""
+        """Return a strided view of the buffer view that `place`, the accessor or a part of it, refers to."""
         index = self.view_index(place)
         data, stride = self.view(index)
         size = shape[1] * dtype.itemsize
@@ -113,7 +113,7 @@ class Accessors:
         return np.ndarray(shape, dtype, data, offset, (stride, dtype.itemsize))
 
     def _slice(self, view: JsonObject) -> memoryview:
-        """Return the bytes that a buffer view, or its compression extension, cuts out of its buffer."""
+        """Return the bytes of the buffer that a buffer view, or its compression extension, covers."""
         index = view.index("buffer", len(self._buffers), "buffers")
         data = self._buffer(index)
         offset, length = view.integer("byteOffset", 0), view.integer("byteLength", low=1)
@@ -139,12 +139,12 @@ class Accessors:
             else:
                 raise buffer.error("it has no data (neither a uri nor a GLB chunk); the file is damaged")
             if length > len(data):
-                raise buffer.error(f"announces {length} bytes, its data has {len(data)}; the file is truncated")
+                raise buffer.error(f"byteLength is {length}, but its data has {len(data)} bytes; the file is truncated")
             self._data_of_buffer[index] = data[:length]
         return self._data_of_buffer[index]
 
     def _has_plain_data(self, view: JsonObject) -> bool:
-        """Say whether a compressed view also has its data uncompressed, for readers without the decoder."""
+        """Tell whether a compressed view also has uncompressed data, for readers without the decoder."""
         return "uri" in self._buffers[view.index("buffer", len(self._buffers), "buffers")]
 
 

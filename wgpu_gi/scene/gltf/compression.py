@@ -1,4 +1,4 @@
-"""Compressed glTF geometry, Draco and meshopt, through their optional decoders (extra `gltf`)."""
+"""Decodes compressed glTF geometry, Draco and meshopt, with optional packages (extra `gltf`)."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from .json_object import JsonObject
 
-# What the meshopt vertex codec can reach at most: one control byte stands for 4 byte channels of 256 vertices.
-# Anything denser is an announced size without data behind it.
+# The highest compression of the meshopt vertex codec: one control byte for 4 byte channels of 256 vertices. A higher
+# ratio means that the announced size is wrong.
 _MESHOPT_MAX_RATIO = 1024
 
 
@@ -26,23 +26,23 @@ class DracoMesh:
 
 
 def has_draco() -> bool:
-    """Say whether the Draco decoder is installed."""
+    """Tell whether the Draco decoder is installed."""
     return importlib.util.find_spec("DracoPy") is not None
 
 
 def has_meshopt() -> bool:
-    """Say whether the meshopt decoder is installed."""
+    """Tell whether the meshopt decoder is installed."""
     return importlib.util.find_spec("meshoptimizer") is not None
 
 
 def decode_draco(extension: JsonObject, data: memoryview) -> DracoMesh:
-    """Return the mesh in `data`; `extension` maps attribute names to the ids of the stream."""
+    """Return the mesh in `data`; `extension` maps attribute names to ids in the stream. Raises GiError."""
     decoder = _import("DracoPy", "Draco", extension)
     try:
         mesh = decoder.decode(bytes(data))
         found = {int(a["unique_id"]): np.asarray(a["data"]) for a in mesh.attributes}
         triangles = np.asarray(mesh.faces, np.uint32).reshape(-1, 3)
-    except Exception as error:  # a native decoder's own exceptions; whatever it is, the data is bad
+    except Exception as error:  # of the native decoder's own types; all mean that the data is bad
         raise extension.error(f"its Draco data cannot be decoded ({error}); the file is damaged") from error
     names = extension.child("attributes")
     attributes = {}
@@ -55,7 +55,8 @@ def decode_draco(extension: JsonObject, data: memoryview) -> DracoMesh:
 
 
 def decode_meshopt(extension: JsonObject, data: memoryview) -> tuple[memoryview, int]:
-    """Return the bytes that EXT_meshopt_compression decodes to, and their stride."""
+    """Return the decoded bytes of a view with EXT_meshopt_compression, and their stride. Raises GiError."""
+    # Check what the extension announces.
     decoder = _import("meshoptimizer", "meshopt", extension)
     stride, count = extension.integer("byteStride", low=1, high=256), extension.integer("count")
     mode = extension.choice("mode", {name: name for name in ("ATTRIBUTES", "TRIANGLES", "INDICES")})
@@ -69,6 +70,7 @@ def decode_meshopt(extension: JsonObject, data: memoryview) -> tuple[memoryview,
         raise extension.error(f"count {count} is not a multiple of three; the file is damaged")
     if count * stride > len(data) * _MESHOPT_MAX_RATIO:
         raise extension.error(f"announces {count * stride} bytes from {len(data)}; the file is damaged")
+    # Decode it.
     try:
         if mode == "ATTRIBUTES":
             # A void dtype keeps the decoder from guessing what the bytes are.
@@ -78,12 +80,13 @@ def decode_meshopt(extension: JsonObject, data: memoryview) -> tuple[memoryview,
         else:
             decode = decoder.decode_index_buffer if mode == "TRIANGLES" else decoder.decode_index_sequence
             decoded = decode(count, stride, bytes(data))
-    except Exception as error:  # a native decoder's own exceptions; whatever it is, the data is bad
+    except Exception as error:  # of the native decoder's own types; all mean that the data is bad
         raise extension.error(f"its meshopt data cannot be decoded ({error}); the file is damaged") from error
     return memoryview(decoded.tobytes())[: count * stride], stride
 
 
 def _import(module: str, what: str, extension: JsonObject) -> ModuleType:
+    """Return a decoder. Raises GiError that tells how to install it."""
     try:
         return importlib.import_module(module)
     except ImportError as error:

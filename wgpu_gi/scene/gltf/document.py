@@ -1,4 +1,4 @@
-"""A glTF 2.0 file taken apart: GLB chunks, the JSON root, and the files it names inside its own folder."""
+"""A glTF 2.0 file: its GLB chunks, its JSON root, and the files beside it that it refers to."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from .json_object import JsonObject
 _CHUNK_JSON = 0x4E4F534A
 _CHUNK_BIN = 0x004E4942
 
-# URIs with a scheme or a drive letter, and absolute paths.
+# Matches URIs with a scheme or a drive letter, and absolute paths.
 _OUTSIDE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|[/\\]")
 
-# What this reader understands; a file that requires anything else cannot be shown as its author meant it.
+# Extensions that are implemented; a file that requires any other one is refused.
 SUPPORTED_EXTENSIONS = {
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -37,7 +37,7 @@ SUPPORTED_EXTENSIONS = {
 
 
 class Document:
-    """The JSON of a glTF file (`root`), its binary chunk (None without one) and the notes gathered while reading it."""
+    """The JSON of a glTF file (`root`), its binary chunk or None, and the notes collected while reading it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -62,7 +62,7 @@ class Document:
         return self._arrays[key]
 
     def named_objects(self, elements: list[Any], key: str) -> list[JsonObject]:
-        """Return the elements of the array `key` as objects whose place says their index and name."""
+        """Return the elements of the array `key` as objects whose errors tell their index and name."""
         objects = []
         for i, element in enumerate(elements):
             name = element.get("name") if isinstance(element, dict) else None
@@ -71,19 +71,19 @@ class Document:
         return objects
 
     def note(self, sentence: str) -> None:
-        """Remember, once, a sentence for the user about what was changed or left out."""
+        """Add a sentence for the user about what was changed or left out, unless it is already there."""
         self._notes[sentence] = None
 
     @property
     def notes(self) -> list[str]:
-        """The sentences so far."""
+        """All sentences in order."""
         return list(self._notes)
 
     def read_uri(self, owner: JsonObject) -> bytes:
         """Return the bytes of `owner`'s uri: a data URI, or a file inside the folder of the scene.
 
-        Raises GiError for a path that leaves the folder, a broken data URI or an unreadable file, FileNotFoundError
-        with half a sentence for an absent or empty one.
+        Raises GiError for a path that leaves the folder, a broken data URI or an unreadable file, and FileNotFoundError
+        with the rest of a sentence for a missing or empty file.
         """
         uri = owner.text("uri", None)
         if uri[:5].lower() == "data:":
@@ -91,8 +91,8 @@ class Document:
         name = unquote(uri)
         target = None if _OUTSIDE.match(uri) or _OUTSIDE.match(name) else path_inside(self.path.parent, name)
         if target is None:
-            raise owner.error(f"uri {uri[:80]!r} leaves the folder of the scene; put the file beside it and name it so")
-        # os.path, unlike Path, says no to names that no file can have.
+            raise owner.error(f"uri {uri[:80]!r} leaves the scene's folder; put the file there and correct the uri")
+        # Unlike Path, os.path returns False for names that no file can have.
         if not os.path.isfile(target) or os.path.getsize(target) == 0:
             raise FileNotFoundError(f"file {name[:80]!r} is missing or empty")
         return read_file(target, f"file of {self.path.name}")
@@ -114,14 +114,14 @@ class Document:
         unknown = sorted(set(lists["extensionsRequired"]) - SUPPORTED_EXTENSIONS)
         if unknown:
             names = ", ".join(map(repr, unknown))
-            raise GiError(f"{self.path.name} requires {names}, which this reader does not know; export without it")
+            raise GiError(f"{self.path.name} requires {names}, which are not supported; export without them")
         ignored = sorted(set(lists["extensionsUsed"]) - SUPPORTED_EXTENSIONS)
         if ignored:
-            self.note(f"Extensions that this reader leaves out: {', '.join(map(repr, ignored))}.")
+            self.note(f"Extensions that are not supported and were ignored: {', '.join(map(repr, ignored))}.")
 
 
 def _split_glb(name: str, data: bytes) -> tuple[memoryview, memoryview | None]:
-    """Return the JSON and the BIN chunk of a GLB; other chunks are skipped, as the specification asks."""
+    """Return the JSON and the BIN chunk of a GLB file (glTF 2.0, section 4.4); other chunks are skipped."""
     if len(data) < 12:
         raise GiError(f"{name} is truncated: {len(data)} bytes are too few for a GLB header; download it again")
     version, length = struct.unpack_from("<II", data, 4)
@@ -135,7 +135,7 @@ def _split_glb(name: str, data: bytes) -> tuple[memoryview, memoryview | None]:
         size, kind = struct.unpack_from("<II", view, offset)
         if offset + 8 + size > length:
             raise GiError(
-                f"{name}: the chunk at byte {offset} announces {size} bytes, {length - offset - 8} are left; "
+                f"{name}: the chunk at byte {offset} announces {size} bytes, but {length - offset - 8} remain; "
                 "the file is damaged"
             )
         chunks.setdefault(kind, view[offset + 8 : offset + 8 + size])

@@ -1,4 +1,4 @@
-"""Typed reading of the JSON of a glTF file: every wrong type or value becomes one sentence that names its place."""
+"""Typed access to the JSON of a glTF file: a wrong type or value raises an error that tells where it stands."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from ...errors import GiError
 
 T = TypeVar("T")
 
-# Integers beyond this are not exact in every JSON reader, and no count or offset of real data.
+# Larger integers are not exact in every JSON reader, and no real file has such a count or offset.
 _MAX_INTEGER = 1 << 53
 
 
 class JsonObject:
-    """A JSON object together with the place where it stands in the file.
+    """A JSON object and `where` it stands in the file.
 
-    The getters return a checked value, or the default where the key is absent; without a default an absent key is
-    an error. All of them raise GiError.
+    The getters return a checked value, or the default if the key is absent; without a default an absent key is an
+    error. All of them raise GiError.
     """
 
     def __init__(self, value: Any, where: str) -> None:
@@ -31,7 +31,7 @@ class JsonObject:
         return key in self.raw
 
     def error(self, problem: str) -> GiError:
-        """Return the error that says `problem` of this object."""
+        """Return a GiError that reports a problem of this object."""
         return GiError(f"{self.where}: {problem}")
 
     def _get(self, key: str, default: Any, expected: str) -> Any:
@@ -75,7 +75,7 @@ class JsonObject:
     def vector(
         self, key: str, default: tuple[float, ...], low: float = -math.inf, high: float = math.inf
     ) -> tuple[float, ...]:
-        """Return as many finite numbers within [low, high] as `default` has."""
+        """Return finite numbers within [low, high], as many as `default` has."""
         values = self.raw.get(key, default)
         numbers = [_finite(v) for v in values] if isinstance(values, list | tuple) else []
         if len(numbers) != len(default) or not all(n is not None and low <= n <= high for n in numbers):
@@ -98,7 +98,7 @@ class JsonObject:
         return value
 
     def choice(self, key: str, options: Mapping[Any, T], default: Any = None) -> T:
-        """Return what `options` holds for the value (a number or a string) of `key`."""
+        """Return the option for the value (a number or a string) of `key`."""
         value = self._get(key, default, "one of " + _listed(options))
         if not isinstance(value, str | int | float) or value not in options:
             raise self.error(f"{key} must be one of {_listed(options)}, not {_kind(value)}")
@@ -126,7 +126,7 @@ class JsonObject:
 
 
 def _finite(value: Any) -> float | None:
-    """Return a JSON number as a float; None for anything else, and for what a float cannot hold."""
+    """Return a JSON number as a float; None for anything else, and for numbers too large for a float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:
@@ -137,7 +137,7 @@ def _finite(value: Any) -> float | None:
 
 
 def _kind(value: Any) -> str:
-    """Say in a few words what a wrong value is."""
+    """Describe a wrong value in a few words."""
     if isinstance(value, dict):
         return "an object"
     if isinstance(value, list) and len(value) > 16:

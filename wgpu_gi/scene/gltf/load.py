@@ -1,8 +1,8 @@
-"""glTF 2.0 and GLB files to a `Scene`, read with json and numpy alone (Khronos glTF 2.0 specification).
+"""Reads glTF 2.0 and GLB files as a `Scene`, with json and numpy alone (Khronos glTF 2.0 specification).
 
-Departures: alpha blending becomes a mask, animation and morph targets stay at rest, points and lines are left out;
-what was changed or left out stands in the scene's notes. Files are data from strangers: every index, count, type and
-path is checked, nothing is allocated by an announced size, and what cannot be right raises GiError with its place.
+Departures: alpha blending becomes an alpha mask, animations and morph targets are shown in their rest pose, points and
+lines are left out. The scene's notes say what was changed or left out. Files are untrusted: every index, count, type
+and path is checked, nothing is allocated by an announced size, and invalid data raises GiError with its place.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from .meshes import Meshes
 from .nodes import Matrix, Nodes
 from .skins import joint_matrices
 
-# Ratio of a matrix's axes below which float32 cannot invert it, and a scale that makes anything invisible.
-_FLAT, _NOTHING = 1e-7, 1e-18
+_FLAT = 1e-7  # ratio of a matrix's singular values below which float32 cannot invert it
+_NOTHING = 1e-18  # scale at which anything is invisible
 
 
 def load_gltf(path: Path) -> Scene:
     """Return the default scene of a .gltf or .glb file.
 
-    Each glTF mesh becomes one Mesh, shared by the instances of the nodes that show it. Lights and cameras carry the
-    name of their node, or their own. Raises GiError if the file is damaged, needs an extension or a decoder that is
-    not there, names files outside its folder, or has no triangles to show.
+    Each glTF mesh becomes one Mesh, shared by the instances of all nodes that refer to it. Lights and cameras have the
+    name of their node, or else their own. Raises GiError if the file is damaged, needs an extension that is not
+    supported or a decoder that is not installed, refers to files outside its folder, or has no triangles.
     """
     document = Document(path)
     nodes = Nodes(document)
@@ -48,6 +48,7 @@ def load_gltf(path: Path) -> Scene:
 
 def _instances(document: Document, nodes: Nodes, shown: list[int]) -> list[Instance]:
     """Return an instance for every shown node that has a mesh with triangles."""
+    # Read the materials of all meshes that are shown.
     descriptions = document.array("nodes")
     accessors = Accessors(document)
     materials = Materials(document, accessors)
@@ -55,14 +56,15 @@ def _instances(document: Document, nodes: Nodes, shown: list[int]) -> list[Insta
     skin_count = len(document.array("skins"))
     mesh_of_node = {n: descriptions[n].index("mesh", len(meshes), "meshes") for n in shown if "mesh" in descriptions[n]}
     if not mesh_of_node:
-        raise GiError(f"{document.path.name} has no meshes in its scene; there is nothing to show")
+        raise GiError(f"{document.path.name}: its scene has no meshes; there is nothing to show")
     materials.load(meshes.materials_of(mesh_of_node.values()))
+    # Read the meshes, in the pose of their skins, and place them.
     instances: list[Instance] = []
     flat: list[str] = []
     for node, mesh_index in mesh_of_node.items():
         description, matrix, joints, skin = descriptions[node], nodes.world[node], None, None
         if "skin" in description:
-            # The transform of a skinned mesh's own node does not count (glTF 2.0, 3.7.3.2).
+            # A skinned mesh ignores the transform of its own node (glTF 2.0, 3.7.3.2).
             skin = description.index("skin", skin_count, "skins")
             joints, matrix = joint_matrices(document, accessors, skin, nodes.world)
         mesh = meshes.get(mesh_index, skin, joints)
@@ -72,18 +74,19 @@ def _instances(document: Document, nodes: Nodes, shown: list[int]) -> list[Insta
             flat.append(name)
         elif mesh is not None:
             instances.append(Instance(mesh, placed, name))
+    # Note what was left out.
     meshes.note_left_out()
     if flat:
-        document.note(f"Left out, since scaled to nothing: {some(flat)}.")
+        document.note(f"Objects scaled to zero were left out: {some(flat)}.")
     if not instances:
-        raise GiError(f"{document.path.name} has no triangles to show. {' '.join(document.notes)}".rstrip())
+        raise GiError(f"{document.path.name}: there are no triangles to show. {' '.join(document.notes)}".rstrip())
     return instances
 
 
 def _invertible(matrix: Matrix) -> Matrix | None:
-    """Return `matrix`, or one that can be inverted and shows the same; None if it squeezes all into a line.
+    """Return `matrix`, or one that is invertible and looks the same; None if it projects everything to a line.
 
-    Exporters write flat things with a scale of zero across. A thickness below float32's resolution changes no picture.
+    Exporters write flat objects with a scale of zero along one axis. Those get a thickness below float32's resolution.
     """
     left, scales, right = np.linalg.svd(matrix[:3, :3])
     if scales[1] <= max(_FLAT * scales[0], _NOTHING):
@@ -107,18 +110,18 @@ def _lights(document: Document, nodes: Nodes, shown: list[int]) -> list[Light]:
             source = descriptions[reference.index("light", len(descriptions), "lights")]
             light = _light(source, nodes.world[node], description.text("name") or source.text("name"))
             if light is None:
-                document.note(f"{description.where}: its light is left out, since its direction is scaled to nothing.")
+                document.note(f"{description.where}: its light was left out, because its direction is scaled to zero.")
             else:
                 lights.append(light)
     return lights
 
 
 def _light(source: JsonObject, matrix: Matrix, name: str) -> Light | None:
-    """Return a light at a node, shining along the node's -Z; None if that axis has no length."""
+    """Return the light of a node, which shines along the node's -Z; None if that axis has no length."""
     kind = source.choice("type", {kind: kind for kind in ("point", "spot", "directional")})
     red, green, blue = source.vector("color", (1.0, 1.0, 1.0), low=0.0, high=MAX_POWER)
     color, intensity = (red, green, blue), source.number("intensity", 1.0, low=0.0, high=MAX_POWER)
-    # Some exporters write a range of 0 for "no limit", which the extension expresses by its absence.
+    # Some exporters write a range of 0 for "no limit", for which the extension leaves it out.
     reach = source.number("range", 0.0, low=0.0) or None
     x, y, z = matrix[:3, 3].tolist()
     if kind == "point":
@@ -138,7 +141,7 @@ def _light(source: JsonObject, matrix: Matrix, name: str) -> Light | None:
 
 
 def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]:
-    """Return the cameras of the shown nodes with rigid poses: scale does not change what a camera sees."""
+    """Return the cameras of the shown nodes, with the scale of their nodes removed."""
     descriptions = document.array("cameras")
     cameras: list[Camera] = []
     for node in shown:
@@ -149,7 +152,7 @@ def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]
         name = description.text("name") or source.text("name")
         pose = _rigid(nodes.world[node])
         if pose is None:
-            document.note(f"{description.where}: its camera is left out, since its axes are scaled to nothing.")
+            document.note(f"{description.where}: its camera was left out, because its axes are scaled to zero.")
         elif source.choice("type", {"perspective": False, "orthographic": True}):
             height = 2.0 * source.child("orthographic").number("ymag", low=1e-30, high=1e30)
             cameras.append(Camera(pose, orthographic_height=height, name=name))
@@ -161,7 +164,7 @@ def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]
 
 
 def _rigid(matrix: Matrix) -> Matrix | None:
-    """Return `matrix` with orthonormal axes that keep its view direction and up; None if those have no length."""
+    """Return `matrix` with orthonormal axes of the same view direction and up; None if those have no length."""
     back = matrix[:3, 2]
     right = np.cross(matrix[:3, 1], back)
     if not np.linalg.norm(right) > _FLAT * np.linalg.norm(matrix[:3, 1]) * np.linalg.norm(back):
@@ -175,13 +178,14 @@ def _rigid(matrix: Matrix) -> Matrix | None:
 
 
 def _note_rest_pose(document: Document) -> None:
-    """Note what could move in the file and does not."""
+    """Note animations, skins and morph targets, which are shown in their rest pose."""
     primitives = (p for mesh in document.array("meshes") for p in mesh.values("primitives") if isinstance(p, dict))
     moving = {
         "animations": bool(document.array("animations")),
         "skins": bool(document.array("skins")),
         "morph targets": any("targets" in primitive for primitive in primitives),
     }
-    if any(moving.values()):
-        kinds = ", ".join(kind for kind, present in moving.items() if present)
-        document.note(f"The file has {kinds}; the rest pose is shown.")
+    kinds = [kind for kind, present in moving.items() if present]
+    if kinds:
+        listed = " and ".join([", ".join(kinds[:-1])] * (len(kinds) > 1) + kinds[-1:])
+        document.note(f"{listed.capitalize()} are shown in their rest pose.")

@@ -1,4 +1,4 @@
-"""Materials, textures and samplers of a glTF file: core metallic-roughness and the extensions that we read."""
+"""Materials, textures and samplers of a glTF file: metallic-roughness, and the extensions in SUPPORTED_EXTENSIONS."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _MAG_FILTERS: dict[int, Literal["linear", "nearest"]] = {9728: "nearest", 9729: 
 _ALPHA_MODES = {name: name for name in ("OPAQUE", "MASK", "BLEND")}
 _TEXCOORDS: dict[int, Literal[0, 1]] = {0: 0, 1: 1}
 
-# Emission and light intensities: products of two such numbers still fit into a 32-bit float.
+# Largest emission and light intensity: a product of two such numbers is finite in float32.
 MAX_POWER = 1e18
 
 
 class Materials:
-    """The materials of a document by index; each is read once and shared by the meshes that name it."""
+    """The materials of a document by index; each is read once and shared by all meshes that use it."""
 
     def __init__(self, document: Document, accessors: Accessors) -> None:
         self._document = document
@@ -38,22 +38,23 @@ class Materials:
         wanted = [(index, self._descriptions[index]) for index in sorted({i for i in indices if i is not None})]
         sources = [self._image_of(info) for _, material in wanted for info in _texture_infos(material).values()]
         self._images.load(source for source in sources if source is not None)
-        # The default material of the specification (3.9.7) is white, rough metal.
+        # The default material (glTF 2.0, 3.9.7) is white, rough and metallic.
         self._materials[None] = Material(metallic=1.0)
         for index, description in wanted:
             self._materials[index] = self._read(description)
         blended = [d.text("name") or f"materials[{i}]" for i, d in wanted if d.raw.get("alphaMode") == "BLEND"]
         if blended:
             self._document.note(
-                f"Alpha blending is treated as a mask at 0.5 in {some(blended)}: what is more than half transparent is "
-                "cut away, the rest is solid."
+                f"Alpha blending is not supported; {some(blended)} became alpha masks: surfaces below 50 % opacity are "
+                "cut away, all others are opaque."
             )
 
     def get(self, index: int | None) -> Material:
-        """Return material `index`, which `load` was asked for."""
+        """Return material `index`, which must have been loaded."""
         return self._materials[index]
 
     def _read(self, source: JsonObject) -> Material:
+        """Return the material that a glTF material describes."""
         pbr = source.child("pbrMetallicRoughness")
         strength = source.extension("KHR_materials_emissive_strength") or JsonObject({}, source.where)
         gain = strength.number("emissiveStrength", 1.0, low=0.0, high=MAX_POWER)
@@ -81,19 +82,21 @@ class Materials:
         )
 
     def _fractions(self, pbr: JsonObject, key: str, values: Sequence[float]) -> list[float]:
-        """Return `values` cut off at 1, above which a surface would reflect more light than it receives."""
+        """Return `values` limited to 1, above which a surface would reflect more light than it receives."""
         if max(values) > 1.0:
-            self._document.note(f"{pbr.where}: {key} is above 1 and was set to 1.")
+            self._document.note(f"{pbr.where}: {key} is above 1; it was set to 1.")
         return [min(value, 1.0) for value in values]
 
     def _texture(self, info: JsonObject) -> Texture | None:
-        """Return the texture that a textureInfo describes; None, with a note, if it cannot be shown."""
+        """Return the texture of a textureInfo; None, with a note, if it cannot be used."""
         source = self._image_of(info)
         image = None if source is None else self._images.get(source)
         transform = info.extension("KHR_texture_transform") or JsonObject({}, info.where)
         texcoord = transform.integer("texCoord", info.integer("texCoord", 0))
         if image is not None and texcoord not in _TEXCOORDS:
-            self._document.note(f"{info.where} is left out: it uses texture coordinate set {texcoord}, 0 and 1 exist.")
+            self._document.note(
+                f"{info.where} was left out: it uses texture coordinate set {texcoord}; only 0 and 1 are supported."
+            )
             return None
         if image is None:
             return None
@@ -112,18 +115,19 @@ class Materials:
         )
 
     def _sampler(self, texture: JsonObject) -> JsonObject:
+        """Return the sampler of a texture, an empty object if it has none."""
         samplers = self._document.array("samplers")
         if "sampler" not in texture:
             return JsonObject({}, texture.where)
         return samplers[texture.index("sampler", len(samplers), "samplers")]
 
     def _image_of(self, info: JsonObject) -> int | None:
-        """Return the index of the image behind a textureInfo; None, with a note, if no readable one is named."""
+        """Return the index of the image of a textureInfo; None, with a note, if it has none of a known format."""
         texture = self._textures[info.index("index", len(self._textures), "textures")]
         for owner in (texture.extension("EXT_texture_webp"), texture):
             if owner is not None and "source" in owner:
                 return owner.index("source", len(self._images), "images")
-        self._document.note(f"{texture.where} is left out: it has no PNG, JPEG or WebP image.")
+        self._document.note(f"{texture.where} was left out: it has no PNG, JPEG or WebP image.")
         return None
 
 
@@ -136,6 +140,6 @@ def _texture_infos(material: JsonObject) -> dict[str, JsonObject]:
 
 
 def some(names: Sequence[str]) -> str:
-    """Return the first few names, quoted, and how many more there are."""
+    """Return the first four names, quoted, and how many more there are."""
     shown = ", ".join(repr(name[:60]) for name in names[:4])
     return shown if len(names) <= 4 else f"{shown} and {len(names) - 4} more"

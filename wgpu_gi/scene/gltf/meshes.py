@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
+from ..mesh_cleaning import MAX_COORDINATE, has_area, used_vertices
 from ..scene import Material, Mesh
 from . import compression as gltf_compression
 from .accessors import Accessors, Array, dequantise
 from .document import Document
-from .geometry import MAX_COORDINATE, assemble, clean_attribute, has_area, used_vertices
+from .geometry import assemble, clean_attribute
 from .json_object import JsonObject
 from .materials import Materials, some
 from .skins import apply_skin
@@ -22,8 +23,8 @@ _Vertices = dict[str, NDArray[np.float32]]  # by the attribute names of glTF
 
 _TRIANGLES = 4  # the lower primitive modes are points and lines
 
-# The vertex attributes that a Mesh has, with the component counts that glTF allows them and the value that stands
-# for "none" where only some primitives of a mesh have the attribute.
+# The vertex attributes of a Mesh, each with the component counts that glTF allows, and with the value that means "none"
+# for primitives without the attribute in a mesh where others have it.
 _ATTRIBUTES: dict[str, tuple[tuple[int, ...], NDArray[np.float32]]] = {
     "POSITION": ((3,), np.zeros(3, np.float32)),
     "NORMAL": ((3,), np.zeros(3, np.float32)),
@@ -33,22 +34,22 @@ _ATTRIBUTES: dict[str, tuple[tuple[int, ...], NDArray[np.float32]]] = {
     "COLOR_0": ((3, 4), np.ones(4, np.float32)),
 }
 
-# Many primitives may share one accessor, so a small file can announce any number of triangles. 2^27 of them take
-# 1.5 GiB of indices, more than WebGPU lets a buffer hold.
+# Many primitives may share one accessor, so the size of a file does not bound its triangles. 2^27 triangles have
+# 1.5 GiB of indices, more than a WebGPU buffer can hold.
 _MAX_TRIANGLES = 1 << 27
 
 
 @dataclass
 class _Part:
-    """Vertices and the primitives that index them; primitives of one mesh often share their vertices."""
+    """Vertices and the triangles of all primitives of a mesh that share them."""
 
     vertices: _Vertices
     triangles: list[NDArray[np.uint32]] = field(default_factory=list)
-    slots: list[NDArray[np.uint32]] = field(default_factory=list)  # which of the mesh's materials each triangle has
+    slots: list[NDArray[np.uint32]] = field(default_factory=list)  # each triangle's index into the mesh's materials
 
 
 class Meshes:
-    """The meshes of a document by index; each is read once, so that instances share it."""
+    """The meshes of a document by index; each is read once and shared by its instances."""
 
     def __init__(self, document: Document, accessors: Accessors, materials: Materials) -> None:
         self._document = document
@@ -64,7 +65,7 @@ class Meshes:
         return len(self._descriptions)
 
     def name(self, index: int) -> str:
-        """Return the name of mesh `index`, or its place in the file."""
+        """Return the name of mesh `index`, or else its place in the file."""
         return self._descriptions[index].text("name") or f"meshes[{index}]"
 
     def materials_of(self, indices: Iterable[int]) -> set[int | None]:
@@ -81,11 +82,11 @@ class Meshes:
         return self._meshes[index, skin]
 
     def note_left_out(self) -> None:
-        """Note how many triangles without area were dropped."""
+        """Note how many degenerate triangles were left out."""
         count = sum(self._without_area.values())
         if count:
             names = some(list(self._without_area))
-            self._document.note(f"Dropped {count} triangle{'s' * (count > 1)} without area (in {names}).")
+            self._document.note(f"{count} degenerate triangle{'s' * (count > 1)} (no area) were left out, in {names}.")
 
     def _material(self, primitive: JsonObject) -> int | None:
         if "material" not in primitive:
@@ -94,15 +95,16 @@ class Meshes:
 
     def _read(self, index: int, joints: NDArray[np.float64] | None) -> Mesh | None:
         """Return a mesh merged from its triangle primitives."""
+        # Collect the triangles by the vertices that they share.
         parts: dict[Hashable, _Part] = {}
         slot_of_material: dict[int | None, int] = {}
         for number, primitive in enumerate(self._descriptions[index].objects("primitives")):
             mode = primitive.integer("mode", _TRIANGLES, high=6)
             if mode < _TRIANGLES:
-                self._document.note("Points and lines are left out; only triangles are shown.")
+                self._document.note("Points and lines were left out; only triangles are shown.")
                 continue
             if "POSITION" not in primitive.child("attributes"):
-                self._document.note(f"{primitive.where} is left out: it has no POSITION.")
+                self._document.note(f"{primitive.where} was left out: it has no POSITION.")
                 continue
             draco = self._draco(primitive)
             if draco is not None or joints is not None:
@@ -114,15 +116,16 @@ class Meshes:
             slot = slot_of_material.setdefault(self._material(primitive), len(slot_of_material))
             part.triangles.append(triangles)
             part.slots.append(np.full(len(triangles), slot, np.uint32))
+        # Clean and merge them.
         finished = [self._finish(index, part) for part in parts.values()]
         finished = [part for part in finished if len(part.triangles[0])]
         if not finished:
-            self._document.note(f"Mesh {self.name(index)[:60]!r} is left out: it has no triangle with an area.")
+            self._document.note(f"Mesh {self.name(index)[:60]!r} was left out: none of its triangles has an area.")
             return None
         return self._merge(index, finished, [self._materials.get(material) for material in slot_of_material])
 
     def _shared_vertices(self, primitive: JsonObject) -> tuple[Hashable, _Vertices]:
-        """Return what identifies the accessors of a primitive, and its vertices, read once for all primitives."""
+        """Return a key of the accessors of a primitive, and its vertices, read once for all primitives with the key."""
         attributes = primitive.child("attributes").raw
         key = tuple(repr(attributes.get(name)) for name in _ATTRIBUTES)
         if key not in self._vertices_of_accessors:
@@ -130,7 +133,7 @@ class Meshes:
         return key, self._vertices_of_accessors[key]
 
     def _draco(self, primitive: JsonObject) -> gltf_compression.DracoMesh | None:
-        """Return the Draco mesh of a primitive, unless its data is also there uncompressed and the decoder is not."""
+        """Return the Draco mesh of a primitive; None without one, or if only the uncompressed data can be read."""
         extension = primitive.extension("KHR_draco_mesh_compression")
         if extension is None:
             return None
@@ -141,7 +144,7 @@ class Meshes:
         return self._accessors.draco_mesh(extension)
 
     def _attribute(self, primitive: JsonObject, name: str, draco: gltf_compression.DracoMesh | None) -> Array | None:
-        """Return a vertex attribute as the file has it, dequantised; None if the primitive does not have it."""
+        """Return a dequantised vertex attribute; None if the primitive does not have it."""
         attributes = primitive.child("attributes")
         if name not in attributes:
             return None
@@ -157,7 +160,7 @@ class Meshes:
         found = {name: self._attribute(primitive, name, draco) for name in _ATTRIBUTES}
         arrays = {name: values for name, values in found.items() if values is not None}
         if "NORMAL" not in arrays:
-            arrays.pop("TANGENT", None)  # as the specification asks (3.7.2.1)
+            arrays.pop("TANGENT", None)  # tangents without normals are to be ignored (glTF 2.0, 3.7.2.1)
         count = len(arrays["POSITION"])
         for name, values in arrays.items():
             widths, _ = _ATTRIBUTES[name]
@@ -167,15 +170,16 @@ class Meshes:
                 raise primitive.error(f"{name} has {len(values)} elements for {count} positions; the file is damaged")
         vertices = {name: self._cleaned(primitive, name, values) for name, values in arrays.items()}
         if joints is not None:
-            # Absurd weights give positions that are not finite, which _finish refuses.
+            # Absurd weights give positions that are not finite, for which _finish raises an error.
             with np.errstate(over="ignore", invalid="ignore"):
                 apply_skin(vertices, joints, primitive, lambda name: self._attribute(primitive, name, draco))
         return vertices
 
     def _cleaned(self, primitive: JsonObject, name: str, values: Array) -> NDArray[np.float32]:
+        """Return an attribute in the form of a Mesh, with a note if some of its values are not finite."""
         cleaned, bad = clean_attribute(name, values)
         if bad:
-            self._document.note(f"{primitive.where}: {bad} values of {name} are not finite and were left out.")
+            self._document.note(f"{primitive.where}: {bad} values of {name} are not finite; they were left out.")
         return cleaned
 
     def _triangles(
@@ -183,7 +187,7 @@ class Meshes:
     ) -> NDArray[np.uint32]:
         """Return the triangles (m, 3) of a primitive, with every index checked against its vertices."""
         if draco is not None:
-            indices, mode = draco.triangles.reshape(-1), _TRIANGLES  # whatever the mode, Draco decodes to a list
+            indices, mode = draco.triangles.reshape(-1), _TRIANGLES  # Draco decodes every mode to a list
         elif "indices" in primitive:
             values = self._accessors.read(primitive.index("indices", len(self._accessors), "accessors"))
             if values.dtype.kind != "u" or values.shape[1] != 1:
@@ -197,16 +201,19 @@ class Meshes:
         if len(indices) and int(indices.max()) >= vertex_count:
             raise primitive.error(f"index {indices.max()} is beyond its {vertex_count} vertices; the file is damaged")
         if mode == _TRIANGLES and len(indices) % 3:
-            self._document.note(f"{primitive.where}: {len(indices)} indices, the last {len(indices) % 3} are left out.")
+            self._document.note(
+                f"{primitive.where}: {len(indices)} is no multiple of 3; {len(indices) % 3} indices were left out."
+            )
         return assemble(indices.astype(np.uint32), mode)
 
     def _finish(self, index: int, part: _Part) -> _Part:
-        """Return `part` with one triangle array, without triangles that have no area and without unused vertices."""
+        """Return `part` with its triangles in one array, without degenerate triangles and unused vertices."""
         triangles, slots = np.concatenate(part.triangles), np.concatenate(part.slots)
-        # Where meshes share one large vertex buffer, look only at the stretch that this one uses.
+        # Meshes may share one large vertex buffer: take the range that this one uses.
         first, last = (int(triangles.min()), int(triangles.max())) if len(triangles) else (0, -1)
         vertices = {name: values[first : last + 1] for name, values in part.vertices.items()}
         triangles = triangles - np.uint32(first)
+        # Check its positions.
         positions = vertices["POSITION"]
         used = used_vertices(triangles, len(positions))
         in_range = np.abs(positions).max(axis=1) < MAX_COORDINATE  # false for NaN, too
@@ -216,6 +223,7 @@ class Meshes:
                 f"{self._document.path.name}: mesh {self.name(index)[:60]!r}: vertex {first + vertex} has the position "
                 f"{positions[vertex].tolist()}; repair the file"
             )
+        # Drop degenerate triangles, then unused vertices.
         kept = has_area(positions, triangles)
         dropped = len(kept) - int(np.count_nonzero(kept))
         if dropped:
@@ -228,14 +236,14 @@ class Meshes:
         return _Part(vertices, [triangles], [slots])
 
     def _merge(self, index: int, parts: list[_Part], materials: list[Material]) -> Mesh:
-        """Return one mesh of all parts; an attribute that only some of them have is filled with its neutral value."""
+        """Return one mesh of all parts; parts without an attribute that others have get its neutral value."""
         counts = [len(part.vertices["POSITION"]) for part in parts]
         starts = np.cumsum([0, *counts[:-1]]).astype(np.uint32)
         arrays: dict[str, NDArray[np.float32]] = {}
         for name, (_, neutral) in _ATTRIBUTES.items():
             if any(name in part.vertices for part in parts):
                 absent = [np.broadcast_to(neutral, (count, len(neutral))) for count in counts]
-                # The copy also frees the file's bytes, of which a single part may still be a view.
+                # Concatenation copies, so the mesh no longer refers to the bytes of the file.
                 arrays[name] = np.concatenate([p.vertices.get(name, a) for p, a in zip(parts, absent, strict=True)])
         slots = np.concatenate([part.slots[0] for part in parts])
         return Mesh(

@@ -1,19 +1,19 @@
-"""The node hierarchy of a glTF file: a tree, checked and flattened to world matrices in float64."""
+"""The node hierarchy of a glTF file, checked to be a tree, and the world matrices of its nodes in float64."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..mesh_cleaning import MAX_COORDINATE
 from .document import Document
-from .geometry import MAX_COORDINATE
 from .json_object import JsonObject
 
 Matrix = NDArray[np.float64]
 
 
 class Nodes:
-    """The nodes of a document: `world` matrices (4, 4) by index, and the order of those in the shown scene."""
+    """The nodes of a document: their `world` matrices (4, 4) by index, and which of them are shown."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -53,7 +53,7 @@ class Nodes:
             return [node for node, parent in enumerate(self._parents) if parent is None]
         scene = scenes[index]
         if len(scenes) > 1:
-            self._document.note(f"The file has {len(scenes)} scenes; only scene {index} is shown.")
+            self._document.note(f"The file has {len(scenes)} scenes; scene {index} is shown.")
         roots = scene.indices("nodes", len(self._nodes), "nodes")
         if len(set(roots)) < len(roots):
             raise scene.error("it lists a node twice; the file is damaged")
@@ -64,6 +64,7 @@ class Nodes:
         return roots
 
     def _find_parents(self) -> list[int | None]:
+        """Return the parent of each node. Raises GiError if a node has two."""
         parents: list[int | None] = [None] * len(self._nodes)
         for node, children in enumerate(self._children):
             for child in children:
@@ -75,7 +76,8 @@ class Nodes:
         return parents
 
     def _world_matrices(self) -> list[Matrix]:
-        """Return the world matrix of every node, walking down from the roots without recursion."""
+        """Return the world matrix of every node. Raises GiError for cycles and transforms out of range."""
+        # Walk down from the roots, without recursion, since the depth is not bounded.
         world: list[Matrix | None] = [None] * len(self._nodes)
         stack = [node for node, parent in enumerate(self._parents) if parent is None]
         while stack:
@@ -91,7 +93,7 @@ class Nodes:
                 )
             world[node] = matrix
             stack += self._children[node]
-        # Every node has at most one parent, so one that no root reaches is on a cycle or below one.
+        # A node that no root reaches is on a cycle or below one, as each node has at most one parent.
         reached = [matrix for matrix in world if matrix is not None]
         if len(reached) < len(world):
             unreached = next(node for node, matrix in enumerate(world) if matrix is None)

@@ -1,4 +1,4 @@
-"""Skinned meshes of a glTF file in their rest pose: joint matrices of the unanimated nodes, applied to the vertices."""
+"""Skinned meshes of a glTF file in their rest pose: linear blend skinning by the unanimated nodes (glTF 2.0, 3.7.3)."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..mesh_cleaning import unit_rows
 from .accessors import Accessors
 from .document import Document
-from .geometry import unit_rows
 from .json_object import JsonObject
 
 
 def joint_matrices(
     document: Document, accessors: Accessors, skin: int, world_of_node: list[NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the matrices (k, 4, 4) that take bound vertices to a frame at the first joint, and that frame (4, 4).
+    """Return the joint matrices (k, 4, 4) of a skin, into a frame at its first joint, and that frame, (4, 4).
 
-    The frame keeps posed vertices small numbers, wherever in the world they are.
+    Positions relative to that frame are small numbers, wherever in the world the mesh is.
     """
     description = document.array("skins")[skin]
     joints = description.indices("joints", len(world_of_node), "nodes")
@@ -45,19 +45,20 @@ def apply_skin(
     primitive: JsonObject,
     read: Callable[[str], NDArray[Any] | None],
 ) -> None:
-    """Pose positions, normals and tangents of `vertices` in place; `read` gives the primitive's other attributes.
+    """Pose positions, normals and tangents of `vertices` in place; `read` returns other attributes by name, or None.
 
-    Directions go through the linear part of the blended matrix (glTF 2.0, 3.7.3.3), and are made unit length again.
+    Directions are transformed by the linear part of the blended matrix (glTF 2.0, 3.7.3.3) and normalised.
     """
+    # Blend the joint matrices of each vertex over all sets of four joints.
     positions = vertices["POSITION"]
     matrices = np.zeros((len(positions), 3, 4))
     total = np.zeros(len(positions))
     number = 0
     while (bound := read(f"JOINTS_{number}")) is not None and (weights := read(f"WEIGHTS_{number}")) is not None:
         if bound.dtype.kind != "u" or not bound.shape == weights.shape == (len(positions), 4):
-            raise primitive.error(f"JOINTS_{number} and WEIGHTS_{number} do not suit its positions")
+            raise primitive.error(f"JOINTS_{number} and WEIGHTS_{number} must hold 4 values for each position")
         if int(bound.max()) >= len(joints):
-            raise primitive.error(f"JOINTS_{number} names joint {bound.max()}, its skin has {len(joints)}")
+            raise primitive.error(f"JOINTS_{number} refers to joint {bound.max()}; its skin has {len(joints)}")
         for column in range(4):
             matrices += weights[:, column, None, None] * joints[bound[:, column], :3]
             total += weights[:, column]
@@ -65,6 +66,7 @@ def apply_skin(
     if number == 0:
         raise primitive.error("its mesh has a skin, but it has no JOINTS_0 and WEIGHTS_0; the file is damaged")
     matrices /= np.where(total > 0.0, total, 1.0)[:, None, None]
+    # Transform positions and directions.
     posed = np.einsum("nij,nj->ni", matrices[:, :, :3], positions) + matrices[:, :, 3]
     vertices["POSITION"] = posed.astype(np.float32)
     for name in ("NORMAL", "TANGENT"):

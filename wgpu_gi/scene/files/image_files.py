@@ -1,0 +1,53 @@
+"""Decodes PNG, JPEG, WebP and other image files to 8-bit RGBA with Pillow, or says in a few words why it cannot."""
+
+from __future__ import annotations
+
+import io
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Pillow
+from PIL import UnidentifiedImageError
+
+# An 8192 x 8192 image, the largest texture that WebGPU promises; decoded it takes 256 MiB.
+MAX_PIXELS = 8192 * 8192
+
+
+def open_image(encoded: bytes, formats: tuple[str, ...] | None = None) -> Pillow.Image | str:
+    """Return an image with only its header read, or the reason why there is none.
+
+    `formats` are the names that Pillow has for those allowed; None allows all.
+    """
+    try:
+        with warnings.catch_warnings():
+            # Pillow warns of sizes that the check below refuses.
+            warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
+            picture = Pillow.open(io.BytesIO(encoded), formats=formats)
+    except Exception as error:  # Pillow raises a dozen kinds of exceptions on broken files
+        return _reason(error)
+    if picture.width * picture.height > MAX_PIXELS:
+        return f"{picture.width} x {picture.height} pixels are too large for a texture"
+    return picture
+
+
+def decode_image(picture: Pillow.Image | str) -> NDArray[np.uint8] | str:
+    """Return the pixels (height, width, 4) uint8 of what `open_image` returned, or the reason why there are none."""
+    if isinstance(picture, str):
+        return picture
+    try:
+        if picture.mode.startswith("I"):
+            # 16-bit grey, which Pillow would clip at 255 instead of scaling.
+            grey = (np.asarray(picture).astype(np.int64) >> 8).astype(np.uint8)
+            return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
+        return np.asarray(picture.convert("RGBA"))
+    except Exception as error:  # as above
+        return _reason(error)
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, UnidentifiedImageError):
+        return "it is not an image of a known format"
+    if isinstance(error, Pillow.DecompressionBombError):
+        return "it has more pixels than a texture can hold"
+    return f"it cannot be decoded ({error})"
