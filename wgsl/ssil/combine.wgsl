@@ -12,6 +12,8 @@ override HAS_COARSE: bool = true;
 @group(1) @binding(14) var<storage, read> disc: array<vec4f>;
 @group(1) @binding(15) var<storage, read_write> combined: array<vec4f>;
 @group(1) @binding(16) var<storage, read> ring: array<vec4f>;
+@group(1) @binding(17) var<storage, read> before: array<vec4f>;
+@group(1) @binding(18) var<storage, read_write> total: array<vec4f>;
 
 // Returns the mean of the ring's light over 3x3 pixels, where they are of one surface.
 fn smoothed(pixel: vec2u, own: GuideSurface) -> vec3f {
@@ -36,27 +38,41 @@ fn coarse_surface(pixel: vec2u) -> GuideSurface {
     return surfel_guide_surface(textureLoad(coarse_surfels, pixel));
 }
 
-@compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let size = textureDimensions(surfels);
-    if (any(id.xy >= size)) {
-        return;
-    }
-    let index = id.y * size.x + id.x;
-    let texel = textureLoad(surfels, id.xy);
+// Returns the irradiance of a pixel, and the distance of its surface.
+fn combined_at(pixel: vec2u) -> vec4f {
+    let texel = textureLoad(surfels, pixel);
     if (is_empty(texel)) {
-        combined[index] = vec4f(0.0);
-        return;
+        return vec4f(0.0);
     }
     let own = surfel_guide_surface(texel);
-    var sum = smoothed(id.xy, own);
+    var sum = smoothed(pixel, own);
     if (HAS_COARSE) {
         let coarse_size = textureDimensions(coarse_surfels);
         let per_metre = pixels_per_metre(own.position) * f32(coarse_size.x) / f32(view.size.x);
-        sum += upsampled_once(id.xy, own, coarse_size, per_metre);
+        sum += upsampled_once(pixel, own, coarse_size, per_metre);
     }
     if (HAS_DISC) {
-        sum += disc[index].rgb;
+        sum += disc[pixel.y * textureDimensions(surfels).x + pixel.x].rgb;
     }
-    combined[index] = vec4f(sum, length(own.position));
+    return vec4f(sum, length(own.position));
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let size = textureDimensions(surfels);
+    if (all(id.xy < size)) {
+        combined[id.y * size.x + id.x] = combined_at(id.xy);
+    }
+}
+
+// Also adds the bounces before.
+@compute @workgroup_size(8, 8)
+fn with_total(@builtin(global_invocation_id) id: vec3u) {
+    let size = textureDimensions(surfels);
+    if (all(id.xy < size)) {
+        let index = id.y * size.x + id.x;
+        let found = combined_at(id.xy);
+        combined[index] = found;
+        total[index] = vec4f(before[index].rgb + found.rgb, found.w);
+    }
 }

@@ -1,7 +1,7 @@
 // One invocation turns a pixel of the G-buffer into a surfel of the finest level.
 //
 // In: G-buffer. Out: surfels, 0 where nothing is seen.
-#import "ssil/pixel.wgsl"
+#import "ssil/pixel_surfel.wgsl"
 
 @group(1) @binding(11) var surfels: texture_storage_2d<rgba32uint, write>;
 

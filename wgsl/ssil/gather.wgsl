@@ -18,6 +18,7 @@ struct Params {
     grid_size: vec2u,  // of the voxels, if any: cells,
     cell: f32,         // pixels of the picture along the side of a cell,
     step: f32,         // and cells between two steps of a march
+    light_offset: u32, // where the level begins in `light`
     shift: u32,        // level of the samples above that of the receivers
     parts: u32,        // of the pattern: a receiver takes one in a frame
     first: u32,        // class of the pattern that is the first of the shape, disc or ring
@@ -50,7 +51,7 @@ fn lit_samples(start: Place, first: u32, count: u32, size: vec2u) -> u32 {
     for (var k = 0u; k < count; k += 1u) {
         let place = place_of(start, pattern[first + k]);
         let inside = all(place >= vec2i(0)) && all(place < vec2i(size));
-        let code = light[select(0, place.y * i32(size.x) + place.x, inside)];
+        let code = light[params.light_offset + select(0u, u32(place.y) * size.x + u32(place.x), inside)];
         lit |= select(0u, 1u << k, inside && (code.x | (code.y & 0xffffu)) != 0u);
     }
     return lit;
@@ -84,7 +85,7 @@ fn received(start: Place, entry: vec2u, width: u32, side: vec4f, number: u32) ->
     let disc = leaving * inverseSqrt(squared) * count * surfel_area(texel, side) * (BOUND_SHARE * INV_PI);
     // Both cosines still have a length of d.
     let term = count * arriving * leaving / max(squared * (squared + select(0.0, disc, BOUNDED)), 1e-37);
-    return unpack_light(light[u32(place.y) * width + u32(place.x)]) * (term * visibility(start, end, number));
+    return unpack_light(light[params.light_offset + u32(place.y) * width + u32(place.x)]) * (term * visibility(start, end, number));
 }
 
 // Returns the irradiance by `count` samples of the pattern from `first` on.

@@ -28,6 +28,7 @@ struct Params {
     grid_size: vec2u,  // of the voxels, if any: cells,
     cell: f32,         // pixels of the picture along the side of a cell,
     step: f32,         // and cells between two steps of a march
+    light_offset: u32, // where the level begins in `light`
     shift: u32,        // levels above the first
     size: vec2u,       // of the first level
     radius: f32,       // r, pixels of the level
@@ -117,7 +118,7 @@ fn gather_glossy(id: vec3u) {
         let drawn = draw_sample(number, pixel_seed, brdf.alpha, forward);
         let place = start.pixel + drawn.offset;
         let inside = all(place >= vec2i(0)) && all(place < size);
-        let code = light[select(0, place.y * size.x + place.x, inside)];
+        let code = light[params.light_offset + u32(select(0, place.y * size.x + place.x, inside))];
         if (!inside || (code.x | (code.y & 0xffffu)) == 0u) {
             continue;
         }

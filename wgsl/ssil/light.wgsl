@@ -1,54 +1,70 @@
-// One invocation adds up what the pixels of a square send out: their light times their area, or with REFLECTORS what
-// turns their irradiance into that.
+// One invocation finds the light that 2x2 pixels of the first level send, and its workgroup that of coarser levels.
 //
-// Phi = sum_j L_j ds_j (eq. 3), W/sr on a surface that faces the receiver, or sum_j rho_j / pi ds_j, m2/sr. So no
-// energy is lost or found where surfaces do not survive the vote. In: G-buffer, direct light. Out: codes of
-// `common/light_code.wgsl`, and the largest of them as bits of a float.
-#import "ssil/pixel.wgsl"
-#import "common/light_code.wgsl"
+// Phi = sum_j L_j ds_j (eq. 3), W/sr on a surface that faces the receiver, over the pixels j of the picture in a pixel's
+// square: no energy is lost or found where surfaces do not survive the vote. With HAS_REFLECTORS also
+// sum_j rho_j / pi ds_j, m2/sr, which turns an irradiance into the light of the next bounce. In: G-buffer, direct light,
+// W/(m2 sr). Out: codes of `common/light_code.wgsl`; the brightest of the first level.
+#import "ssil/pixel_surfel.wgsl"
+#import "ssil/light_levels.wgsl"
+#import "ssil/peak.wgsl"
 
-override SQUARE: u32 = 2u;  // its side, pixels
-override REFLECTORS: bool = false;
+override SQUARE: u32 = 2u;  // pixels of the picture along the side of one of the first level
+override HAS_REFLECTORS: bool = false;
 
 @group(1) @binding(11) var<storage, read> direct: array<vec4f>;
-@group(1) @binding(12) var<storage, read_write> light: array<vec2u>;
-@group(1) @binding(13) var<storage, read_write> peak: array<atomic<u32>>;
+@group(1) @binding(14) var<storage, read_write> reflectors: array<vec2u>;
 
-@compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let size = (view.size + SQUARE - 1u) / SQUARE;
-    if (any(id.xy >= size)) {
-        return;
-    }
-    let facing = facing_side();
-    var sum = vec3f(0.0);
-    for (var y = 0u; y < SQUARE; y += 1u) {
-        for (var x = 0u; x < SQUARE; x += 1u) {
-            let pixel = SQUARE * id.xy + vec2u(x, y);
-            if (any(pixel >= view.size)) {
-                continue;
-            }
-            let seen = load_distance(pixel);
-            var sent = vec3f(0.0);
-            if (!REFLECTORS) {
-                sent = direct[pixel.y * view.size.x + pixel.x].rgb;
-            }
-            // Light that is black leaves no surface, so the surface need not be found.
-            if (seen <= 0.0 || (!REFLECTORS && max3(sent) <= 0.0)) {
-                continue;
-            }
-            let surface = load_surface(pixel);
-            if (REFLECTORS) {
-                let lit = (surface.flags & GBUFFER_UNLIT) == 0u;
-                sent = select(vec3f(0.0), gbuffer_brdf(surface).diffuse * INV_PI, lit);
-            }
-            sum += sent * pixel_surfel(pixel, surface, seen, facing).area;
+struct Sent {
+    light: vec3f,       // W/sr
+    reflectors: vec3f,  // m2/sr
+}
+
+// Returns what a pixel of the first level sends.
+fn sent_by(pixel: vec2u, facing: vec4f) -> Sent {
+    var sum = Sent(vec3f(0.0), vec3f(0.0));
+    for (var k = 0u; k < SQUARE * SQUARE; k += 1u) {
+        let fine = SQUARE * pixel + vec2u(k % SQUARE, k / SQUARE);
+        if (any(fine >= view.size)) {
+            continue;
+        }
+        let seen = load_distance(fine);
+        let radiance = direct[fine.y * view.size.x + fine.x].rgb;
+        // The area of a black surface matters only if it reflects.
+        if (seen <= 0.0 || (!HAS_REFLECTORS && max3(radiance) <= 0.0)) {
+            continue;
+        }
+        let surface = load_surface(fine);
+        let area = pixel_surfel(fine, surface, seen, facing).area;
+        sum.light += radiance * area;
+        if (HAS_REFLECTORS) {
+            let is_lit = (surface.flags & GBUFFER_UNLIT) == 0u;
+            sum.reflectors += select(vec3f(0.0), gbuffer_brdf(surface).diffuse * INV_PI, is_lit) * area;
         }
     }
-    light[id.y * size.x + id.x] = pack_light(sum);
-    let bits = bitcast<u32>(max3(sum));
-    // Reading first is cheaper where it is not the largest, which is the rule.
-    if (bits > atomicLoad(&peak[0])) {
-        atomicMax(&peak[0], bits);
+    return sum;
+}
+
+@compute @workgroup_size(TILE_THREADS, TILE_THREADS)
+fn main(
+    @builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_id) local: vec3u,
+    @builtin(workgroup_id) group: vec3u,
+) {
+    let size = (view.size + SQUARE - 1u) / SQUARE;
+    let facing = facing_side();
+    var sum = vec3f(0.0);
+    var brightest = 0.0;
+    for (var k = 0u; k < 4u; k += 1u) {
+        let pixel = thread_pixel(id.xy, k);
+        if (any(pixel >= size)) {
+            continue;
+        }
+        let sent = sent_by(pixel, facing);
+        sum += store_light(pixel, size, sent.light);
+        brightest = max(brightest, max3(sent.light));
+        if (HAS_REFLECTORS) {
+            reflectors[pixel.y * size.x + pixel.x] = pack_light(sent.reflectors);
+        }
     }
+    store_coarser(group.xy, local.xy, size, sum);
+    raise_peak(brightest);
 }

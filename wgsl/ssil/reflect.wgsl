@@ -1,41 +1,47 @@
-// One invocation finds the light that a pixel of the first level sends on, from what it got: Phi = E * sum rho / pi ds.
-// With ADDED, together with what it sends already. In: irradiance, W/m2. Out: codes of `common/light_code.wgsl`; the
-// largest of them, and what counts as none, as bits of floats.
-#import "common/light_code.wgsl"
+// One invocation finds the light that 2x2 pixels of the first level send in the next bounce, and its workgroup that of
+// coarser levels. Phi = E sum_j rho_j / pi ds_j, with ADDED plus the light of the bounce before.
+//
+// In: irradiance, W/m2; reflectors, m2/sr. Out: codes of `common/light_code.wgsl`, W/sr; the brightest of the first
+// level, and what counts as none.
+#import "ssil/light_levels.wgsl"
+#import "ssil/peak.wgsl"
 
 override ADDED: bool = false;
 
 struct Params {
-    least_light: f32,  // of the brightest light of the first bounce, what counts
+    size: vec2u,       // pixels of the first level
+    least_light: f32,  // share of the brightest light of the first bounce that counts as none
 }
 
-const ROW: u32 = 4096u;  // threads along x: large pictures need more workgroups than a dispatch has along one axis
-
 @group(1) @binding(11) var<storage, read> reflectors: array<vec2u>;
-@group(1) @binding(12) var<storage, read> irradiance: array<vec4f>;
-@group(1) @binding(13) var<storage, read_write> light: array<vec2u>;
-@group(1) @binding(14) var<storage, read_write> peak: array<atomic<u32>>;
+@group(1) @binding(14) var<storage, read> irradiance: array<vec4f>;
 @group(1) @binding(15) var<storage, read> before: array<vec2u>;
 @group(1) @binding(16) var<storage, read> first_peak: array<u32>;
 @group(1) @binding(19) var<uniform> params: Params;
 
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let index = id.y * ROW + id.x;
-    if (index >= arrayLength(&light)) {
-        return;
+@compute @workgroup_size(TILE_THREADS, TILE_THREADS)
+fn main(
+    @builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_id) local: vec3u,
+    @builtin(workgroup_id) group: vec3u,
+) {
+    var sum = vec3f(0.0);
+    var brightest = 0.0;
+    for (var k = 0u; k < 4u; k += 1u) {
+        let pixel = thread_pixel(id.xy, k);
+        if (any(pixel >= params.size)) {
+            continue;
+        }
+        let index = pixel.y * params.size.x + pixel.x;
+        var sent = irradiance[index].rgb * unpack_light(reflectors[index]);
+        if (ADDED) {
+            sent += unpack_light(before[index]);
+        }
+        sum += store_light(pixel, params.size, sent);
+        brightest = max(brightest, max3(sent));
     }
-    var sent = irradiance[index].rgb * unpack_light(reflectors[index]);
-    if (ADDED) {
-        sent += unpack_light(before[index]);
-    }
-    light[index] = pack_light(sent);
-    if (index == 0u) {
+    store_coarser(group.xy, local.xy, params.size, sum);
+    raise_peak(brightest);
+    if (all(id.xy == vec2u(0u))) {
         atomicStore(&peak[1], bitcast<u32>(params.least_light * bitcast<f32>(first_peak[0])));
-    }
-    let bits = bitcast<u32>(max3(sent));
-    // Reading first is cheaper where it is not the largest, which is the rule.
-    if (bits > atomicLoad(&peak[0])) {
-        atomicMax(&peak[0], bits);
     }
 }

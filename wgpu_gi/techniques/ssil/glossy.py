@@ -20,14 +20,14 @@ def declare_glossy(
     gbuffer: Gbuffer,
     levels: Levels,
     voxels: Voxels | None,
-    lights: list[Buffer],
+    light: Buffer,
     samples: int,
     radius: float,
     seed: int,
 ) -> Buffer | None:
     """Declare what coats reflect at the first level, radiance over their tint; None where nothing is coated.
 
-    `lights` are of the levels that are gathered at, `samples` for each of them within `radius` pixels.
+    `light` is of all levels that are gathered at, `samples` for each of them within `radius` pixels.
     """
     if not scene.features["HAS_COATS"] or not samples:
         graph.skip("ssil/glossy", "every material is Lambert" if samples else "ssil.glossy_samples is 0")
@@ -35,7 +35,7 @@ def declare_glossy(
     size = levels.surfels[levels.first].size
     glossy = level_buffer(graph, "ssil/glossy", size)
     shader = f"ssil/glossy_{'none' if voxels is None else 'voxels'}.wgsl"
-    for k, light in zip(levels.gathered, lights, strict=True):
+    for k in levels.gathered:
         graph.compute(
             f"ssil/glossy_{k}",
             shader,
@@ -52,6 +52,7 @@ def declare_glossy(
                 "size": size,
                 "seed": seed,
                 "radius": radius,
+                "light_offset": levels.pixels_before(k),
                 "shift": k - levels.first,
                 **(NO_GRID if voxels is None else voxels.params(k)),
             },

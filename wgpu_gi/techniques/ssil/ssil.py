@@ -25,21 +25,13 @@ from ..shared.temporal import TemporalSettings
 from .full import Fine, declare_fine, declare_last
 from .glossy import declare_glossy
 from .inputs import SsilInputs
-from .levels import (
-    Levels,
-    declare_again,
-    declare_levels,
-    declare_light_levels,
-    declare_reflected,
-    declare_sent,
-    level_buffer,
-)
+from .levels import Levels, declare_levels, level_buffer
+from .light import SentLight, declare_direct_light, declare_feedback, declare_reflected_light
 from .voxels import NO_GRID, Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
 MOST_BOUNCES = 16
 UNREPRESENTED_SHARE = 4  # unrepresented pixels take a share of their samples in a frame, one in so many. Chosen
-ADD_ROW = int(load("ssil/add.wgsl").constants["ROW"])
 _SIDE, _CLASSES = (int(load("ssil/classes.wgsl").constants[name]) for name in ("SIDE", "CLASSES"))
 
 
@@ -139,43 +131,51 @@ def declare_bounces(
         voxels = declare_voxels(graph, voxel_settings, scene, levels)
     else:
         graph.skip("voxels", f"ssil.visibility is {settings.visibility}")
-    light, peak = declare_sent(graph, scene, gbuffer, levels, direct)
     count = settings.bounces if bounces is None else min(bounces, MOST_BOUNCES)
-    if count == 1:
-        graph.skip("ssil/reflectors", "one bounce")
-    else:
-        reflectors = declare_sent(graph, scene, gbuffer, levels, None)[0]
+    light, reflectors = declare_direct_light(graph, scene, gbuffer, levels, direct, count > 1)
     kept: Buffer | None = None
     if is_amortised(settings, bounces):
-        kept = level_buffer(graph, f"ssil/combined_{levels.first}", levels.surfels[levels.first].size, history=True)
-        light, peak = declare_again(graph, gbuffer, levels, light, reflectors, motion, kept.previous)
+        kept = level_buffer(graph, f"ssil/combined_{levels.first}", levels.size, history=True)
+        light = declare_feedback(graph, gbuffer, levels, light.codes, reflectors, motion, kept.previous)
         count = 1
     else:
         given = "one bounce" if count == 1 else "a number of bounces is given"
-        graph.skip("ssil/again", given if settings.amortised else "ssil.amortised is off")
+        graph.skip("ssil/feedback", given if settings.amortised else "ssil.amortised is off")
     fine = declare_fine(graph, levels, settings.unrepresented)
     last = _last_level(settings, levels)
     for k in range(last + 1, levels.gathered.stop):
         graph.skip(f"ssil/gather_{k}", "its ring begins beyond the picture")
     gathering = _Gathering(settings, scene, levels, last, pattern, voxels, fine, kept)
-    lights = declare_light_levels(graph, levels, light, "")
-    total = got = _declare_bounce(graph, gathering, lights, peak, "")
+    irradiance, glossy_light = _declare_bounces(graph, gathering, light, reflectors, count)
+    radius = _radius(settings, levels)
+    glossy = declare_glossy(
+        graph, scene, gbuffer, levels, voxels, glossy_light.codes, settings.glossy_samples, radius, seed
+    )
+    return declare_last(graph, temporal, scene, gbuffer, motion, levels, irradiance, glossy, fine)
+
+
+def _declare_bounces(
+    graph: Graph, gathering: _Gathering, first: SentLight, reflectors: Buffer, count: int
+) -> tuple[Buffer, SentLight]:
+    """Declare the irradiance of `count` bounces, the first of them of the light `first`; and what coats reflect.
+
+    That is the light of all bounces but the last, for the coat is the last to scatter it.
+    """
+    settings, levels = gathering.settings, gathering.levels
+    coated = gathering.scene.features["HAS_COATS"] and settings.glossy_samples > 0
+    glossy_light = first
+    total = got = _declare_bounce(graph, gathering, first, "", None)[0]
     if settings.visible_bounces == "first":
         gathering = replace(gathering, settings=replace(settings, visibility="none"), voxels=None)
-    first_peak, least = peak, settings.least_light
-    coated = scene.features["HAS_COATS"] and settings.glossy_samples > 0
+    common = graph, levels, reflectors
     for bounce in range(2, count + 1):
         suffix = f"_bounce_{bounce}"
+        limits = first.peak, settings.least_light
         if bounce == count and coated:
-            # What coats reflect has been scattered by all bounces but the last.
-            sent = declare_reflected(graph, reflectors, total, first_peak, least, "_all", light)[0]
-            lights = declare_light_levels(graph, levels, sent, "_all")
-        sent, peak = declare_reflected(graph, reflectors, got, first_peak, least, suffix)
-        got = _declare_bounce(graph, gathering, declare_light_levels(graph, levels, sent, suffix), peak, suffix)
-        total = _declare_sum(graph, total, got, suffix)
-    radius = _radius(settings, levels)
-    glossy = declare_glossy(graph, scene, gbuffer, levels, voxels, lights, settings.glossy_samples, radius, seed)
-    return declare_last(graph, temporal, scene, gbuffer, motion, levels, total, glossy, fine)
+            glossy_light = declare_reflected_light(*common, total, *limits, "_all", first.codes)
+        light = declare_reflected_light(*common, got, *limits, suffix)
+        got, total = _declare_bounce(graph, gathering, light, suffix, total)
+    return total, glossy_light
 
 
 def default_radius(size: tuple[int, int], levels: int) -> float:
@@ -212,23 +212,29 @@ def _declare_pattern(graph: Graph, settings: SsilSettings, levels: Levels, seed:
     return pattern
 
 
-def _declare_bounce(graph: Graph, gathering: _Gathering, lights: list[Buffer], peak: Buffer, suffix: str) -> Buffer:
-    """Declare the irradiance of the first level by the light that it sends: gathered at all levels, and combined.
+def _declare_bounce(
+    graph: Graph, gathering: _Gathering, light: SentLight, suffix: str, before: Buffer | None
+) -> tuple[Buffer, Buffer]:
+    """Declare the irradiance of the first level by the light of a bounce, and the sum of it and of `before`.
 
-    Light of a level is gathered by the pixels of the next finer one, four times as many, each with a quarter of the
-    samples.
+    SentLight of a level is gathered by the pixels of the next finer one, four times as many, each with a quarter of the
+    samples. Without `before` the sum is the irradiance itself.
     """
     levels = gathering.levels
     combined: Buffer | None = None
+    total: Buffer | None = None
     for k in reversed(range(levels.first, gathering.last)):
-        ring = _declare_gather(graph, gathering, k + 1, k, lights[k + 1 - levels.first], peak, suffix)
+        ring = _declare_gather(graph, gathering, k + 1, k, light, suffix)
         finest = k == levels.first
         finer = gathering.kept if finest else None
         finer = finer or level_buffer(graph, f"ssil/combined_{k}{suffix}", levels.surfels[k].size)
-        disc = _declare_gather(graph, gathering, k, k, lights[0], peak, suffix) if finest else graph.neutral("buffer")
+        disc = _declare_gather(graph, gathering, k, k, light, suffix) if finest else graph.neutral("buffer")
+        added = finest and before is not None
+        total = level_buffer(graph, f"ssil/total{suffix}", levels.size) if added else finer
         graph.compute(
             f"ssil/combine_{k}{suffix}",
             "ssil/combine.wgsl",
+            entry="with_total" if added else "main",
             over=levels.surfels[k],
             reads={
                 "surfels": levels.surfels[k],
@@ -236,13 +242,18 @@ def _declare_bounce(graph: Graph, gathering: _Gathering, lights: list[Buffer], p
                 "disc": disc,
                 "ring": ring,
                 "coarse": combined or ring,
+                **({"before": before} if added else {}),
             },
-            writes={"combined": finer},
-            constants={"HAS_DISC": finest, "HAS_COARSE": combined is not None, "COARSE_CENTRED": True},
+            writes={"combined": finer, **({"total": total} if added else {})},
+            constants={
+                "HAS_DISC": finest,
+                "HAS_COARSE": combined is not None,
+                "COARSE_CENTRED": True,
+            },
         )
         combined = finer
-    assert combined is not None
-    return combined
+    assert combined is not None and total is not None
+    return combined, total
 
 
 def _declare_gather(
@@ -250,8 +261,7 @@ def _declare_gather(
     gathering: _Gathering,
     k: int,
     receivers: int,
-    light: Buffer,
-    peak: Buffer,
+    light: SentLight,
     suffix: str,
 ) -> Buffer:
     """Declare the irradiance of pixels of the level `receivers` by the disc or ring of level `k`.
@@ -265,9 +275,9 @@ def _declare_gather(
     rays = settings.visibility == "exact"
     reads = {
         "surfels": levels.surfels[k],
-        "light": light,
+        "light": light.codes,
         "pattern": gathering.pattern,
-        "peak": peak,
+        "peak": light.peak,
         **(gathering.scene.surfaces if rays else {}),
         **(voxels.reads(k) if voxels is not None else {}),
     }
@@ -278,6 +288,7 @@ def _declare_gather(
     }
     params = {
         **(NO_GRID if voxels is None else voxels.params(k)),
+        "light_offset": levels.pixels_before(k),
         "first": 0 if k == levels.first else _CLASSES,
     }
     # Whole workgroups of 8x8 pixels of each class, a band of the picture after the other.
@@ -308,15 +319,3 @@ def _declare_gather(
             clear=[] if suffix or k < gathering.last else [fine.irradiance],
         )
     return irradiance
-
-
-def _declare_sum(graph: Graph, before: Buffer, irradiance: Buffer, suffix: str) -> Buffer:
-    total = level_buffer(graph, f"ssil/total{suffix}", (before.width, before.count // before.width))
-    graph.compute(
-        f"ssil/add{suffix}",
-        "ssil/add.wgsl",
-        over=(ADD_ROW, -(-total.count // ADD_ROW)),
-        reads={"before": before, "irradiance": irradiance},
-        writes={"total": total},
-    )
-    return total

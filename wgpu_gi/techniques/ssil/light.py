@@ -1,0 +1,132 @@
+"""The light that each level sends in a bounce: of direct light, of the bounce before, or of the frame before.
+
+Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: light is
+summed over pixels and not averaged, so that no energy is lost where surfaces do not survive the vote; one pass stores
+the light of all levels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer, View
+from ...gpu.wgsl.load import load
+from ..shared.gbuffer import Gbuffer
+from ..shared.scene_inputs import SceneInputs
+from .levels import Levels
+
+LIGHT = np.dtype((np.uint32, 2))  # codes of wgsl/common/light_code.wgsl
+TILE_THREADS = int(load("ssil/light_levels.wgsl").constants["TILE_THREADS"])
+
+
+@dataclass(frozen=True)
+class SentLight:
+    """`codes`: light of all levels, W/sr, the first one first. `peak`: the brightest of it, and what counts as none."""
+
+    codes: Buffer
+    peak: Buffer
+
+
+def declare_direct_light(
+    graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, levels: Levels, direct: Buffer, has_reflectors: bool
+) -> tuple[SentLight, Buffer]:
+    """Declare the light that surfaces send of `direct` light, and the reflectors: light over irradiance, m2/sr.
+
+    Without `has_reflectors` these are empty.
+    """
+    light = _light(graph, levels, "", history=False)
+    width, height = levels.size
+    reflectors = graph.buffer("ssil/reflectors", dtype=LIGHT, count=width * height if has_reflectors else 1)
+    shader = "ssil/light.wgsl"
+    graph.compute(
+        "ssil/light",
+        shader,
+        over=_threads(levels),
+        reads={"surfaces": gbuffer.surfaces, "distance": gbuffer.distance, "direct": direct},
+        writes={"light": light.codes, "peak": light.peak, "reflectors": reflectors},
+        constants={
+            **scene.constants(shader),
+            **_constants(levels),
+            "SQUARE": 1 << levels.first,
+            "HAS_REFLECTORS": has_reflectors,
+        },
+        clear=[light.peak],
+    )
+    return light, reflectors
+
+
+def declare_reflected_light(
+    graph: Graph,
+    levels: Levels,
+    reflectors: Buffer,
+    irradiance: Buffer,
+    first_peak: Buffer,
+    least_light: float,
+    suffix: str,
+    before: Buffer | None = None,
+) -> SentLight:
+    """Declare the light that surfaces send of the `irradiance` of a bounce; with `before`, that light is added.
+
+    It counts as none where the brightest is at most the share `least_light` of the brightest of the first bounce.
+    """
+    light = _light(graph, levels, suffix, history=False)
+    graph.compute(
+        f"ssil/reflect{suffix}",
+        "ssil/reflect.wgsl",
+        over=_threads(levels),
+        reads={
+            "reflectors": reflectors,
+            "irradiance": irradiance,
+            "before": graph.neutral("buffer") if before is None else before,
+            "first_peak": first_peak,
+        },
+        writes={"light": light.codes, "peak": light.peak},
+        params={"size": levels.size, "least_light": least_light},
+        constants={**_constants(levels), "ADDED": before is not None},
+        clear=[light.peak],
+    )
+    return light
+
+
+def declare_feedback(
+    graph: Graph, gbuffer: Gbuffer, levels: Levels, sent: Buffer, reflectors: Buffer, motion: Buffer, previous: View
+) -> SentLight:
+    """Declare the light `sent` of direct light together with that of the `previous` frame's irradiance."""
+    light = _light(graph, levels, "_feedback", history=True)
+    surfels = levels.surfels[levels.first]
+    graph.compute(
+        "ssil/feedback",
+        "ssil/feedback.wgsl",
+        over=_threads(levels),
+        reads={
+            "surfels": surfels,
+            "distance": gbuffer.distance,
+            "reflectors": reflectors,
+            "sent": sent,
+            "motion": motion,
+            "previous": previous,
+            "previous_peak": light.peak.previous,
+        },
+        writes={"light": light.codes, "peak": light.peak},
+        constants={**_constants(levels), "SQUARE": 1 << levels.first},
+        clear=[light.peak],
+    )
+    return light
+
+
+def _light(graph: Graph, levels: Levels, suffix: str, history: bool) -> SentLight:
+    codes = graph.buffer(f"ssil/light{suffix}", dtype=LIGHT, count=levels.pixels_before(levels.gathered.stop))
+    return SentLight(codes, graph.buffer(f"ssil/light_peak{suffix}", dtype=np.uint32, count=2, history=history))
+
+
+def _threads(levels: Levels) -> tuple[int, int]:
+    """Return the threads that store the light of all levels: whole workgroups of four pixels each."""
+    width, height = (-(-side // (2 * TILE_THREADS)) * TILE_THREADS for side in levels.size)
+    return width, height
+
+
+def _constants(levels: Levels) -> dict[str, float]:
+    return {"COARSER_LEVELS": len(levels.gathered) - 1}
