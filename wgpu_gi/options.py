@@ -21,7 +21,7 @@ from .techniques.reference import PathSettings
 from .techniques.shared.sampling import CameraSettings
 from .techniques.shared.technique import Technique
 from .techniques.shared.temporal import TemporalSettings
-from .techniques.ssdo.sources import SsdoSettings
+from .techniques.ssdo.settings import SsdoSettings
 from .techniques.ssil.ssil import SsilSettings
 from .techniques.ssil.voxels import VoxelSettings
 

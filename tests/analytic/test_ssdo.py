@@ -32,7 +32,7 @@ def corner(lights=(), sky=None, albedo=0.5, wall=0.8):
 
 def render(scene, *texts, size=(64, 48), frames=32, gi="ssdo"):
     settings = Settings(gi=gi, diffuse=True, camera=CameraSettings(jitter=False, frames=frames))
-    for text in ("ssdo.steps=64", "ssdo.half=false", *texts):
+    for text in ("ssdo.steps=64", "ssdo.half_resolution=false", *texts):
         assign(settings, text)
     renderer = Renderer(scene, size=size, settings=settings)
     renderer.run(check=True)
@@ -69,7 +69,7 @@ def test_a_wall_reflects_its_part_of_the_light():
 @pytest.mark.parametrize("half", ["true", "false"])
 def test_a_furnace_of_walls_and_sky(half):
     """What a wall hides of a sky it gives back if it is as bright: with albedo 1, up to second bounces."""
-    got = render(corner(sky=Environment((1.0, 1.0, 1.0)), albedo=1.0, wall=1.0), f"ssdo.half={half}")
+    got = render(corner(sky=Environment((1.0, 1.0, 1.0)), albedo=1.0, wall=1.0), f"ssdo.half_resolution={half}")
     on_floor, share = floor_and_share(got)
     total = (got["direct"] + got["indirect"])[on_floor]
     # The wall sees half of the floor's side, which is as bright as the floor is, at least.
@@ -78,7 +78,7 @@ def test_a_furnace_of_walls_and_sky(half):
     assert np.abs(off).max() <= (0.14 if half == "true" else 0.1) and abs(off.mean()) <= 0.02
 
 
-@pytest.mark.parametrize("sampling", ["cosine", "picture"])
+@pytest.mark.parametrize("sampling", ["cosine", "environment"])
 def test_shadows_take_the_colour_of_the_light_that_is_hidden(sampling):
     """Before the wall the sky is red, behind the camera blue: near the wall, red is missing."""
     picture = np.zeros((32, 64, 3), np.float32)

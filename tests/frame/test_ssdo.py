@@ -91,7 +91,11 @@ def test_light_of_frames_before_is_found_again(half):
     errors = []
     for history in (1, 8):
         renderer = renderer_of(
-            builtin.courtyard(), f"temporal.frames={history}", f"ssdo.half={half}", "ssdo.directions=1", size=(96, 54)
+            builtin.courtyard(),
+            f"temporal.frames={history}",
+            f"ssdo.half_resolution={half}",
+            "ssdo.directions=1",
+            size=(96, 54),
         )
         for k in range(9):
             moved = renderer.camera.world_from_view.copy()
@@ -99,7 +103,7 @@ def test_light_of_frames_before_is_found_again(half):
             renderer.camera, renderer.settings.seed = replace(renderer.camera, world_from_view=moved), k
             renderer.step(show=("indirect",))
         assert ("ssdo/bounce/accumulate" in renderer.plan()) == (history > 1)
-        texts = (f"ssdo.half={half}", "ssdo.directions=8")
+        texts = (f"ssdo.half_resolution={half}", "ssdo.directions=8")
         settled = drawn(builtin.courtyard(), *texts, size=(96, 54), frames=16, camera=renderer.camera)
         errors.append(relmse(renderer.read_back("indirect"), settled["indirect"]))
     assert errors[1] <= 0.5 * errors[0], errors
@@ -109,7 +113,8 @@ def test_light_of_frames_before_is_found_again(half):
 @pytest.mark.parametrize("name", ["cornell-point", "courtyard"])
 def test_every_other_pixel_has_the_same_mean(name):
     fine, coarse = (
-        drawn(SCENES[name](), f"ssdo.half={half}", "ssdo.directions=4", frames=16, size=(192, 108)) for half in (0, 1)
+        drawn(SCENES[name](), f"ssdo.half_resolution={half}", "ssdo.directions=4", frames=16, size=(192, 108))
+        for half in (0, 1)
     )
     assert coarse["radiance"].mean() == pytest.approx(fine["radiance"].mean(), rel=0.01)
 
@@ -136,10 +141,10 @@ def test_pictures_of_fine_things_are_the_same_each_time():
     "texts",
     [
         ("ssdo.directions=64", "ssdo.steps=1"),
-        ("ssdo.directions=1", "ssdo.steps=64", "ssdo.reach=100", "ssdo.sampling=picture"),
-        ("ssdo.reach=0.01", "ssdo.half=false", "ssdo.blur=false"),
-        ("ssdo.layers=4", "ssdo.cameras=4", "ssdo.places=aside", "temporal.frames=8"),
-        ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half=false"),
+        ("ssdo.directions=1", "ssdo.steps=64", "ssdo.radius=100", "ssdo.sampling=environment"),
+        ("ssdo.radius=0.01", "ssdo.half_resolution=false", "ssdo.blur=false"),
+        ("ssdo.layers=4", "ssdo.cameras=4", "ssdo.camera_placement=aside", "temporal.frames=8"),
+        ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half_resolution=false"),
     ],
 )
 def test_settings_at_their_ends(texts, size):
@@ -152,11 +157,13 @@ def test_settings_at_their_ends(texts, size):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [(1, 1), (33, 17)])
-@pytest.mark.parametrize("texts", [(), ("ssdo.half=false", "gather.visibility=ism"), ("ssdo.near_reach=10",)])
+@pytest.mark.parametrize(
+    "texts", [(), ("ssdo.half_resolution=false", "gather.visibility=ism"), ("ssdo.near_field_radius=10",)]
+)
 def test_near_fields_at_their_ends(texts, size):
     scene = medley_under_a_sky()
     for camera in (scene.cameras[0], _parallel(scene.cameras[0])):
-        got = drawn(scene, "ssdo.near=true", *texts, gi="many-light", size=size, camera=camera)
+        got = drawn(scene, "ssdo.near_field=true", *texts, gi="many-light", size=size, camera=camera)
         assert np.isfinite(got["radiance"]).all() and (got["radiance"] >= 0).all()
 
 
@@ -164,11 +171,11 @@ def test_the_near_field_of_coated_surfaces():
     """What coats reflect of near lights stays, and they let through as much of the near field's light."""
     scene = medley_under_a_sky()
     without, together = (
-        drawn(scene, f"ssdo.near={near}", gi="many-light", frames=8, size=(96, 54))["indirect"].mean()
+        drawn(scene, f"ssdo.near_field={near}", gi="many-light", frames=8, size=(96, 54))["indirect"].mean()
         for near in ("false", "true")
     )
     assert together == pytest.approx(without, rel=0.03)
-    assert "ssdo.near is off" in plan_of(renderer_of(scene, gi="many-light"))
+    assert "ssdo.near_field is off" in plan_of(renderer_of(scene, gi="many-light"))
 
 
 def _parallel(camera):

@@ -144,8 +144,8 @@ def test_directions_by_the_picture_find_a_small_sun():
     )
     truth = drawn(scene, gi="path")["direct"]
     by_cosine, by_picture = (
-        relmse(drawn(scene, f"ssdo.sampling={name}", "ssdo.half=false")["direct"], truth)
-        for name in ("cosine", "picture")
+        relmse(drawn(scene, f"ssdo.sampling={name}", "ssdo.half_resolution=false")["direct"], truth)
+        for name in ("cosine", "environment")
     )
     assert by_picture <= 0.5 * by_cosine, (by_picture, by_cosine)
 
@@ -183,7 +183,9 @@ def roof_above():
 )
 def test_layers_and_cameras_show_what_is_missed(scene, base, better):
     truth = full(drawn(scene(), gi="path"))
-    before, after = (relmse(full(drawn(scene(), *texts, "ssdo.half=false")), truth) for texts in (base, better))
+    before, after = (
+        relmse(full(drawn(scene(), *texts, "ssdo.half_resolution=false")), truth) for texts in (base, better)
+    )
     assert after <= 0.7 * before, (before, after)
 
 
@@ -195,7 +197,7 @@ def test_correct_as_samples_grow():
     sky = Environment((1.0, 1.0, 1.0))
     scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], [], sky, [camera])
     truth = drawn(scene, gi="path")
-    texts = ("ssdo.layers=4", "ssdo.cameras=2", "ssdo.reach=100", "ssdo.half=false", "ssdo.blur=false")
+    texts = ("ssdo.layers=4", "ssdo.cameras=2", "ssdo.radius=100", "ssdo.half_resolution=false", "ssdo.blur=false")
     few = drawn(scene, *texts, "ssdo.directions=1", "ssdo.steps=8", frames=16)
     many = drawn(scene, *texts, "ssdo.directions=16", "ssdo.steps=64", frames=64)
     errors = [relmse(got["direct"], truth["direct"]) for got in (few, many)]
@@ -210,17 +212,19 @@ def test_near_and_far_light_are_all_light(name, bounces):
     """Many-light with what is near by the picture instead: nothing counts twice, and nothing is lost."""
     truth = layers_of(name)
     expected = truth["one"] if bounces == 1 else truth["one"] + truth["multi"]
-    got = near_by(name, bounces, "ssdo.near=true")
+    got = near_by(name, bounces, "ssdo.near_field=true")
     assert abs(bias(got, expected)) <= (0.01 if bounces == 1 else 0.03)
     assert relmse(got, expected) <= 0.012
 
 
 def test_a_wide_near_field_takes_more_of_the_light_and_loses_none():
     expected = layers_of("cornell_point")["one"]
-    assert abs(bias(near_by("cornell_point", 1, "ssdo.near=true", "ssdo.near_reach=0.3"), expected)) <= 0.02
+    assert (
+        abs(bias(near_by("cornell_point", 1, "ssdo.near_field=true", "ssdo.near_field_radius=0.3"), expected)) <= 0.02
+    )
     # What the near field finds is left out: of the lights within reach whose surfaces the picture shows.
     bound = "gather.compensation=true"
-    assert abs(bias(near_by("cornell_point", 1, "ssdo.near=true", bound), expected)) <= 0.01
+    assert abs(bias(near_by("cornell_point", 1, "ssdo.near_field=true", bound), expected)) <= 0.01
 
 
 def near_by(name, bounces, *texts):

@@ -1,42 +1,42 @@
-// One invocation adds up the light that the surfaces around a pixel's own reflect to it: E = pi / N sum_k L(q_k), over
-// the directions that meet a surface.
+// One invocation gathers the light that the surfaces around a receiver reflect to it: E = pi / N sum_k L(q_k) over the
+// directions that meet a surface, q_k.
 //
 // Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departure: A is the area that the direction's own solid
-// angle dw cuts out of the sender, A = dw d^2 / cos_s, where the paper has pi r_max^2 / N times a strength set by hand:
-// what leaves the environment's light out brings in just as much of the sender's, and near senders need no clamp. With
+// angle dw cuts out of the sender, A = dw d^2 / cos_s, where the paper has pi r_max^2 / N times a strength set by hand.
+// So a direction that loses the environment's light gains as much of the sender's, and near senders need no clamp. With
 // directions drawn by the cosine, cos_r dw is pi / N. Senders count by their front; coats let 1 - F through. In: hits,
-// what senders reflect, W/(m2 sr). Out: irradiance, W/m2, and the depth of `shared/denoise/plane.wgsl`. Errs dark where
+// what senders reflect, W/(m2 sr). Out: irradiance E, W/m2, and the depth of `shared/denoise/plane.wgsl`. Errs dark where
 // senders are in no picture.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
-#import "ssdo/hit.wgsl"
+#import "ssdo/hit_code.wgsl"
 #import "ssdo/grid.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
 
-override DIRECTIONS: u32 = 1u;
-override REFLECTED: bool = false;   // unrepresented pixels get radiance
-override WEIGHT: f32 = 1.0;         // of a direction at most
-override SENDER_STRIDE: u32 = 2u;  // of the grid of sources other than the picture
+override DIRECTIONS: u32 = 1u;              // N
+override REFLECTED: bool = false;           // unrepresented pixels get radiance
+override SAMPLE_ENVIRONMENT: bool = false;  // stored weights are halved
+override SENDER_STRIDE: u32 = 2u;           // pixels between senders of sources other than the first layer
 
-@group(1) @binding(11) var<storage, read> hits: array<vec2u>;  // a hit and the way there
+@group(1) @binding(11) var<storage, read> hits: array<vec2u>;     // packed by `ssdo/hit_code.wgsl`
 @group(1) @binding(12) var<storage, read> senders: array<vec4u>;  // of each source, as `senders.wgsl` leaves them
 @group(1) @binding(13) var<storage, read_write> irradiance: array<vec4f>;
-@group(1) @binding(14) var<storage, read> found: array<vec4f>;  // in w the depth of `shared/denoise/plane.wgsl`
+@group(1) @binding(14) var<storage, read> occlusion: array<vec4f>;  // w: the depth of `shared/denoise/plane.wgsl`
 
-// Returns where a hit's sender is: all pixels of the picture come first, then those of each other source's grid.
-fn sender_of(hit: u32) -> u32 {
-    let source = source_of_hit(hit);
-    let at = pixel_of_hit(hit);
+// Returns where a hit's sender is stored: first come all pixels of the first layer, then the grids of other sources.
+fn sender_index(hit: u32) -> u32 {
+    let source = hit_source(hit);
+    let pixel = hit_pixel(hit);
     let block = select(source, source - FIRST_CAMERA + LAYERS, source >= FIRST_CAMERA);
-    let coarse = (view.size + SENDER_STRIDE - 1u) / SENDER_STRIDE;
-    let place = at / SENDER_STRIDE;
-    let pixels = view.size.x * view.size.y;
-    let further = pixels + ((max(block, 1u) - 1u) * coarse.y + place.y) * coarse.x + place.x;
-    return select(further, at.y * view.size.x + at.x, block == 0u);
+    let sender_grid = (view.size + SENDER_STRIDE - 1u) / SENDER_STRIDE;
+    let place = pixel / SENDER_STRIDE;
+    let first_layer = view.size.x * view.size.y;
+    let in_grid = first_layer + ((max(block, 1u) - 1u) * sender_grid.y + place.y) * sender_grid.x + place.x;
+    return select(in_grid, pixel.y * view.size.x + pixel.x, block == 0u);
 }
 
-// Returns the irradiance of a pixel, W/m2; `slot` is where its hits are kept.
+// Returns the irradiance of a pixel, W/m2; `slot`: where its hits are stored.
 fn gather(pixel: vec2u, slot: u32) -> vec3f {
     var sum = vec3f(0.0);
     for (var k = 0u; k < DIRECTIONS; k += 1u) {
@@ -44,28 +44,29 @@ fn gather(pixel: vec2u, slot: u32) -> vec3f {
         if (hit.x == NO_HIT) {
             continue;
         }
-        let way = unpack_way(hit.y);
-        let sender = senders[sender_of(hit.x)];
-        let leaves = -dot(octahedral_decode(unpack2x16snorm(sender.w)), way.direction);
-        let faces = leaves > FLAT || (leaves > 0.0 && way.steep);
-        var arriving = bitcast<vec3f>(sender.rgb) * select(0.0, way.share, faces);
+        let arrival = unpack_hit_direction(hit.y);
+        let sender = senders[sender_index(hit.x)];
+        // The sender's front faces the receiver; both steeply, or the receiver alone.
+        let sender_cosine = -dot(octahedral_decode(unpack2x16snorm(sender.w)), arrival.direction);
+        let is_facing = sender_cosine > LEAST_SINE || (sender_cosine > 0.0 && arrival.is_steep);
+        var radiance = bitcast<vec3f>(sender.rgb) * select(0.0, arrival.weight, is_facing);
         if (HAS_COATS) {
-            arriving *= passed_share(gbuffer_brdf(load_surface(pixel)), way.direction, -pixel_ray(pixel).direction);
+            radiance *= passed_share(gbuffer_brdf(load_surface(pixel)), arrival.direction, -pixel_ray(pixel).direction);
         }
-        sum += arriving;
+        sum += radiance;
     }
-    return sum * (PI * WEIGHT / f32(DIRECTIONS));
+    return sum * (PI * select(1.0, 2.0, SAMPLE_ENVIRONMENT) / f32(DIRECTIONS));
 }
 
 fn gather_of_grid(grid: vec2u) {
     let index = grid.y * grid_size().x + grid.x;
-    let depth = found[index].w;
+    let depth = occlusion[index].w;
     if (depth > 0.0) {
         irradiance[index] = vec4f(gather(grid * STRIDE, index), depth);
     }
 }
 
-// For each pixel of a seen tile.
+// For each pixel of a tile that shows a surface.
 @compute @workgroup_size(8, 8)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
     let pixel = pixel_of_tile(group, thread, view.size);

@@ -1,7 +1,7 @@
-// The grid of pixels that are searched for.
+// The grid of pixels that the search starts from: every STRIDE-th pixel of every STRIDE-th row.
 #import "scene/info.wgsl"
 
-override STRIDE: u32 = 1u;  // pixels from one of them to the next
+override STRIDE: u32 = 1u;
 
 fn grid_size() -> vec2u {
     return (view.size + STRIDE - 1u) / STRIDE;

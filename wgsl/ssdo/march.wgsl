@@ -1,122 +1,130 @@
-// Which surface a direction meets first, as far as the camera and further ones show it: the blocker test of
-// screen-space occlusion (Ritschel et al. 2009, sections 3 and 4).
+// Screen-space ray marching: the first surface that a direction meets, as far as layers and cameras show it (the blocker
+// test of Ritschel et al. 2009, sections 3 and 4).
 //
-// A point is projected to its pixel and compared with the surface there; it lies in the open if that is farther away.
-// What is behind a surface is taken for matter, however thick, unless another camera or layer shows that it is open:
-// with two layers, matter reaches from the first to the second, with four also from the third to the fourth; what lies
-// behind the last is taken for open, unless another camera shows that it is not.
-// Departure: several points along each direction, and the first that is hidden counts, so that what lies behind an
-// occluder does not matter, and with ever more points every crossing is found.
-#import "ssdo/look.wgsl"
+// Points along the direction are projected and compared with the depth at their pixel. Behind a surface, a point is in
+// matter of any thickness, unless another camera or layer shows it in the open: two layers bound matter between the
+// first and the second, four also between the third and the fourth. Behind the last layer a point counts as open.
+// Departure: several points along each direction, of which the first that is hidden counts, so what lies behind the
+// occluder does not matter; with more points, every crossing is found. Errs bright where occluders are in no picture,
+// dark behind occluders thinner than they seem.
+#import "ssdo/depth_test.wgsl"
 
-override STEPS: u32 = 16u;  // points along each direction
+// Points along each direction. An override, as DIRECTIONS of `ssdo/occlusion.wgsl`, and not a param: lavapipe compiles
+// anew what loops up to a uniform, and Mesa 22.3.6 writes beyond its memory where the end of a loop depends on a uniform
+// and on values of the thread at once.
+override STEPS: u32 = 16u;
 
-// Of a step: a gap behind a surface no wider than the step to there is matter even where another camera looks into it,
-// since points may step over a thin wall. Chosen: with 2 and 4 a courtyard comes out too dark.
+// Thickness of all matter, in steps: behind a surface by no more than the last step, a point is in matter even where
+// another camera sees it in the open, since steps may leap over a thin wall. With 2 and 4, a courtyard is too dark.
+// tools/README.md, "Constants".
 const LEAST_THICKNESS: f32 = 1.0;
-// Behind a wall seen at a grazing angle, gaps are much wider than the step, and behind the last layer nothing is known:
-// such a wall is found by its plane. Depth goes on evenly there from pixel to pixel, but for this share of its change,
-const UNEVEN: f32 = 0.5;
-// and what lies off it by no more than it changes within so many pixels is the same wall. Chosen.
+// A wall seen at a grazing angle is found by its plane, because points come out far behind it. Its depth changes evenly
+// from pixel to pixel, up to this share of the change; tools/README.md, "Constants".
+const UNEVENNESS: f32 = 0.5;
+// A pixel shows the same plane if its depth is off by no more than the plane changes within this number of pixels;
+// tools/README.md, "Constants".
 const OFF_PLANE: f32 = 1.0;
 
+// A receiver in the main view and in up to four further ones.
 struct Marcher {
-    reach: f32,      // r_max, metres
-    forward: vec3f,  // of the camera, in the frame
-    forward_b: vec3f,  // of the second further camera and those after it
+    radius: f32,       // r_max, metres
+    forward: vec3f,    // of the main camera, in the frame of directions
+    forward_b: vec3f,  // of further cameras, from the second on
     forward_c: vec3f,
     forward_d: vec3f,
-    main: InView,
-    a: InView,
-    b: InView,
-    c: InView,
-    d: InView,
+    main: ReceiverInView,
+    a: ReceiverInView,
+    b: ReceiverInView,
+    c: ReceiverInView,
+    d: ReceiverInView,
 }
 
-fn marcher(position: vec3f, frame: mat3x3f, tangents: mat3x3f, reach: f32) -> Marcher {
+fn marcher(position: vec3f, frame: mat3x3f, tangents: mat3x3f, radius: f32) -> Marcher {
     var m: Marcher;
-    m.reach = reach;
+    m.radius = radius;
     m.forward = view_0.forward * frame;
-    m.main = in_view(view_0, position, frame, tangents);
+    m.main = receiver_in_view(view_0, position, frame, tangents);
     if (CAMERAS > 0u) {
-        m.a = in_view(view_1, position, frame, tangents);
+        m.a = receiver_in_view(view_1, position, frame, tangents);
     }
     if (CAMERAS > 1u) {
-        m.b = in_view(view_2, position, frame, tangents);
+        m.b = receiver_in_view(view_2, position, frame, tangents);
         m.forward_b = view_2.forward * frame;
     }
     if (CAMERAS > 2u) {
-        m.c = in_view(view_3, position, frame, tangents);
+        m.c = receiver_in_view(view_3, position, frame, tangents);
         m.forward_c = view_3.forward * frame;
     }
     if (CAMERAS > 3u) {
-        m.d = in_view(view_4, position, frame, tangents);
+        m.d = receiver_in_view(view_4, position, frame, tangents);
         m.forward_d = view_4.forward * frame;
     }
     return m;
 }
 
-// Returns a hit found between two points of a direction moved to where it meets the surface, if both ends tell (regula
-// falsi) and a pixel nearer to the direction is there.
-fn move_to_surface(
-    shown: texture_depth_2d, p: InView, along: vec4f, before: f32, way: f32, hit: u32
-) -> u32 {
-    let first = point_on(p, along, before);
-    let last = point_on(p, along, way);
-    let ahead = gap_behind(p, first, textureLoad(shown, first.pixel, 0));
-    let behind = gap_behind(p, last, textureLoad(shown, last.pixel, 0));
-    let met = point_on(p, along, mix(before, way, saturate(ahead / min(ahead - behind, -1e-30))));
-    let depth = textureLoad(shown, met.pixel, 0);
-    let better = first.inside && met.inside && ahead < 0.0 && depth > met.own
-        && abs(gap_behind(p, met, depth)) < behind;
-    return select(hit, pack_hit(vec2u(met.pixel), source_of_hit(hit)), better);
+// Returns a hit between the points at `start` and `end` metres, moved to where the direction meets the surface: one step
+// of regula falsi on the distance behind it. The hit stays where it is if that pixel shows no nearer surface.
+fn refine_hit(depths: texture_depth_2d, r: ReceiverInView, along: vec4f, start: f32, end: f32, hit: u32) -> u32 {
+    let first = project_point(r, along, start);
+    let last = project_point(r, along, end);
+    let behind_first = distance_behind(r, first, textureLoad(depths, first.pixel, 0));
+    let behind_last = distance_behind(r, last, textureLoad(depths, last.pixel, 0));
+    let share = saturate(behind_first / min(behind_first - behind_last, -1e-30));
+    let crossing = project_point(r, along, mix(start, end, share));
+    let depth = textureLoad(depths, crossing.pixel, 0);
+    let is_nearer = first.is_inside && crossing.is_inside && behind_first < 0.0 && depth > crossing.plane_depth
+        && abs(distance_behind(r, crossing, depth)) < behind_last;
+    return select(hit, pack_hit(vec2u(crossing.pixel), hit_source(hit)), is_nearer);
 }
 
-fn depth_at(shown: texture_depth_2d, pixel: vec2i) -> f32 {
-    let inside = clamp(pixel, vec2i(0), vec2i(textureDimensions(shown)) - 1);
-    return select(0.0, textureLoad(shown, inside, 0), all(inside == pixel));
+// Returns the depth at a pixel, 0 outside the picture.
+fn depth_at(depths: texture_depth_2d, pixel: vec2i) -> f32 {
+    let clamped = clamp(pixel, vec2i(0), vec2i(textureDimensions(depths)) - 1);
+    return select(0.0, textureLoad(depths, clamped, 0), all(clamped == pixel));
 }
 
-// Returns how the depth that a pixel shows changes to the `next`, by the side where it goes on more evenly, and how
-// unevenly it does there.
-fn slope_at(shown: texture_depth_2d, pixel: vec2i, next: vec2i) -> vec2f {
-    let depth = depth_at(shown, pixel);
-    let ahead = depth_at(shown, pixel + next);
-    let behind = depth_at(shown, pixel - next);
-    let on = vec2f(ahead - depth, abs(depth_at(shown, pixel + 2 * next) - 2.0 * ahead + depth));
-    let back = vec2f(depth - behind, abs(depth_at(shown, pixel - 2 * next) - 2.0 * behind + depth));
-    return select(back, on, on.y < back.y);
+// Returns the change of depth from a pixel to the one `step` on, and its second difference: on the side where depths
+// change more evenly, which is the side that shows the same surface.
+fn depth_slope(depths: texture_depth_2d, pixel: vec2i, step: vec2i) -> vec2f {
+    let depth = depth_at(depths, pixel);
+    let ahead = depth_at(depths, pixel + step);
+    let back = depth_at(depths, pixel - step);
+    let forward = vec2f(ahead - depth, abs(depth_at(depths, pixel + 2 * step) - 2.0 * ahead + depth));
+    let backward = vec2f(depth - back, abs(depth_at(depths, pixel - 2 * step) - 2.0 * back + depth));
+    return select(backward, forward, forward.y < backward.y);
 }
 
-// Returns where a direction led through the surface that it lies behind at the end of `way`: there it meets the
-// surface's plane, and the pixel shows that plane. NO_HIT if it came past its border, or if what the hit's pixel shows
-// is too narrow to tell its plane.
-fn led_through(shown: texture_depth_2d, p: InView, along: vec4f, way: f32, hit: u32) -> u32 {
-    let pixel = vec2i(pixel_of_hit(hit));
+// Returns the hit on the surface that the point at `t` lies behind, if the direction crosses its plane before that and
+// the pixel there shows the same plane. NO_HIT if it passed the surface's border, or if the surface is too narrow for
+// its plane to be known.
+fn plane_crossing(depths: texture_depth_2d, r: ReceiverInView, along: vec4f, t: f32, hit: u32) -> u32 {
+    // The plane, from differences of depth.
+    let pixel = vec2i(hit_pixel(hit));
     let centre = vec2f(pixel) + 0.5;
-    let depth = depth_at(shown, pixel);
-    let across = slope_at(shown, pixel, vec2i(1, 0));
-    let down = slope_at(shown, pixel, vec2i(0, 1));
+    let depth = depth_at(depths, pixel);
+    let across = depth_slope(depths, pixel, vec2i(1, 0));
+    let down = depth_slope(depths, pixel, vec2i(0, 1));
     let slope = vec2f(across.x, down.x);
-    let rounding = PLANE_ROUNDING * (dot(abs(slope), p.size) + depth);
-    let is_plane = all(vec2f(across.y, down.y) <= UNEVEN * abs(slope) + rounding);
-    // Over the picture depths of planes are linear, and so is the way in clip space: find where both meet.
+    let rounding = PLANE_ROUNDING * (dot(abs(slope), r.size) + depth);
+    let is_plane = all(vec2f(across.y, down.y) <= UNEVENNESS * abs(slope) + rounding);
+    // Depths of a plane are linear over the picture and the direction is linear in clip space: intersect both.
     let plane = vec4f(-slope, 1.0, dot(slope, centre) - depth);
-    let before = dot(plane, p.clip);
-    let share = before / max(before - dot(plane, p.clip + way * along), 1e-30);
-    let clip = p.clip + saturate(share) * way * along;
+    let in_front = dot(plane, r.clip);
+    let share = in_front / max(in_front - dot(plane, r.clip + t * along), 1e-30);
+    let clip = r.clip + saturate(share) * t * along;
     let place = clip.xy / clip.w;
-    let inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < p.size);
-    let met = floor(select(centre, place, inside));
-    let off = abs(depth_at(shown, vec2i(met)) - depth - dot(slope, met + 0.5 - centre));
+    let is_inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < r.size);
+    let crossing = floor(select(centre, place, is_inside));
+    // The pixel at the crossing shows that plane.
+    let off = abs(depth_at(depths, vec2i(crossing)) - depth - dot(slope, crossing + 0.5 - centre));
     let shows_plane = off <= OFF_PLANE * (abs(slope.x) + abs(slope.y)) + rounding;
-    let through = is_plane && inside && before >= 0.0 && shows_plane;
-    return select(NO_HIT, pack_hit(vec2u(met), source_of_hit(hit)), through);
+    let is_crossed = is_plane && is_inside && in_front >= 0.0 && shows_plane;
+    return select(NO_HIT, pack_hit(vec2u(crossing), hit_source(hit)), is_crossed);
 }
 
-// Returns the first surface that a point along a direction of the marcher's frame lies behind, or NO_HIT. Points come
-// with the power 2.5 of their number, since what is near hides more; `shift` in 0 to 1 moves them along.
-fn march(m: Marcher, direction: vec3f, shift: f32) -> u32 {
+// Returns the first surface that a point along a direction of the receiver's frame lies behind, or NO_HIT. The distance
+// of points grows with the power 2.5 of their number, since near occluders hide more; `jitter` in 0 to 1 shifts them.
+fn march(m: Marcher, direction: vec3f, jitter: f32) -> u32 {
     let along = m.main.axes * direction;
     let along_a = m.a.axes * direction;
     let along_b = m.b.axes * direction;
@@ -124,88 +132,91 @@ fn march(m: Marcher, direction: vec3f, shift: f32) -> u32 {
     let along_d = m.d.axes * direction;
     let away = dot(m.forward, direction);
     var found = NO_HIT;
-    // The first surfaces that a point lies behind, but another camera or layer looks in: did it come there past their
-    // borders?
-    // Asked after all steps, by values carried over: where a condition is computed from uniforms and more at once,
-    // lavapipe (Mesa 22.3.6) writes beyond its memory as it follows it.
-    var asked = NO_HIT;
-    var asked_a = NO_HIT;
-    var asked_way = 0.0;
-    var asked_way_a = 0.0;
-    var before = 0.0;
-    var last = 0.0;
-    var under_b: Under;
-    var under_c: Under;
-    var under_d: Under;
+    // The first surfaces of the main layer and of the first further camera that a point lies behind although another
+    // view shows it in the open. Did the direction cross them or pass their border? Tested after the loop, by values
+    // carried over, for the reason given at STEPS.
+    var doubtful = NO_HIT;
+    var doubtful_a = NO_HIT;
+    var doubtful_t = 0.0;
+    var doubtful_t_a = 0.0;
+    var t = 0.0;
+    var previous_t = 0.0;
+    // Further cameras that see a cover over the receiver.
+    var cover_b: Cover;
+    var cover_c: Cover;
+    var cover_d: Cover;
     if (CAMERAS > 1u) {
-        let at = start_of(view_2, m.b);
-        under_b = start_under(at, textureLoad(depth_5, at.pixel, 0), 5u);
+        let point = cover_point(view_2, m.b);
+        cover_b = start_cover(point, textureLoad(depth_5, point.pixel, 0), 5u);
     }
     if (CAMERAS > 2u) {
-        let at = start_of(view_3, m.c);
-        under_c = start_under(at, textureLoad(depth_6, at.pixel, 0), 6u);
+        let point = cover_point(view_3, m.c);
+        cover_c = start_cover(point, textureLoad(depth_6, point.pixel, 0), 6u);
     }
     if (CAMERAS > 3u) {
-        let at = start_of(view_4, m.d);
-        under_d = start_under(at, textureLoad(depth_7, at.pixel, 0), 7u);
+        let point = cover_point(view_4, m.d);
+        cover_d = start_cover(point, textureLoad(depth_7, point.pixel, 0), 7u);
     }
     for (var k = 0u; k < STEPS && found == NO_HIT; k += 1u) {
-        let share = (f32(k) + shift) * (1.0 / f32(STEPS));
-        let way = m.reach * share * share * sqrt(share);
-        let point = point_on(m.main, along, way);
-        var seen = look_at_layers(m.main, point, away * (way - before));
+        let share = (f32(k) + jitter) * (1.0 / f32(STEPS));
+        let next_t = m.radius * share * share * sqrt(share);
+        let step = next_t - t;
+        // What all views know of the point.
+        let main_point = project_point(m.main, along, next_t);
+        var test = test_layers(m.main, main_point, away * step);
         if (CAMERAS > 0u) {
-            let at = point_on(m.a, along_a, way);
-            seen = together(seen, look(m.a, at, textureLoad(depth_4, at.pixel, 0), 4u));
+            let point = project_point(m.a, along_a, next_t);
+            test = combine_tests(test, test_depth(m.a, point, textureLoad(depth_4, point.pixel, 0), 4u));
         }
         if (CAMERAS > 1u) {
-            let at = point_on(m.b, along_b, way);
-            let depth = textureLoad(depth_5, at.pixel, 0);
-            let advance = dot(m.forward_b, direction) * (way - before);
-            seen = together(seen, look_from(m.b, at, depth, 5u, &under_b, advance, m.reach));
+            let point = project_point(m.b, along_b, next_t);
+            let depth = textureLoad(depth_5, point.pixel, 0);
+            let advance = dot(m.forward_b, direction) * step;
+            test = combine_tests(test, test_further_camera(m.b, point, depth, 5u, &cover_b, advance, m.radius));
         }
         if (CAMERAS > 2u) {
-            let at = point_on(m.c, along_c, way);
-            let depth = textureLoad(depth_6, at.pixel, 0);
-            let advance = dot(m.forward_c, direction) * (way - before);
-            seen = together(seen, look_from(m.c, at, depth, 6u, &under_c, advance, m.reach));
+            let point = project_point(m.c, along_c, next_t);
+            let depth = textureLoad(depth_6, point.pixel, 0);
+            let advance = dot(m.forward_c, direction) * step;
+            test = combine_tests(test, test_further_camera(m.c, point, depth, 6u, &cover_c, advance, m.radius));
         }
         if (CAMERAS > 3u) {
-            let at = point_on(m.d, along_d, way);
-            let depth = textureLoad(depth_7, at.pixel, 0);
-            let advance = dot(m.forward_d, direction) * (way - before);
-            seen = together(seen, look_from(m.d, at, depth, 7u, &under_d, advance, m.reach));
+            let point = project_point(m.d, along_d, next_t);
+            let depth = textureLoad(depth_7, point.pixel, 0);
+            let advance = dot(m.forward_d, direction) * step;
+            test = combine_tests(test, test_further_camera(m.d, point, depth, 7u, &cover_d, advance, m.radius));
         }
-        let is_matter = seen.crossed || seen.gap <= LEAST_THICKNESS * (way - before)
-            || (seen.gap <= m.reach && !seen.open);
-        found = select(found, seen.hit, is_matter);
-        let is_asked = seen.gap <= m.reach && !is_matter;
-        let source = source_of_hit(seen.hit);
-        let is_first = ((is_asked && source == 0u) || seen.past) && asked == NO_HIT;
-        asked = select(asked, pack_hit(vec2u(point.pixel), 0u), is_first);
-        asked_way = select(asked_way, way, is_first);
-        let is_first_a = is_asked && asked_a == NO_HIT && source == FIRST_CAMERA;
-        asked_a = select(asked_a, seen.hit, is_first_a);
-        asked_way_a = select(asked_way_a, way, is_first_a);
-        last = before;
-        before = way;
+        // The point is in matter, or a surface in front of it is doubtful.
+        let is_matter = test.is_crossed || test.behind <= LEAST_THICKNESS * step
+            || (test.behind <= m.radius && !test.is_open);
+        found = select(found, test.hit, is_matter);
+        let is_doubtful = test.behind <= m.radius && !is_matter;
+        let source = hit_source(test.hit);
+        let is_first = ((is_doubtful && source == 0u) || test.is_past_first) && doubtful == NO_HIT;
+        doubtful = select(doubtful, pack_hit(vec2u(main_point.pixel), 0u), is_first);
+        doubtful_t = select(doubtful_t, next_t, is_first);
+        let is_first_a = is_doubtful && doubtful_a == NO_HIT && source == FIRST_CAMERA;
+        doubtful_a = select(doubtful_a, test.hit, is_first_a);
+        doubtful_t_a = select(doubtful_t_a, next_t, is_first_a);
+        previous_t = t;
+        t = next_t;
     }
-    // Of the camera's nearest layer and the first further camera; others show less of what is near.
-    var through = NO_HIT;
-    if (CAMERAS > 0u && asked_a != NO_HIT) {
-        through = led_through(depth_4, m.a, along_a, asked_way_a, asked_a);
+    // Doubtful surfaces that the direction crosses come first. Other views show less of what is near.
+    var crossing = NO_HIT;
+    if (CAMERAS > 0u && doubtful_a != NO_HIT) {
+        crossing = plane_crossing(depth_4, m.a, along_a, doubtful_t_a, doubtful_a);
     }
-    if ((CAMERAS > 0u || LAYERS > 1u) && asked != NO_HIT && through == NO_HIT) {
-        through = led_through(depth_0, m.main, along, asked_way, asked);
+    if ((CAMERAS > 0u || LAYERS > 1u) && doubtful != NO_HIT && crossing == NO_HIT) {
+        crossing = plane_crossing(depth_0, m.main, along, doubtful_t, doubtful);
     }
-    if (through != NO_HIT) {
-        return through;
+    if (crossing != NO_HIT) {
+        return crossing;
     }
-    if (found != NO_HIT && source_of_hit(found) == 0u) {
-        return move_to_surface(depth_0, m.main, along, last, before, found);
+    if (found != NO_HIT && hit_source(found) == 0u) {
+        return refine_hit(depth_0, m.main, along, previous_t, t, found);
     }
-    if (CAMERAS > 0u && found != NO_HIT && source_of_hit(found) == FIRST_CAMERA) {
-        return move_to_surface(depth_4, m.a, along_a, last, before, found);
+    if (CAMERAS > 0u && found != NO_HIT && hit_source(found) == FIRST_CAMERA) {
+        return refine_hit(depth_4, m.a, along_a, previous_t, t, found);
     }
     return found;
 }

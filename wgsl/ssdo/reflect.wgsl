@@ -1,4 +1,6 @@
-// One invocation turns a pixel's irradiance into the radiance that its surface reflects: L = rho E / pi, W/(m2 sr).
+// One invocation turns a pixel's irradiance into the radiance that its surface reflects: L = rho E / pi.
+//
+// In: G-buffer, irradiance E, W/m2. Out: L, W/(m2 sr). Exact for the diffuse part; coats are left out.
 #import "shared/gbuffer/load.wgsl"
 
 @group(1) @binding(11) var<storage, read> irradiance: array<vec4f>;

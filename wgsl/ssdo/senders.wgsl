@@ -1,9 +1,9 @@
-// One invocation lights a pixel of a deeper layer or of a further camera, one in STRIDE^2, for it and its neighbours:
-// L = rho / pi (E_sky V + sum_i E_i cos_i V_i).
+// One invocation lights a pixel of a deeper layer or of a further camera, every STRIDE-th of every STRIDE-th row; it
+// stands for its neighbours as well: L = rho / pi (E_sky V + sum_i E_i cos_i V_i).
 //
-// Visibility V_i by filtered shadow maps, and V of the sky as `occlusion.wgsl` finds it for a coarser grid, blurred. In: G-buffer of the
-// source, lights. Out: (r, g, b) W/(m2 sr) and the normal; coats reflect to a camera that sees them, not to other
-// surfaces, and are left out.
+// V_i comes from filtered shadow maps; V of the sky from `occlusion.wgsl` for a coarser grid, blurred and upsampled. In:
+// G-buffer of the source, lights, V of the sky. Out: L, W/(m2 sr), and the normal, packed. Errs blurred, by STRIDE, and
+// dark where coats would reflect: these are left out, since what they reflect depends on the receiver.
 #import "shared/gbuffer/load.wgsl"
 #import "deferred/direct/lighting.wgsl"
 #import "deferred/environment/ambient.wgsl"
@@ -11,13 +11,13 @@
 #import "shared/upsample/gbuffer_surface.wgsl"
 #import "shared/upsample/once.wgsl"
 
-override OUTWARD: bool = false;  // light the counter-clockwise side, not the one that is seen
+override OUTWARD: bool = false;  // light the counter-clockwise side of surfaces, not the one that is seen
 
 @group(1) @binding(12) var<storage, read_write> senders: array<vec4u>;
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
-    first: u32,  // sender of the source
+    first: u32,  // index of the source's first sender
 }
 
 fn coarse_surface(pixel: vec2u) -> GuideSurface {

@@ -16,18 +16,19 @@ from ..deferred.inputs import DeferredInputs
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import FOUR_FLOATS, SURFACE, Gbuffer
 from ..shared.upsample import declare_upsampling
-from ..ssdo.bounce import declare_reflected, declare_unrepresented_reflected
-from ..ssdo.search import INTERLEAVE, Asked, declare_search, declare_unrepresented
-from ..ssdo.senders import declare_shown
-from ..ssdo.sources import Sources, SsdoSettings
+from ..ssdo.bounce import declare_gathered, declare_gathered_unrepresented
+from ..ssdo.search import INTERLEAVE, SearchRequest, declare_search, declare_unrepresented
+from ..ssdo.senders import declare_first_layer_senders
+from ..ssdo.settings import SsdoSettings
+from ..ssdo.sources import Sources
 from .gather import Gathered, Near
 from .vpl import TABLE_WIDTH, Vpls
 
 
 def declare_near_shares(graph: Graph, settings: SsdoSettings, gbuffer: Gbuffer, vpls: Vpls) -> Near | None:
     """Declare how much of each VPL's light the near field finds, if it is near; None without a near field."""
-    if not settings.near:
-        graph.skip("ssdo/vpls", "ssdo.near is off")
+    if not settings.near_field:
+        graph.skip("ssdo/vpls", "ssdo.near_field is off")
         return None
     size = (TABLE_WIDTH, -(-vpls.count // TABLE_WIDTH))
     shares = graph.texture("ssdo/near_shares", "r32float", size=size, nonnegative=True)
@@ -39,7 +40,7 @@ def declare_near_shares(graph: Graph, settings: SsdoSettings, gbuffer: Gbuffer, 
         writes={"near_shares": shares},
         params={"count": vpls.count},
     )
-    return Near(shares, settings.near_reach)
+    return Near(shares, settings.near_field_radius)
 
 
 def declare_near(
@@ -56,23 +57,24 @@ def declare_near(
     """Declare the irradiance with that of the near field; `direct` is the light scattered once, (r, g, b, -)."""
     width, height = graph.size
     sources = Sources([gbuffer], [])
-    # Of the environment nothing is asked here.
+    # The search is for senders alone, so the environment is left out.
     dark = Ambient(ambient.reads, dict.fromkeys(ambient.features, False))
-    asked = Asked(graph, settings, scene, sources, dark, seed, reach=settings.near_reach)
-    search = declare_search(asked)
-    declare_unrepresented(asked, search, None)
+    request = SearchRequest(graph, settings, scene, sources, dark, seed, radius=settings.near_field_radius)
+    search = declare_search(request)
+    declare_unrepresented(request, search, None)
     senders = graph.buffer("ssdo/senders", dtype=SURFACE, count=width * height)
-    declare_shown(graph, scene, gbuffer, direct, senders, gathered.irradiance if bounces != 1 else None)
-    near = declare_reflected(graph, settings, scene, sources, search, senders)
+    indirect = gathered.irradiance if bounces != 1 else None
+    declare_first_layer_senders(graph, scene, gbuffer, direct, senders, indirect)
+    near = declare_gathered(graph, settings, scene, sources, search, senders)
     if search.guide is not None:
         radius = INTERLEAVE if settings.blur else 1
         near = declare_blur(graph, "ssdo/near", gbuffer, near, search.normals, radius, stride=search.stride)
         near = declare_upsampling(graph, scene, "ssdo/near", gbuffer, near, search.guide, reflected=False)
-        declare_unrepresented_reflected(graph, settings, scene, sources, search, senders, near, reflected=False)
+        declare_gathered_unrepresented(graph, settings, scene, sources, search, senders, near, reflected=False)
     irradiance = graph.buffer("ssdo/both", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     graph.compute(
         "ssdo/add",
-        "ssdo/add.wgsl",
+        "many_light/near/add.wgsl",
         over=(width, height),
         reads={"gathered": gathered.irradiance, "near": near},
         writes={"irradiance": irradiance},

@@ -10,7 +10,7 @@ from ...upload.rsm_layout import rsm_layout
 from ..deferred.update import DeferredOptions, deferred_inputs
 from ..shared.technique import Shot
 from ..shared.temporal import TemporalSettings
-from ..ssdo.sources import SsdoSettings
+from ..ssdo.settings import SsdoSettings
 from .filters import DenoiseSettings
 from .gather import GatherSettings
 from .inputs import ManyLightInputs, VplInputs

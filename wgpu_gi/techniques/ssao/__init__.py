@@ -10,8 +10,8 @@ from ...gpu.graph import Graph
 from ..deferred.base import declare_base
 from ..deferred.direct import declare_direct
 from ..shared.technique import Light, Technique
-from ..ssdo.bounce import History, declare_occlusion
 from ..ssdo.inputs import SsdoInputs
+from ..ssdo.occlusion import History, declare_occlusion
 from ..ssdo.sources import declare_sources
 from ..ssdo.update import OcclusionOptions, ssdo_inputs
 

@@ -9,8 +9,9 @@ from ...gpu.graph import Graph
 from ..deferred.base import declare_base
 from ..deferred.direct import declare_direct
 from ..shared.technique import Light, Technique
-from .bounce import History, declare_bounce, declare_occlusion
+from .bounce import declare_bounce
 from .inputs import SsdoInputs
+from .occlusion import History, declare_occlusion
 from .sources import declare_sources
 from .update import SsdoOptions, ssdo_inputs
 

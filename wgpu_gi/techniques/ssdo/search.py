@@ -1,4 +1,9 @@
-"""What directions from each pixel meet in screen space, and what of the environment's light gets past it."""
+"""The search for occluders: marches directions through the depth buffers of all sources.
+
+Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departures: several points
+along each direction instead of one, of which the first that is hidden counts; directions drawn by the cosine; squares
+of pixels share a set of directions, as in interleaved sampling (Keller and Heidrich 2001), which the blur averages.
+"""
 
 from __future__ import annotations
 
@@ -12,57 +17,170 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
 from ..deferred.environment import Ambient
+from ..deferred.inputs import DeferredInputs
 from ..shared.gbuffer import FOUR_FLOATS
-from ..shared.scene_inputs import SceneInputs
 from ..shared.upsample import Guide, declare_guide
-from .sources import Sources, SsdoSettings
+from .settings import SsdoSettings
+from .sources import Sources
 
-# Sources other than the picture are lit at one pixel in so many in each row and column; chosen.
+SHADER = "ssdo/occlusion.wgsl"
+# Sources other than the first layer are lit at every second pixel of every second row, their sky at every eighth, with
+# every second step along each direction. tools/README.md, "Constants".
 SENDER_STRIDE = 2
-# the sky that they see is looked for at one in so many,
 SKY_STRIDE = 8
-# and with one in so many points along each direction: errors on a courtyard are not larger for it.
-FEWER = 2
-INTERLEAVE = 4  # side of the squares of pixels that share directions; chosen
+SKY_STEP_SHARE = 2
+INTERLEAVE = 4  # side of the squares of pixels that share a set of directions. tools/README.md, "Constants"
 LAST_MAP = int(load("deferred/environment/maps.wgsl").constants["LAST_MAP"])
 
 TWO_WORDS = np.dtype((np.uint32, 2))
 
 
 @dataclass
-class Search:
-    """What directions meet from the pixels of a grid, one in `stride` in each row and column.
+class SearchResult:
+    """What directions meet from the pixels of a grid, every `stride`-th of every `stride`-th row.
 
     light: the share of the environment that arrives, (r, g, b, depth of `shared/denoise/plane.wgsl`). normals: packed
-    as there. hits: what each direction meets and the way there, packed by `ssdo/hit.wgsl`, of the picture itself only.
-    sent: what `light` is over, once both are averaged; None if it is a share already. guide: how the grid's pixels
-    count for others. unrepresented_hits: what the directions of pixels meet that the grid does not represent.
+    as there. hits: the surfaces found, packed by `ssdo/hit_code.wgsl`, of the first layer only. unoccluded: what to
+    divide `light` by, once both are blurred; None if it is a share already. guide: how the grid is upsampled.
+    unrepresented_hits: what the directions of pixels meet that the grid does not represent.
     """
 
     stride: int
     light: Buffer
     normals: Buffer
     hits: Buffer
-    sent: Buffer | None
+    unoccluded: Buffer | None
     guide: Guide | None = None
     unrepresented_hits: Buffer | None = None
 
 
+@dataclass
+class SearchRequest:
+    """A search from the pixels of a source, `number`.
+
+    radius: r_max at most, in heights of the picture at the pixel; None: that of the settings. directional: the share of
+    the environment's light is by colour and direction; else it is ambient occlusion.
+    """
+
+    graph: Graph
+    settings: SsdoSettings
+    scene: DeferredInputs
+    sources: Sources
+    ambient: Ambient
+    seed: int
+    number: int = 0
+    radius: float | None = None
+    directional: bool = True
+
+    @property
+    def directions(self) -> int:
+        """Directions per pixel."""
+        return self.settings.directions if self.number == 0 else 1
+
+    @property
+    def samples_environment(self) -> bool:
+        """Whether every other direction is drawn by importance sampling of the environment."""
+        pictured = self.ambient.features["HAS_ENVIRONMENT"] and self.ambient.features["HAS_PICTURED_ENVIRONMENT"]
+        return self.number == 0 and pictured and self.directional and self.settings.sampling == "environment"
+
+    def arguments(self, stride: int) -> dict[str, Any]:
+        """Return what all passes of SHADER have in common; its reads lack the G-buffer."""
+        settings, sources, number = self.settings, self.sources, self.number
+        return {
+            "shader": SHADER,
+            "reads": {
+                "environment_cdf": self.scene.lights["environment_cdf"],
+                **self.ambient.reads,
+                **sources.reads(self.graph),
+            },
+            "params": {
+                "seed": self.seed,
+                "lobe": _lobe_of(self.directions),
+                "radius": settings.radius if self.radius is None else self.radius,
+            },
+            "constants": {
+                **self.scene.constants(SHADER),
+                **self.ambient.constants(SHADER),
+                **sources.constants,
+                "STEPS": settings.steps if number == 0 else -(-settings.steps // SKY_STEP_SHARE),
+                "DIRECTIONS": self.directions,
+                "STRIDE": stride,
+                "INTERLEAVE": INTERLEAVE,
+                "DIRECTIONAL": self.directional,
+                "OUTWARD": sources.is_outward(number),
+                "SAMPLE_ENVIRONMENT": self.samples_environment,
+                "HITS": number == 0,
+            },
+            "uniforms": {**sources.uniforms(), "view": sources.view_of(number)},
+        }
+
+
+def declare_search(request: SearchRequest) -> SearchResult:
+    """Declare which share of the environment reaches a source; from the first layer, also the surfaces found."""
+    graph, sources, number = request.graph, request.sources, request.number
+    stride = SKY_STRIDE if number else stride_of(request.settings)
+    name = f"ssdo/occlusion_{number}" if number else "ssdo/occlusion"
+    result = _allocate(request, name, stride)
+    unoccluded = result.unoccluded or graph.buffer(f"{name}_no_unoccluded", dtype=FOUR_FLOATS, count=1)
+    arguments = request.arguments(stride)
+    arguments["reads"] |= grid_reads(sources, number, stride)
+    graph.compute(
+        name,
+        **grid_dispatch(graph, sources, number, stride),
+        **arguments,
+        writes={
+            "occlusion": result.light,
+            "normals": result.normals,
+            "hits": result.hits,
+            "unoccluded": unoccluded,
+        },
+        clear=[result.light, unoccluded],
+    )
+    if number == 0 and stride > 1:
+        guide = _declare_guide(request, stride)
+        count = guide.room * request.directions
+        result.guide = guide
+        result.unrepresented_hits = graph.buffer("ssdo/unrepresented_hits", dtype=TWO_WORDS, count=count)
+    return result
+
+
+def declare_unrepresented(request: SearchRequest, result: SearchResult, share: Buffer | None) -> None:
+    """Declare what directions meet from unrepresented pixels; `share`, of all pixels, gets theirs if it is given."""
+    guide, graph = result.guide, request.graph
+    if guide is None or result.unrepresented_hits is None:
+        return
+    unused = {
+        name: graph.buffer(f"ssdo/unrepresented_{name}", dtype=dtype, count=1)
+        for name, dtype in (("occlusion", FOUR_FLOATS), ("normals", np.uint32), ("unoccluded", FOUR_FLOATS))
+    }
+    arguments = request.arguments(result.stride)
+    arguments["constants"] |= {"UNREPRESENTED": True, "STORE_SHARE": share is not None}
+    gbuffer = request.sources.gbuffer(0)
+    arguments["reads"] |= {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance, **guide.list_reads}
+    graph.compute(
+        "ssdo/unrepresented",
+        indirect=guide.groups,
+        entry="listed",
+        **arguments,
+        writes={**unused, "hits": result.unrepresented_hits} | ({"occlusion": share} if share is not None else {}),
+    )
+
+
 def stride_of(settings: SsdoSettings) -> int:
-    """Return how far apart the pixels of the picture are that are searched for."""
-    return 2 if settings.half else 1
+    """Return the distance between the pixels of the first layer that are searched from."""
+    return 2 if settings.half_resolution else 1
 
 
-def grid_of(graph: Graph, stride: int) -> tuple[int, int]:
-    """Return how many of them there are in a row and in a column."""
+def grid_size(graph: Graph, stride: int) -> tuple[int, int]:
+    """Return the width and height of the grid of every `stride`-th pixel."""
     return -(-graph.size[0] // stride), -(-graph.size[1] // stride)
 
 
-def over_grid(graph: Graph, sources: Sources, number: int, stride: int) -> dict[str, Any]:
-    """Return which threads a pass over the grid of a source has."""
+def grid_dispatch(graph: Graph, sources: Sources, number: int, stride: int) -> dict[str, Any]:
+    """Return over what a pass over the grid of a source runs, and its entry point."""
     if stride == 1:
         return {"indirect": sources.gbuffer(number).tile_groups}
-    return {"over": grid_of(graph, stride), "entry": "coarse"}
+    return {"over": grid_size(graph, stride), "entry": "coarse"}
 
 
 def grid_reads(sources: Sources, number: int, stride: int) -> dict[str, Any]:
@@ -72,132 +190,32 @@ def grid_reads(sources: Sources, number: int, stride: int) -> dict[str, Any]:
     return {**tiles, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance}
 
 
-@dataclass
-class Asked:
-    """What is asked of a search: of which source, `seed`, and a `reach` instead of that of the settings."""
-
-    graph: Graph
-    settings: SsdoSettings
-    scene: SceneInputs
-    sources: Sources
-    ambient: Ambient
-    seed: int
-    number: int = 0
-    reach: float | None = None
-    directional: bool = True
-
-    @property
-    def directions(self) -> int:
-        """How many for each pixel."""
-        return self.settings.directions if self.number == 0 else 1
-
-    @property
-    def by_picture(self) -> bool:
-        """Tell whether directions are drawn by the environment's picture, too."""
-        pictured = self.ambient.features["HAS_ENVIRONMENT"] and self.ambient.features["HAS_PICTURED_ENVIRONMENT"]
-        return self.number == 0 and pictured and self.directional and self.settings.sampling == "picture"
-
-    def arguments(self, stride: int) -> dict[str, Any]:
-        """Return what all passes of `wgsl/ssdo/occlusion.wgsl` have in common; reads are without the G-buffer."""
-        settings, sources, number, shader = self.settings, self.sources, self.number, "ssdo/occlusion.wgsl"
-        return {
-            "shader": shader,
-            "reads": {
-                "environment_cdf": self.scene.lights["environment_cdf"],
-                **self.ambient.reads,
-                **sources.reads(self.graph),
-            },
-            "params": {"seed": self.seed, "pictures": settings.reach if self.reach is None else self.reach},
-            "constants": {
-                **self.scene.constants(shader),
-                **self.ambient.constants(shader),
-                **sources.constants,
-                "STEPS": settings.steps if number == 0 else -(-settings.steps // FEWER),
-                "DIRECTIONS": self.directions,
-                "STRIDE": stride,
-                "INTERLEAVE": INTERLEAVE,
-                "DIRECTIONAL": self.directional,
-                "OUTWARD": sources.is_outward(number),
-                "BY_PICTURE": self.by_picture,
-                "HITS": number == 0,
-                "LOBE": _lobe_of(self.directions),
-            },
-            "uniforms": {**sources.uniforms(), "view": sources.view_of(number)},
-        }
-
-
-def declare_search(asked: Asked) -> Search:
-    """Declare what hides the environment from a source, and for the picture itself, number 0, which surfaces do."""
-    graph, sources, number = asked.graph, asked.sources, asked.number
-    stride = SKY_STRIDE if number else stride_of(asked.settings)
-    name = f"ssdo/occlusion_{number}" if number else "ssdo/occlusion"
-    found = _allocate(asked, name, stride)
-    sent = found.sent or graph.buffer(f"{name}_unsent", dtype=FOUR_FLOATS, count=1)
-    arguments = asked.arguments(stride)
-    arguments["reads"] |= grid_reads(sources, number, stride)
-    graph.compute(
-        name,
-        **over_grid(graph, sources, number, stride),
-        **arguments,
-        writes={"occlusion": found.light, "normals": found.normals, "hits": found.hits, "sent": sent},
-        clear=[found.light, sent],
-    )
-    if number == 0 and stride > 1:
-        guide = _declare_guide(asked, stride)
-        room = guide.room * asked.directions
-        found.guide = guide
-        found.unrepresented_hits = graph.buffer("ssdo/unrepresented_hits", dtype=TWO_WORDS, count=room)
-    return found
-
-
-def _declare_guide(asked: Asked, stride: int) -> Guide:
-    gbuffer, constants = asked.sources.gbuffer(0), asked.scene.constants("ssdo/guide.wgsl")
+def _declare_guide(request: SearchRequest, stride: int) -> Guide:
+    gbuffer, constants = request.sources.gbuffer(0), request.scene.constants("ssdo/guide.wgsl")
     reads = {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance}
-    return declare_guide(asked.graph, "ssdo", reads, stride=stride, centred=False, constants=constants)
+    return declare_guide(request.graph, "ssdo", reads, stride=stride, centred=False, constants=constants)
 
 
-def declare_unrepresented(asked: Asked, search: Search, share: Buffer | None) -> None:
-    """Declare what directions meet from unrepresented pixels; the `share` of the environment gets theirs, if given."""
-    guide, graph = search.guide, asked.graph
-    if guide is None or search.unrepresented_hits is None:
-        return
-    nothing = {
-        name: graph.buffer(f"ssdo/unrepresented_{name}", dtype=dtype, count=1)
-        for name, dtype in (("occlusion", FOUR_FLOATS), ("normals", np.uint32), ("sent", FOUR_FLOATS))
-    }
-    arguments = asked.arguments(search.stride)
-    arguments["constants"] |= {"UNREPRESENTED": True, "SHARE": share is not None}
-    gbuffer = asked.sources.gbuffer(0)
-    arguments["reads"] |= {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance, **guide.list_reads}
-    graph.compute(
-        "ssdo/unrepresented",
-        indirect=guide.groups,
-        entry="listed",
-        **arguments,
-        writes={**nothing, "hits": search.unrepresented_hits} | ({"occlusion": share} if share is not None else {}),
-    )
-
-
-def _allocate(asked: Asked, name: str, stride: int) -> Search:
+def _allocate(request: SearchRequest, name: str, stride: int) -> SearchResult:
     """Return the buffers of a search."""
-    graph = asked.graph
-    width, height = grid_of(graph, stride)
+    graph = request.graph
+    width, height = grid_size(graph, stride)
     count = width * height
-    sent: Buffer | None = None
-    if asked.by_picture:
-        sent = graph.buffer(f"{name}_sent", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
-    hits = 1 if asked.number else count * asked.directions
-    return Search(
+    unoccluded: Buffer | None = None
+    if request.samples_environment:
+        unoccluded = graph.buffer(f"{name}_unoccluded", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
+    hits = 1 if request.number else count * request.directions
+    return SearchResult(
         stride,
         graph.buffer(name, dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True),
         graph.buffer(f"{name}_normals", dtype=np.uint32, count=count, width=width),
         graph.buffer(f"{name}_hits", dtype=TWO_WORDS, count=hits),
-        sent,
+        unoccluded,
     )
 
 
 def _lobe_of(directions: int) -> int:
-    """Return the environment's map whose lobe has about the solid angle of one of a square's directions.
+    """Return the prefiltered map of the environment whose lobe has the solid angle of one of a square's directions.
 
     That angle is 4 pi alpha^2, with alpha = 2^-k for map k.
     """

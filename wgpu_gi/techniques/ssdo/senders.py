@@ -1,15 +1,20 @@
-"""What the pixels of all sources reflect: those of the picture are lit already, those of others are lit here."""
+"""The radiance that every source reflects: the first layer is lit already, other sources are lit here.
+
+Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", sections 3 and 4. Departure: other
+sources are lit at every SENDER_STRIDE-th pixel of every such row, each for its neighbours as well.
+"""
 
 from __future__ import annotations
 
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer, Handle, Texture
+from ...gpu.handles import Buffer, Texture
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import SURFACE, Gbuffer
-from .search import INTERLEAVE, SENDER_STRIDE, SKY_STRIDE, Asked, declare_search, grid_of
-from .sources import Sources, SsdoSettings
+from .search import INTERLEAVE, SENDER_STRIDE, SKY_STRIDE, SearchRequest, declare_search, grid_size
+from .settings import SsdoSettings
+from .sources import Sources
 
 
 def declare_senders(
@@ -22,31 +27,34 @@ def declare_senders(
     ambient: Ambient,
     seed: int,
 ) -> Buffer:
-    """Declare what the pixels of all sources reflect of light scattered once, one source after the other."""
+    """Declare the radiance of light scattered once and the normal of all senders, one source after the other."""
     width, height = graph.size
-    grid = grid_of(graph, SENDER_STRIDE)
-    further = grid[0] * grid[1]
-    senders = graph.buffer("ssdo/senders", dtype=SURFACE, count=width * height + further * (sources.count - 1))
-    declare_shown(graph, scene, sources.layers[0], direct, senders)
+    grid = grid_size(graph, SENDER_STRIDE)
+    per_source = grid[0] * grid[1]
+    senders = graph.buffer("ssdo/senders", dtype=SURFACE, count=width * height + per_source * (sources.count - 1))
+    declare_first_layer_senders(graph, scene, sources.layers[0], direct, senders)
     for number in range(1, sources.count):
-        first = width * height + further * (number - 1)
-        sky: dict[str, Handle] = {"coarse": graph.neutral("buffer")}
+        first = width * height + per_source * (number - 1)
+        sky: Buffer | None = None
         if ambient.features["HAS_ENVIRONMENT"]:
             sky = _declare_sky(graph, settings, scene, sources, ambient, seed, number)
-        _declare_further(graph, scene, sources, number, atlas, ambient, sky, senders, first)
+        _declare_lit_senders(graph, scene, sources, number, atlas, ambient, sky, senders, first)
     return senders
 
 
-def declare_shown(
+def declare_first_layer_senders(
     graph: Graph,
     scene: DeferredInputs,
     gbuffer: Gbuffer,
     direct: Buffer,
     senders: Buffer,
-    gathered: Buffer | None = None,
+    indirect: Buffer | None = None,
 ) -> None:
-    """Declare what the picture's pixels reflect, the first of `senders`: light scattered once, and that `gathered`."""
-    shader = "ssdo/shown.wgsl"
+    """Declare the senders of the first layer, at the start of `senders`.
+
+    Their radiance is `direct`, W/(m2 sr), and what they reflect of the irradiance `indirect`, W/m2.
+    """
+    shader = "ssdo/first_layer_senders.wgsl"
     graph.compute(
         "ssdo/senders",
         shader,
@@ -54,35 +62,35 @@ def declare_shown(
         reads={
             "surfaces": gbuffer.surfaces,
             "direct": direct,
-            "gathered": gathered if gathered is not None else graph.neutral("buffer"),
+            "indirect": indirect if indirect is not None else graph.neutral("buffer"),
         },
         writes={"senders": senders},
-        constants={**scene.constants(shader), "FURTHER": gathered is not None},
+        constants={**scene.constants(shader), "HAS_INDIRECT": indirect is not None},
     )
 
 
-def _declare_further(
+def _declare_lit_senders(
     graph: Graph,
     scene: DeferredInputs,
     sources: Sources,
     number: int,
     atlas: Texture | None,
     ambient: Ambient,
-    sky: dict[str, Handle],
+    sky: Buffer | None,
     senders: Buffer,
     first: int,
 ) -> None:
-    """Declare what the grid of another source reflects, from `first` on."""
+    """Declare the senders of another source, from index `first` on; `sky`: what `_declare_sky` returned."""
     gbuffer, shader = sources.gbuffer(number), "ssdo/senders.wgsl"
     graph.compute(
         f"ssdo/senders_{number}",
         shader,
-        over=grid_of(graph, SENDER_STRIDE),
+        over=grid_size(graph, SENDER_STRIDE),
         reads={
             **ambient.reads,
             "surfaces": gbuffer.surfaces,
             "distance": gbuffer.distance,
-            **sky,
+            "coarse": sky if sky is not None else graph.neutral("buffer"),
             "light_table": scene.direct.lights,
             "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
             "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
@@ -108,17 +116,16 @@ def _declare_sky(
     ambient: Ambient,
     seed: int,
     number: int,
-) -> dict[str, Handle]:
-    """Declare the share of the environment's light that another source gets, at every SKY_STRIDE-th pixel."""
-    found = declare_search(Asked(graph, settings, scene, sources, ambient, seed, number))
-    share = declare_blur(
+) -> Buffer:
+    """Declare the share of the environment's light that reaches another source, at every SKY_STRIDE-th pixel."""
+    search = declare_search(SearchRequest(graph, settings, scene, sources, ambient, seed, number))
+    return declare_blur(
         graph,
         f"ssdo/share_{number}",
         sources.gbuffer(number),
-        found.light,
-        found.normals,
+        search.light,
+        search.normals,
         INTERLEAVE if settings.blur else 1,
-        stride=found.stride,
+        stride=search.stride,
         view=sources.view_of(number),
     )
-    return {"coarse": share}

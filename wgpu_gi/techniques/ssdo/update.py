@@ -7,8 +7,10 @@ from typing import Protocol
 from ..deferred.update import DeferredOptions, deferred_inputs
 from ..shared.technique import Shot
 from ..shared.temporal import TemporalSettings
+from .cameras import screen_views
 from .inputs import SsdoInputs
-from .sources import SsdoSettings, screen_views, view_name
+from .settings import SsdoSettings
+from .sources import view_name
 
 
 class OcclusionOptions(DeferredOptions, Protocol):

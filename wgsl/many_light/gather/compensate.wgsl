@@ -85,8 +85,8 @@ fn lost_light(at: Seen, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
         reflected *= passed_share(brdf, way, to_eye);
     }
     if (NEAR) {
-        let reach = reach_at_depth(at.position.z, params.near_reach);
-        term *= 1.0 - share_inside(vec2f(y) + 0.5, vec2f(view.size)) * share_within(reach, sqrt(squared));
+        let reach = search_radius_at_depth(at.position.z, params.near_reach);
+        term *= 1.0 - border_fade(vec2f(y) + 0.5, vec2f(view.size)) * distance_fade(reach, sqrt(squared));
     }
     return reflected * term;
 }

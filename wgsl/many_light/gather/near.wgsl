@@ -1,6 +1,6 @@
-// The light of a VPL that is left to the near field, where that finds its surface itself: what `ssdo/reach.wgsl` has it
+// The light of a VPL that is left to the near field, where that finds its surface itself: what `ssdo/search_radius.wgsl` has it
 // count, so that both together are all of it.
-#import "ssdo/reach.wgsl"
+#import "ssdo/search_radius.wgsl"
 
 override NEAR: bool = false;  // there is a near field
 
@@ -9,5 +9,5 @@ fn far_share(shown: f32, squared: f32, reach: f32) -> f32 {
     if (!NEAR) {
         return 1.0;
     }
-    return 1.0 - shown * share_within(reach, sqrt(squared));
+    return 1.0 - shown * distance_fade(reach, sqrt(squared));
 }

@@ -30,5 +30,5 @@ fn load_receiver(pixel: vec2u, near_reach: f32) -> Receiver {
     return Receiver(
         ray.origin + ray.direction * seen, select(vec3f(0.0), surface.normal, lit),
         select(0.0, plane_depth(ray, seen), lit), gbuffer_brdf(surface), -ray.direction,
-        reach_at(ray, seen, near_reach));
+        search_radius(ray, seen, near_reach));
 }

@@ -1,10 +1,10 @@
 // One invocation finds how much of a VPL's light the near field is to give: 1 if the picture shows its surface, less
-// towards the picture's border, as `reach.wgsl` has it, 0 where it does not.
+// towards the picture's border, as `border_fade` has it, 0 where it does not.
 //
 // In: VPLs, G-buffer. Out: that share for each slot, in rows as the table's. Errs at silhouettes, by a pixel.
 #import "many_light/vpl/table.wgsl"
 #import "shared/gbuffer/load.wgsl"
-#import "ssdo/reach.wgsl"
+#import "ssdo/search_radius.wgsl"
 
 @group(1) @binding(11) var near_shares: texture_storage_2d<r32float, write>;
 @group(1) @binding(19) var<uniform> params: Params;
@@ -43,6 +43,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let same = abs(dot(way, normal)) <= OFF_PLANE * width && length(way) <= OFF_POINT * width
         && dot(vpl.normal, normal) >= FACING;
     let lit = seen > 0.0 && (surface.flags & GBUFFER_UNLIT) == 0u;
-    let share = select(0.0, share_inside(vec2f(pixel) + 0.5, size), inside && lit && same);
+    let share = select(0.0, border_fade(vec2f(pixel) + 0.5, size), inside && lit && same);
     textureStore(near_shares, vpl_texel(slot), vec4f(share));
 }

@@ -1,5 +1,6 @@
-// One invocation adds what the near field gives to the irradiance by VPLs, W/m2, which keeps its depth of
-// `shared/denoise/plane.wgsl`.
+// One invocation adds the near field's irradiance to that by VPLs: E = E_far + E_near.
+//
+// In: both, W/m2, (r, g, b, depth of `shared/denoise/plane.wgsl`). Out: their sum; the depth is that of E_far.
 #import "scene/info.wgsl"
 
 @group(1) @binding(11) var<storage, read> gathered: array<vec4f>;

@@ -1,10 +1,10 @@
-// Where the surfaces are that directions meet.
+// The position and the weight of the surface that a direction meets, from the depth buffer of its source.
 //
-// Depths are those of depth buffers: reversed, 0 where there is nothing, and planes are linear over the picture.
-#import "ssdo/reach.wgsl"
-#import "ssdo/hit.wgsl"
+// Depth buffers are reversed: 0 where there is nothing. Depths of a plane are linear over the picture.
+#import "ssdo/search_radius.wgsl"
+#import "ssdo/hit_code.wgsl"
 
-@group(0) @binding(4) var<uniform> view_0: View;  // the camera
+@group(0) @binding(4) var<uniform> view_0: View;  // the main camera
 @group(0) @binding(5) var<uniform> view_1: View;
 @group(0) @binding(6) var<uniform> view_2: View;
 @group(0) @binding(7) var<uniform> view_3: View;
@@ -19,14 +19,14 @@
 @group(1) @binding(56) var depth_6: texture_depth_2d;
 @group(1) @binding(57) var depth_7: texture_depth_2d;
 
-// Returns the point that a pixel shows at a depth.
-fn point_at(v: View, pixel: vec2u, depth: f32) -> vec3f {
+// Returns the point in the world at which a pixel of a view has a depth.
+fn unproject(v: View, pixel: vec2u, depth: f32) -> vec3f {
     let ndc = (vec2f(pixel) + v.offset) / vec2f(v.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
     let aside = ndc.x * v.right + ndc.y * v.up;
     let parallel = v.orthographic != 0u;
     let origin = v.position + select(vec3f(0.0), aside, parallel);
     let direction = v.forward + select(aside, vec3f(0.0), parallel);
-    // Along the ray, z and w of clip space are linear: find where their ratio is the depth.
+    // z and w of clip space are linear along the ray: find where their ratio is the depth.
     let m = v.clip_from_world;
     let start = (m * vec4f(origin, 1.0)).zw;
     let change = (m * vec4f(direction, 0.0)).zw;
@@ -34,19 +34,19 @@ fn point_at(v: View, pixel: vec2u, depth: f32) -> vec3f {
 }
 
 fn hit_position(hit: u32) -> vec3f {
-    let pixel = pixel_of_hit(hit);
-    let source = source_of_hit(hit);
+    let pixel = hit_pixel(hit);
+    let source = hit_source(hit);
     if (CAMERAS > 0u && source == 4u) {
-        return point_at(view_1, pixel, textureLoad(depth_4, pixel, 0));
+        return unproject(view_1, pixel, textureLoad(depth_4, pixel, 0));
     }
     if (CAMERAS > 1u && source == 5u) {
-        return point_at(view_2, pixel, textureLoad(depth_5, pixel, 0));
+        return unproject(view_2, pixel, textureLoad(depth_5, pixel, 0));
     }
     if (CAMERAS > 2u && source == 6u) {
-        return point_at(view_3, pixel, textureLoad(depth_6, pixel, 0));
+        return unproject(view_3, pixel, textureLoad(depth_6, pixel, 0));
     }
     if (CAMERAS > 3u && source == 7u) {
-        return point_at(view_4, pixel, textureLoad(depth_7, pixel, 0));
+        return unproject(view_4, pixel, textureLoad(depth_7, pixel, 0));
     }
     var depth = textureLoad(depth_0, pixel, 0);
     if (LAYERS > 1u) {
@@ -58,11 +58,11 @@ fn hit_position(hit: u32) -> vec3f {
     if (LAYERS > 3u) {
         depth = select(depth, textureLoad(depth_3, pixel, 0), source == 3u);
     }
-    return point_at(view_0, pixel, depth);
+    return unproject(view_0, pixel, depth);
 }
 
-// Returns how much an occluder counts.
-fn hit_weight(hit: u32, to_hit: vec3f, reach: f32) -> f32 {
-    let inside = share_inside(vec2f(pixel_of_hit(hit)) + 0.5, vec2f(view_0.size));
-    return inside * share_within(reach, length(to_hit));
+// Returns the weight of an occluder, 0 to 1: it fades towards the picture's border and towards r_max.
+fn hit_weight(hit: u32, to_hit: vec3f, radius: f32) -> f32 {
+    let inside = border_fade(vec2f(hit_pixel(hit)) + 0.5, vec2f(view_0.size));
+    return inside * distance_fade(radius, length(to_hit));
 }

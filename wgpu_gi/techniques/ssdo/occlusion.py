@@ -1,0 +1,118 @@
+"""The share of the environment's light that reaches each pixel past the occluders in screen space.
+
+Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departures: those of
+`search.py`; the result is a share of the unoccluded irradiance, per colour, which multiplies the prefiltered
+environment's light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer
+from ..deferred.environment import Ambient
+from ..deferred.inputs import DeferredInputs
+from ..shared.denoise import declare_blur
+from ..shared.gbuffer import Gbuffer
+from ..shared.temporal import TemporalSettings, declare_accumulate
+from ..shared.upsample import declare_upsampling
+from .search import INTERLEAVE, SearchRequest, SearchResult, declare_search, declare_unrepresented
+from .settings import SsdoSettings
+from .sources import Sources
+
+
+@dataclass
+class Occlusion:
+    """`share` of the environment that arrives, (r, g, b, -) per pixel, None without one; the search behind it."""
+
+    share: Buffer | None
+    search: SearchResult
+
+
+@dataclass
+class History:
+    """How light is accumulated over frames; with `settings.frames` 1 it is not."""
+
+    settings: TemporalSettings
+    motion: Buffer
+
+    def declare(self, graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, light: Buffer, name: str) -> Buffer:
+        """Declare the mean of light (r, g, b, w) per pixel; w above 0 marks pixels with something to light."""
+        if self.settings.frames == 1:
+            return light
+        return declare_accumulate(graph, self.settings, scene, gbuffer, self.motion, light, name).averaged
+
+
+def declare_occlusion(
+    graph: Graph,
+    settings: SsdoSettings,
+    scene: DeferredInputs,
+    sources: Sources,
+    ambient: Ambient,
+    history: History,
+    seed: int,
+    frames: int,
+    *,
+    directional: bool = True,
+) -> Occlusion:
+    """Declare the search from each pixel, and the share of the environment's light that arrives.
+
+    `frames`: of a still picture. Without `directional` the share is grey: ambient occlusion.
+    """
+    gbuffer = sources.layers[0]
+    request = SearchRequest(graph, settings, scene, sources, ambient, seed, directional=directional)
+    search = declare_search(request)
+    if not ambient.features["HAS_ENVIRONMENT"]:
+        graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")
+        declare_unrepresented(request, search, None)
+        return Occlusion(None, search)
+    # Shadows of an environment that is importance sampled have edges, which the blur is guided along.
+    guided_frames = frames if search.unoccluded is not None else 1
+    share = declare_full_resolution(
+        graph,
+        "ssdo/share",
+        settings,
+        scene,
+        gbuffer,
+        search.light,
+        search,
+        frames=guided_frames,
+        divisor=search.unoccluded,
+    )
+    declare_unrepresented(request, search, share)
+    return Occlusion(history.declare(graph, scene, gbuffer, share, "ssdo/share"), search)
+
+
+def declare_full_resolution(
+    graph: Graph,
+    name: str,
+    settings: SsdoSettings,
+    scene: DeferredInputs,
+    gbuffer: Gbuffer,
+    light: Buffer,
+    search: SearchResult,
+    *,
+    frames: int = 1,
+    divisor: Buffer | None = None,
+    reflected: bool = False,
+) -> Buffer:
+    """Declare light of the search grid blurred over its squares and upsampled to all pixels.
+
+    divisor: what its blurred values are divided by. reflected: irradiance becomes radiance, W/(m2 sr).
+    """
+    blurred = declare_blur(
+        graph,
+        name,
+        gbuffer,
+        light,
+        search.normals,
+        INTERLEAVE if settings.blur else 1,
+        frames=frames,
+        glossy=divisor,
+        reflected=reflected and search.guide is None,
+        stride=search.stride,
+    )
+    if search.guide is None:
+        return blurred
+    return declare_upsampling(graph, scene, name, gbuffer, blurred, search.guide, reflected=reflected)

@@ -1,0 +1,61 @@
+"""The settings of screen-space directional occlusion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...settings import setting
+
+MAX_LAYERS = MAX_CAMERAS = 4
+# Where further cameras stand, in order.
+PLACEMENTS = {"wide": ("wide", "above", "behind", "left"), "aside": ("left", "right", "above", "behind")}
+
+
+@dataclass
+class SsdoSettings:
+    """How light is found in screen space."""
+
+    directions: int = setting(
+        2, "Directions per pixel and frame.", "directions", range=(1, 64), presets={"low": 1, "high": 4}
+    )
+    steps: int = setting(16, "Steps along each direction.", "steps", range=(1, 64), presets={"low": 8, "high": 24})
+    bounce: bool = setting(True, "Add the light that the occluders reflect.")
+    sampling: str = setting(
+        "cosine",
+        "Sampling of directions: by the cosine, with a filtered environment, or every other one by importance sampling"
+        " of the environment, unfiltered.",
+        choices=("cosine", "environment"),
+    )
+    layers: int = setting(1, "Layers of depth peeling.", "layers", range=(1, MAX_LAYERS), presets={"high": 2})
+    cameras: int | None = setting(
+        None,
+        "Further cameras that look for occluders; none for one, and for three where there is an environment, which"
+        " roofs and walls behind the camera hide.",
+        "cameras",
+        range=(0, MAX_CAMERAS),
+        presets={"low": 0},
+    )
+    camera_placement: str = setting(
+        "wide",
+        "Where further cameras stand, in order: wide (a wide lens at the camera, above, behind, left), or aside (left,"
+        " right, above, behind).",
+        choices=(*PLACEMENTS,),
+    )
+    radius: float = setting(
+        10.0,
+        "Search radius for occluders, in heights of the picture at the pixel; at most the scene's diameter.",
+        "heights",
+        range=(0.01, 100.0),
+    )
+    half_resolution: bool = setting(
+        True, "Search from every other pixel of every other row, and upsample.", presets={"high": False}
+    )
+    near_field: bool = setting(
+        False,
+        "With --gi many-light: find light of nearby surfaces, and what hides it, in screen space instead of by virtual"
+        " point lights.",
+    )
+    near_field_radius: float = setting(
+        0.1, "Radius of that near field, in heights of the picture at the pixel.", "heights", range=(0.001, 10.0)
+    )
+    blur: bool = setting(True, "Blur over the squares of pixels that share a set of directions, up to edges.")

@@ -1,0 +1,46 @@
+// The surface that a direction meets, packed into two words. The first holds the pixel that shows the surface and its
+// source: layers of depth peeling are sources 0 to 3, further cameras are sources 4 to 7. The second holds the direction
+// from the receiver to it and its weight.
+#import "common/math.wgsl"
+
+override LAYERS: u32 = 1u;   // of depth peeling, 1 to 4
+override CAMERAS: u32 = 0u;  // besides the main one, 0 to 4
+
+const NO_HIT: u32 = 0xffffffffu;
+const FIRST_CAMERA: u32 = 4u;
+
+// Pictures have at most 2^13 pixels a side, so that a pixel takes 26 bits.
+fn pack_hit(pixel: vec2u, source: u32) -> u32 {
+    return pixel.x | (pixel.y << 13u) | (source << 26u);
+}
+
+fn hit_pixel(hit: u32) -> vec2u {
+    return vec2u(hit & 0x1fffu, (hit >> 13u) & 0x1fffu);
+}
+
+fn hit_source(hit: u32) -> u32 {
+    return hit >> 26u;
+}
+
+struct HitDirection {
+    direction: vec3f,  // unit, from the receiver
+    weight: f32,       // of the hit, 0 to 1
+    is_steep: bool,    // it leaves the receiver by more than LEAST_SINE
+}
+
+// Sine of 1.7 degrees. Two surfaces that bend towards each other by less than twice that have a form factor below
+// 0.1 %, and pixels cannot tell which of their directions meet: such pairs exchange no light.
+const LEAST_SINE: f32 = 0.03;
+
+// Directions keep 11 bits for each octahedral coordinate, 0.1 degrees; weights keep 9 bits.
+fn pack_hit_direction(hit: HitDirection) -> u32 {
+    let octahedral = vec2u(round((octahedral_encode(hit.direction) * 0.5 + 0.5) * 2047.0));
+    let weight = u32(round(saturate(hit.weight) * 511.0));
+    return octahedral.x | (octahedral.y << 11u) | (weight << 22u) | select(0u, 1u << 31u, hit.is_steep);
+}
+
+fn unpack_hit_direction(code: u32) -> HitDirection {
+    let octahedral = vec2f(vec2u(code, code >> 11u) & vec2u(2047u)) * (2.0 / 2047.0) - 1.0;
+    return HitDirection(
+        octahedral_decode(octahedral), f32((code >> 22u) & 511u) * (1.0 / 511.0), (code >> 31u) != 0u);
+}
