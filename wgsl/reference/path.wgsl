@@ -327,11 +327,14 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         if (next.pdf <= 0.0) {
             continue;
         }
+        let carried = throughput * next.weight;
+        if (!is_finite(carried)) {
+            continue;
+        }
         var survival = 1.0;
         if (depth > ROULETTE_FROM) {
-            survival = min(max3(throughput * next.weight), MAX_SURVIVAL);
-            // Written so that a NaN ends the path.
-            if (!(unit_float(hash2(pixel_seed ^ 0x9e3779b9u, hash2(index, depth))) < survival)) {
+            survival = min(max3(carried), MAX_SURVIVAL);
+            if (unit_float(hash2(pixel_seed ^ 0x9e3779b9u, hash2(index, depth))) >= survival) {
                 continue;
             }
         }

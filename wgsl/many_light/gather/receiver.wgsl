@@ -6,6 +6,7 @@
 struct Receiver {
     position: vec3f,
     normal: vec3f,   // shading, towards the viewer; zero: there is nothing to light
+    geometric_normal: vec3f,
     depth: f32,      // as `shared/denoise/plane.wgsl` has it; 0 with the normal
     brdf: Brdf,
     to_eye: vec3f,
@@ -28,7 +29,7 @@ fn load_receiver(pixel: vec2u, near_reach: f32) -> Receiver {
     let lit = seen > 0.0 && (surface.flags & GBUFFER_UNLIT) == 0u;
     let ray = pixel_ray(inside);
     return Receiver(
-        ray.origin + ray.direction * seen, select(vec3f(0.0), surface.normal, lit),
+        ray.origin + ray.direction * seen, select(vec3f(0.0), surface.normal, lit), surface.geometric_normal,
         select(0.0, plane_depth(ray, seen), lit), gbuffer_brdf(surface), -ray.direction,
         search_radius(ray, seen, near_reach));
 }

@@ -10,7 +10,8 @@ struct Sight {
 }
 
 fn sight_of(at: Receiver, vpl: Vpl) -> Sight {
-    let start = at.position + at.normal * pixel_ray_offset(length(at.position - view.position));
+    let offset = pixel_ray_offset(length(at.position - view.position));
+    let start = offset_origin(at.position, at.geometric_normal, offset, vpl.position - at.position);
     let way = vpl.position - start;
     let faces = dot(way, at.normal) > 0.0 && dot(way, vpl.normal) < 0.0;
     return Sight(Ray(start, way), select(0.0, STOP_SHORT, faces));

@@ -3,6 +3,7 @@
 // With the corners v0, v1, v2 relative to the VPL, a direction w meets the triangle's plane at the distance t, where
 // t w = b0 v0 + b1 v1 + b2 v2 and b0 + b1 + b2 = 1. So b / t = inverse(v0 v1 v2) w is linear in w: w meets the triangle
 // if no row of it is negative, and the sum of the rows is the plane m, dot(m, w) = 1 / t.
+#import "scene/ray_offset.wgsl"
 #import "scene/trace.wgsl"
 #import "many_light/ism/map.wgsl"
 
@@ -18,13 +19,9 @@ struct HitTriangle {
 // edge-on, or one that the ray's own rounding missed. tools/README.md, "Constants".
 const PLANE_TOLERANCE: f32 = 1e-2;
 
-// Metres along the VPL's normal from its surface to the origin of its rays, over the scene's radius: at least the
-// `ray_offset` of points within three radii of the scene's origin. tools/README.md, "Constants".
-const ORIGIN_OFFSET: f32 = 1e-5;
-
 // Returns the triangle that a ray of a VPL hits; `local` is the ray's unit direction in the frame of the map.
 fn trace_triangle(vpl: Vpl, frame: mat3x3f, local: vec3f) -> HitTriangle {
-    let hit = trace(Ray(vpl.position + vpl.normal * (ORIGIN_OFFSET * scene.radius), frame * local), FLOAT_MAX);
+    let hit = trace(Ray(vpl.position + vpl.normal * ray_offset(scene_extent()), frame * local), FLOAT_MAX);
     let far = hit.distance;
     if (hit.triangle == NONE) {
         return HitTriangle(vec3f(0.0), 0.0, vec3f(0.0), vec3f(0.0), 0.0);
