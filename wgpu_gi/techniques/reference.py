@@ -134,7 +134,11 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
             "bounces": UNLIMITED if settings.bounces is None else settings.bounces,
             "seed": settings.seed,
         },
-        constants={**scene.constants("reference/path.wgsl"), "VISIBLE_ONLY": settings.path.visible_only},
+        constants={
+            **scene.constants("reference/path.wgsl"),
+            "VISIBLE_ONLY": settings.path.visible_only,
+            "CUTS_LOOPS": graph.device.is_cpu,
+        },
         settle=scene.runs,
         split=True,
     )

@@ -1,23 +1,26 @@
 // One invocation traces `samples` more paths of one pixel and merges them into its running means.
 //
-// L_o = L_e + integral f_r L_i cos (Kajiya 1986). A path's last surface before its light is found in three ways,
-// combined by the power heuristic (Veach 1997, eq. 9.15 and section 10.2, with light subpaths of at most two
-// vertices):
-//   N  the path's own rays, then a ray to a chosen point of a light (next-event estimation)
-//   B  the path's own rays, then one that meets an emitter or the environment
-//   L  a ray from a light, one for each path, whose hit is connected with every vertex of the path
-// L is what finds the bright spot beside a lamp. Densities are those of that surface point and of the light's point.
-// Split by scatterings: `emission` none, `direct` one, `indirect` two and more.
+// L_o = L_e + integral f_r L_i cos (Kajiya 1986). A path's last surface before its light is found in three ways, combined
+// by the power heuristic (Veach 1997, eq. 9.15 and section 10.2, with light subpaths of at most two vertices):
+//   N  next-event estimation: the path's own rays, then a shadow ray to a sampled point of a light
+//   B  the path's own rays, then one that follows the BRDF and meets an emitter or the environment
+//   L  a light ray, one for each path, whose hit is connected with every vertex of the path
+// L finds the bright spot beside a lamp. Densities are those of that last surface's point and of the light's point.
+// Layers by number of scatterings: `emission` none, `direct` one, `indirect` two and more.
 // In: the scene, and the means so far. Out: means in W/(m2 sr), the sum of squared deviations of their total.
-// Unbiased, but for light through leaks smaller than the rays' offset. Vertex normals and normal maps that lean far
-// from the triangle let some light pass through it, as in other renderers that do not clip their lobes (Mitsuba 3).
+// Unbiased but for the rays' offset (`scene/ray_offset.wgsl`: bright, by gaps and blockers smaller than it). Vertex normals
+// and normal maps that lean far from the triangle let some light pass through it, as in other renderers that do not clip
+// their lobes (Mitsuba 3).
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
 #import "common/random.wgsl"
+#import "reference/connect.wgsl"
 #import "reference/shown.wgsl"
 
-// Light leaves only surfaces that the picture shows, as if there were no others: what techniques in screen space aim at.
+// Light leaves only surfaces that the picture shows, as if there were no others: the best that screen space can find.
 override VISIBLE_ONLY: bool = false;
+// The driver cuts loops after a number of iterations (STEP_BUDGET).
+override CUTS_LOOPS: bool = true;
 
 struct Params {
     settle_index: u32,    // runs since the picture last changed; 0 starts over
@@ -35,61 +38,22 @@ struct Params {
 @group(1) @binding(14) var<storage, read_write> indirect: array<vec4f>;
 @group(1) @binding(15) var<storage, read_write> deviation: array<vec4f>;  // sum of (x - mean)^2
 
-// Paths may die after this many scatterings, with the probability that their throughput lost. Measured on Cornell, 32
-// spp: error times run time is 26 % less than with 1, 13 % more than with 5, which traces a seventh fewer paths a
-// second.
+// Scatterings before Russian roulette, which survives with the share of throughput that is left. Measured on Cornell, 32
+// spp: error times run time is 26 % less than with 1, 13 % more than with 5, which traces a seventh fewer paths a second.
 const ROULETTE_FROM: u32 = 3u;
-// No more paths are begun in a run of a pixel after this many steps of traversal; later runs make up for it, path by
-// path, so the picture is the same. llvmpipe (Mesa 22) silently ends loops after 65,535 iterations, counted over all
-// loops of a SIMD group of 8, which in Sponza takes 2 to 3 times the steps of each; the last path comes on top.
+// llvmpipe (Mesa 22) silently ends loops after 65,535 iterations, counted over all loops of a SIMD group of 8, which in
+// Sponza takes 2 to 3 times the steps of each of its lanes. So a run begins no path after this many steps of traversal: a
+// pixel's last path may take 15,000 more. Later runs make up for the missing paths, so the picture is the same.
 const STEP_BUDGET: u32 = 6000u;
-// Never certain to go on, so that a closed white room ends, too.
+// Bounds the length of paths in a closed white room: 50 scatterings after ROULETTE_FROM on the average.
 const MAX_SURVIVAL: f32 = 0.98;
-// Random numbers as pairs of dimensions: pixel; light ray's choices, point, direction; and for each vertex of the path:
-// light and BRDF choice, BRDF, point on the light.
+// Pairs of dimensions of the random numbers: 0 the point in the pixel; 1 to 3 the light ray's choices, point, direction; then
+// for each vertex of the path the choices of light and lobe, the BRDF's direction, the point on the light.
 const LIGHT_RAY_PAIR: u32 = 1u;
 const FIRST_VERTEX_PAIR: u32 = 4u;
 const PAIRS_PER_VERTEX: u32 = 3u;
 
-// Where a light's ray has hit.
-struct LightVertex {
-    brdf: Brdf,
-    position: vec3f,
-    offset: f32,             // 0: there is none
-    normal: vec3f,           // shading, turned to the light
-    ray_density: f32,        // of the light's ray, 1/m2
-    geometric_normal: vec3f,
-    light_pdf: f32,          // with which N draws that point of the light from here, 1/sr; 0 without area
-    to_light: vec3f,         // unit
-    flux: vec3f,             // W over the densities, corrected for the shading normal
-}
-
-fn squared_ratio(a: f32, b: f32) -> f32 {
-    // Dividing first keeps the squares in range.
-    let r = a / b;
-    return r * r;
-}
-
-// The power heuristic's weights of N, B and L. `light_pdf` is that of the light's point by N, `bsdf_pdf` by B, in
-// 1/sr at the last surface; `own_density` is that of the surface by the path's rays (0: certain), `ray_density` by a
-// light's, 1/m2.
-fn weight_of_light(light_pdf: f32, bsdf_pdf: f32, own_density: f32, ray_density: f32) -> f32 {
-    var others = select(0.0, squared_ratio(bsdf_pdf, light_pdf), light_pdf > 0.0);
-    others += select(0.0, squared_ratio(ray_density, own_density), own_density > 0.0);
-    return 1.0 / (1.0 + others);
-}
-
-fn weight_of_hit(bsdf_pdf: f32, light_pdf: f32, own_density: f32, ray_density: f32) -> f32 {
-    let by_ray = select(0.0, squared_ratio(ray_density, own_density), own_density > 0.0);
-    return 1.0 / (1.0 + squared_ratio(light_pdf, bsdf_pdf) * (1.0 + by_ray));
-}
-
-fn weight_of_light_ray(light_pdf: f32, bsdf_pdf: f32, own_density: f32, ray_density: f32) -> f32 {
-    let by_hit = select(0.0, squared_ratio(bsdf_pdf, light_pdf), light_pdf > 0.0);
-    return 1.0 / (1.0 + squared_ratio(own_density, ray_density) * (1.0 + by_hit));
-}
-
-// Tiles of 8 x 8 pixels in reading order, so that neighbours in a SIMD group are neighbours in the picture.
+// Returns the pixel of a thread: a workgroup is a tile of 8 x 8 pixels, so that rays of a SIMD group stay close.
 fn pixel_of(workgroup: u32, local: u32) -> vec2u {
     let tiles_x = (view.size.x + 7u) / 8u;
     return vec2u(workgroup % tiles_x, workgroup / tiles_x) * 8u + vec2u(local % 8u, local / 8u);
@@ -104,7 +68,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
     let pixel_index = pixel.y * view.size.x + pixel.x;
     let pixel_seed = hash2(pixel.x, hash2(pixel.y, params.seed));
 
-    // A pixel may be behind the others (STEP_BUDGET), so it counts its own samples.
+    // Load the means. A pixel may be behind the others (STEP_BUDGET), so it counts its own samples.
     let continues = params.settle_index > 0u;
     let done = u32(select(0.0, emission[pixel_index].a, continues));
     let planned = min(params.samples, params.spp - min(done, params.spp));
@@ -144,12 +108,13 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
     loop {
         let ended = rays.limit <= 0.0 && rays.limit_a <= 0.0 && rays.limit_b <= 0.0;
         if (ended && !from_light) {
+            // Finish the sample, begin the next one with a light ray.
             if (sample > 0u) {
                 let offset = path_radiance - centre;
                 sum_offset += offset;
                 sum_square += offset * offset;
             }
-            if (sample == planned || steps > STEP_BUDGET) {
+            if (sample == planned || (CUTS_LOOPS && steps > STEP_BUDGET)) {
                 break;
             }
             sample += 1u;
@@ -167,7 +132,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             }
         }
         if (rays.limit <= 0.0 && rays.limit_a <= 0.0 && rays.limit_b <= 0.0) {
-            // Nothing is in flight at the start of a path: send its camera ray.
+            // Nothing is in flight where a path starts: send its camera ray.
             from_light = false;
             let jittered = sobol_2d(done + sample - 1u, hash2(pixel_seed, 0u));
             let position = select(vec2f(0.5), jittered, view.jitter != 0u);
@@ -178,6 +143,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             origin_density = 0.0;
         }
 
+        // Trace what is in flight, add what the shadow rays let through.
         let found = trace_all(rays);
         steps += found.steps;
         let arrived = rays.limit > 0.0;
@@ -200,6 +166,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             continue;
         }
 
+        // Evaluate the surface that the main ray hits.
         let hit_something = found.hit.triangle != NONE;
         let squared_distance = found.hit.distance * found.hit.distance;
         var surface: Surface;
@@ -217,24 +184,14 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         }
 
         if (from_light) {
-            // Keep where the light's ray has hit for the vertices of the path to come.
+            // Keep the light ray's hit for the vertices of the path to come.
             if (sends && (surface.flags & UNLIT) == 0u) {
-                let falloff = select(1.0 / squared_distance, 1.0, light_ray.parallel);
-                lit.brdf = surface_brdf(surface);
-                lit.position = surface.position;
-                lit.offset = surface.offset;
-                lit.normal = surface.normal;
-                lit.geometric_normal = surface.geometric_normal;
-                lit.to_light = -rays.main.direction;
-                lit.ray_density = light_ray.ray_density * cosine_in * falloff;
-                lit.light_pdf = light_ray.pdf / falloff;
-                // N weighs the light with the shading normal's cosine, its ray with the geometric one's.
-                lit.flux = light_ray.flux * (max(dot(lit.normal, lit.to_light), 0.0) / cosine_in);
+                lit = light_vertex(surface, light_ray, squared_distance, cosine_in);
             }
             continue;
         }
 
-        // Add what shines from where the ray has arrived (B).
+        // Add the emission of what the ray has met (B).
         var arriving: vec3f;
         var light_pdf = 0.0;
         var light_density = 0.0;   // of a light's ray to the vertex before, 1/m2
@@ -269,61 +226,33 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         origin_density = select(bsdf_pdf * cosine_in / squared_distance, 0.0, depth == 0u);
         origin_normal = surface.geometric_normal;
 
+        // Connect to a light (N) and to the light ray's hit (L).
         let index = done + sample - 1u;
         let dimension = FIRST_VERTEX_PAIR + depth * PAIRS_PER_VERTEX;
         let choices = sobol_2d(index, hash2(pixel_seed, dimension));
         let brdf = surface_brdf(surface);
         let frame = frame_from_normal(surface.normal);
-        let w_o = -rays.main.direction * frame;
-
-        // Connect to a light (N).
+        let vertex = PathVertex(
+            surface, brdf, frame, -rays.main.direction * frame, throughput, origin_density);
         if (has_lights) {
-            let light = sample_light(surface.position, choices.x, sobol_2d(index, hash2(pixel_seed, dimension + 2u)));
-            let f = evaluate_brdf(brdf, w_o, light.direction * frame);
-            let cosine = dot(surface.normal, light.direction);
-            if (light.limit > 0.0 && f.w > 0.0 && cosine > 0.0) {
-                let density = light.ray_density * abs(dot(surface.geometric_normal, light.direction));
-                let weight = weight_of_light(light.pdf, f.w, origin_density, density);
-                pending_a = throughput * f.rgb * cosine * light.weighted * weight;
-                if (max3(pending_a) > 0.0) {
-                    let start = leave_surface(surface, light.direction);
-                    // The end stays where it is: shift the start only.
-                    let shift = select(vec3f(0.0), start - surface.position, light.limit < INFINITELY_FAR);
-                    rays.shadow_a = Ray(start, light.to_light - shift);
-                    rays.limit_a = light.limit;
-                }
-            }
+            let to_light = connect_light(vertex, choices.x, sobol_2d(index, hash2(pixel_seed, dimension + 2u)));
+            rays.shadow_a = to_light.ray;
+            rays.limit_a = to_light.limit;
+            pending_a = to_light.radiance;
         }
-
-        // Connect to where a light's ray has hit (L).
         if (lit.offset > 0.0 && depth < params.bounces) {
-            let between = lit.position - surface.position;
-            let squared = dot(between, between);
-            let direction = normalize_or(between, surface.normal);
-            let f = evaluate_brdf(brdf, w_o, direction * frame);
-            let cosine = dot(surface.normal, direction);
-            let lit_frame = frame_from_normal(lit.normal);
-            let g = evaluate_brdf(lit.brdf, -direction * lit_frame, lit.to_light * lit_frame);
-            let lit_cosine = abs(dot(lit.geometric_normal, direction));
-            if (f.w > 0.0 && g.w > 0.0 && cosine > 0.0 && squared > 0.0) {
-                let own_density = f.w * lit_cosine / squared;
-                let weight = weight_of_light_ray(lit.light_pdf, g.w, own_density, lit.ray_density);
-                pending_b = throughput * f.rgb * g.rgb * lit.flux * (cosine * lit_cosine / squared * weight);
-                if (max3(pending_b) > 0.0) {
-                    let start = leave_surface(surface, direction);
-                    let end = offset_origin(lit.position, lit.geometric_normal, lit.offset, -direction);
-                    rays.shadow_b = Ray(start, end - start);
-                    rays.limit_b = STOP_SHORT;
-                }
-            }
+            let to_vertex = connect_light_vertex(vertex, lit);
+            rays.shadow_b = to_vertex.ray;
+            rays.limit_b = to_vertex.limit;
+            pending_b = to_vertex.radiance;
         }
         depth += 1u;
 
-        // Go on in a direction that follows the BRDF, unless nothing that shines can be met any more.
+        // Go on in a direction that follows the BRDF; the last ray counts only if it can meet a light.
         if ((depth > params.bounces) & (scene.hittable_light == 0u)) {
             continue;
         }
-        let next = sample_brdf(brdf, w_o, sobol_2d(index, hash2(pixel_seed, dimension + 1u)), choices.y);
+        let next = sample_brdf(brdf, vertex.w_o, sobol_2d(index, hash2(pixel_seed, dimension + 1u)), choices.y);
         if (next.pdf <= 0.0) {
             continue;
         }

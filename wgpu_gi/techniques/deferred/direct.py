@@ -23,7 +23,9 @@ from .inputs import DeferredInputs, DirectInputs
 
 TILE = int(load("deferred/direct/tile.wgsl").constants["TILE"])
 WRITTEN_OUT = 3  # lights that are not looped over
-EDGE_LIGHTS = int(load("deferred/direct/edges.wgsl").constants["EDGE_LIGHTS"])
+# Lights of one pass of shadow rays where drivers cut loops: a ray takes about a hundred iterations, llvmpipe (Mesa 22)
+# allows an invocation 65,535.
+EDGE_LIGHTS = 64
 TILED_FROM = 8  # spots and lights with a range: with fewer, lists of lights cost more than they save; chosen
 
 
@@ -135,15 +137,17 @@ def _declare_edges(
     edge_groups: Buffer,
     direct: Buffer,
 ) -> None:
-    """Declare the passes that light listed pixels again, each by EDGE_LIGHTS more of the lights."""
+    """Declare the passes that light listed pixels by rays: one, or one for every EDGE_LIGHTS lights on a CPU."""
     shader = "deferred/direct/edges.wgsl"
-    for first in range(0, scene.direct.count, EDGE_LIGHTS):
+    is_cpu = graph.device.is_cpu
+    per_pass = EDGE_LIGHTS if is_cpu else scene.direct.count
+    for first in range(0, scene.direct.count, per_pass):
         graph.compute(
             f"direct/edges_{first}" if first else "direct/edges",
             shader,
             indirect=edge_groups,
             reads={**scene.surfaces, **inputs, "edge_groups": edge_groups},
             writes={"direct": direct},
-            params={"first": first},
-            constants={**scene.constants(shader), **ambient},
+            params={"first": first, "end": first + per_pass},
+            constants={**scene.constants(shader), **ambient, "CUTS_LOOPS": is_cpu},
         )

@@ -1,9 +1,9 @@
-// One invocation lights a pixel again where a shadow filter was undecided, with a ray for each light that it is
-// undecided of (Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows").
+// One invocation lights one pixel whose shadow filter was undecided, with a shadow ray to each light that is undecided
+// (Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows").
 //
-// In: the list of pixels, the scene. Out: direct, W/(m2 sr): overwritten by the first pass, added to by others, each of
-// which goes on with EDGE_LIGHTS lights. Errs like the filter where that was decided: blockers thinner than a texel are
-// missed.
+// L = ambient + sum_i f_r(w_o, w_i) E_i cos_i V_i. In: the list of pixels, the scene. Out: direct, W/(m2 sr): the first pass
+// overwrites it, later ones add further lights. Errs bright: where the filter was decided, it missed blockers thinner than a
+// texel.
 #import "scene/trace.wgsl"
 #import "shared/gbuffer/seen.wgsl"
 #import "shared/gbuffer/read.wgsl"
@@ -18,15 +18,17 @@
 
 override SKY: bool = false;  // the environment is occluded
 
+// The driver cuts loops after a number of iterations (STEP_BUDGET).
+override CUTS_LOOPS: bool = true;
+
 struct Params {
-    first: u32,  // light
+    first: u32,  // light of this pass
+    end: u32,    // light after its last one
 }
 
-// Of one pass: drivers may cut the loops of an invocation and of those that run in step with it at 65535 iterations
-// (llvmpipe of Mesa 22), and a ray takes a hundred. Chosen.
-const EDGE_LIGHTS: u32 = 64u;
-// Steps of rays after which an invocation filters what is left: lavapipe (Mesa 22.3) ends all loops of an invocation
-// after 65,535 iterations together, and light would be lost. Chosen, with room for neighbours that take longer.
+// Steps of rays after which an invocation filters instead: llvmpipe (Mesa 22.3) silently ends all loops of an invocation
+// after 65,535 iterations together, and light would be lost. A SIMD group takes the steps of its slowest lane, a quarter is
+// left for that.
 const STEP_BUDGET: u32 = 16000u;
 
 @compute @workgroup_size(EDGE_GROUP)
@@ -39,7 +41,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let ray = pixel_ray(pixel);
         let triangle = load_triangle(seen.x);
         let s = surface_on(triangle, hit_on_triangle(ray, triangle, seen.x, seen.y), ray.direction);
-        // Lit as `light.wgsl` does, bit for bit; only rays start from the exact hit.
+        // Light it as `light.wgsl` does, bit for bit; rays start from the exact hit.
         let surface = load_surface(pixel);
         let r = receiver(
             ray.origin + ray.direction * load_distance(pixel), surface.normal, surface.geometric_normal,
@@ -50,7 +52,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         }
         var sum = select(direct[index].rgb, ambient, params.first == 0u);
         let count = load_light_count();
-        let end = min(count, params.first + EDGE_LIGHTS);
+        let end = min(count, params.end);
         for (var number = params.first; number < end; number += 1u) {
             let light = load_light(number);
             let incident = light_at(light, r.position);
@@ -59,7 +61,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
                 continue;
             }
             var lit = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction);
-            if (lit == UNDECIDED && steps > STEP_BUDGET) {
+            if (lit == UNDECIDED && CUTS_LOOPS && steps > STEP_BUDGET) {
                 lit = shadow_filter(light, count, r.position, r.geometric_normal, incident.direction);
             } else if (lit == UNDECIDED) {
                 let start = leave_surface(s, incident.direction);

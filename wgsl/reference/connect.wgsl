@@ -1,0 +1,96 @@
+// Connections of a path's vertex with a light (N) and with the hit of a light ray (L), as `path.wgsl` names them: the
+// shadow ray to send, and the light that arrives at the camera if nothing blocks it.
+#import "scene/lights.wgsl"
+#import "scene/trace.wgsl"
+#import "reference/weights.wgsl"
+
+// Where a path meets a surface.
+struct PathVertex {
+    surface: Surface,
+    brdf: Brdf,
+    frame: mat3x3f,      // about the shading normal
+    w_o: vec3f,          // in the frame, unit
+    throughput: vec3f,   // of the path up to here, over its densities
+    density: f32,        // of this point by the path's own rays, 1/m2; 0: certain
+}
+
+// Where a light ray has hit.
+struct LightVertex {
+    brdf: Brdf,
+    position: vec3f,
+    offset: f32,             // of rays that leave it, metres; 0: there is no hit
+    normal: vec3f,           // shading, turned to the light
+    ray_density: f32,        // of the light ray, 1/m2
+    geometric_normal: vec3f,
+    light_pdf: f32,          // with which N draws that point of the light from here, 1/sr; 0 without area
+    to_light: vec3f,         // unit
+    flux: vec3f,             // W over the densities, corrected for the shading normal
+}
+
+struct Connection {
+    ray: Ray,
+    limit: f32,       // in lengths of the ray; 0: there is no connection
+    radiance: vec3f,  // at the camera, W/(m2 sr)
+}
+
+fn no_connection() -> Connection {
+    return Connection(Ray(vec3f(0.0), vec3f(0.0)), 0.0, vec3f(0.0));
+}
+
+// Returns the vertex that a light ray makes. `cosine` is that of the ray and the surface's geometric normal.
+fn light_vertex(surface: Surface, sent: LightRay, squared_distance: f32, cosine: f32) -> LightVertex {
+    let falloff = select(1.0 / squared_distance, 1.0, sent.parallel);
+    let to_light = -sent.ray.direction;
+    // N weighs the light with the shading normal's cosine, its ray with the geometric one's.
+    let flux = sent.flux * (max(dot(surface.normal, to_light), 0.0) / cosine);
+    return LightVertex(
+        surface_brdf(surface), surface.position, surface.offset, surface.normal, sent.ray_density * cosine * falloff,
+        surface.geometric_normal, sent.pdf / falloff, to_light, flux);
+}
+
+// Connects a vertex with a point of a light (N): next-event estimation. `choice` picks the light, `u` the point.
+fn connect_light(v: PathVertex, choice: f32, u: vec2f) -> Connection {
+    let light = sample_light(v.surface.position, choice, u);
+    let f = evaluate_brdf(v.brdf, v.w_o, light.direction * v.frame);
+    let cosine = dot(v.surface.normal, light.direction);
+    let faces = light.limit > 0.0 && f.w > 0.0 && cosine > 0.0;
+    if (!faces) {
+        return no_connection();
+    }
+    let ray_density = light.ray_density * abs(dot(v.surface.geometric_normal, light.direction));
+    let weight = weight_of_light(light.pdf, f.w, v.density, ray_density);
+    let radiance = v.throughput * f.rgb * cosine * light.weighted * weight;
+    if (max3(radiance) > 0.0) {
+        let start = leave_surface(v.surface, light.direction);
+        // The end stays where it is: shift the start only.
+        let shift = select(vec3f(0.0), start - v.surface.position, light.limit < INFINITELY_FAR);
+        return Connection(Ray(start, light.to_light - shift), light.limit, radiance);
+    }
+    return no_connection();
+}
+
+// Connects a vertex with the hit of a light ray (L).
+fn connect_light_vertex(v: PathVertex, lit: LightVertex) -> Connection {
+    let between = lit.position - v.surface.position;
+    let squared = dot(between, between);
+    let direction = normalize_or(between, v.surface.normal);
+    // Both surfaces scatter: f at the path's vertex, g at the light ray's.
+    let f = evaluate_brdf(v.brdf, v.w_o, direction * v.frame);
+    let cosine = dot(v.surface.normal, direction);
+    let lit_frame = frame_from_normal(lit.normal);
+    let g = evaluate_brdf(lit.brdf, -direction * lit_frame, lit.to_light * lit_frame);
+    let lit_cosine = abs(dot(lit.geometric_normal, direction));
+    let faces = f.w > 0.0 && g.w > 0.0 && cosine > 0.0 && squared > 0.0;
+    if (!faces) {
+        return no_connection();
+    }
+    let own_density = f.w * lit_cosine / squared;
+    let weight = weight_of_light_ray(lit.light_pdf, g.w, own_density, lit.ray_density);
+    let radiance = v.throughput * f.rgb * g.rgb * lit.flux * (cosine * lit_cosine / squared * weight);
+    if (max3(radiance) > 0.0) {
+        let start = leave_surface(v.surface, direction);
+        let end = offset_origin(lit.position, lit.geometric_normal, lit.offset, -direction);
+        return Connection(Ray(start, end - start), STOP_SHORT, radiance);
+    }
+    return no_connection();
+}
