@@ -10,7 +10,7 @@ import wgpu
 from wgpu_gi.camera import Camera
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
-from wgpu_gi.gpu.wgsl.load import load
+from wgpu_gi.gpu.wgsl.load import load, refresh
 from wgpu_gi.scene.scene import Scene
 from wgpu_gi.techniques.shared.scene_inputs import share_scene
 from wgpu_gi.upload.scene_upload import SceneUpload
@@ -71,6 +71,7 @@ class Evaluator:
             + "\n@compute @workgroup_size(64)\nfn main(@builtin(global_invocation_id) id: vec3u) {\n"
             + f"  let i = id.x;\n  if (i >= {n}u) {{ return; }}\n  let value: {returns} = {expression};\n{stores}}}\n"
         )
+        refresh()
         graph.begin()
         handles = {"input": graph.share("input", buffer)} if arrays else {}
         constants = {}
