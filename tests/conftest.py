@@ -1,4 +1,4 @@
-"""What every test sees: a quiet Vulkan driver, and the package of this checkout in child processes."""
+"""The environment of every test: a quiet Vulkan driver, and this checkout's package in child processes."""
 
 import os
 import tempfile

@@ -1,4 +1,4 @@
-"""A scene that changes between frames: only what changed is sent, and the picture is that of a scene opened afresh."""
+"""A scene that changes between frames: only changes are sent, and the picture equals that of a newly loaded scene."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def square(corner, edge_u, edge_v, material):
 
 
 def everything():
-    """A little of all that a scene may hold, so that all tests share the same shader variants."""
+    """Return a scene with objects of every kind, so that all tests share the same shader variants."""
     texture, mask = Texture(Image(pixels(0)), filter="nearest"), Texture(Image(pixels(1)), filter="nearest")
     floor = Material("floor", base_color_texture=texture, roughness=0.4)
     leaf = Material("leaf", base_color_texture=mask, alpha_mode="mask", double_sided=True)
@@ -82,7 +82,7 @@ def settings(**fields):
 
 
 def picture(scene, **fields):
-    """All buffers of a scene in a renderer of its own."""
+    """Return all buffers of a scene from a new renderer."""
     return shown(Renderer(scene, size=SIZE, settings=settings(**fields)))
 
 
@@ -93,7 +93,7 @@ def shown(renderer):
 
 # ------------------------------------------------------------------------------------------------ What changes
 
-BAKED = {"nodes", "triangles", "instances"}  # a mesh is taken out of the world's tree
+BAKED = {"nodes", "triangles", "instances"}  # change when a baked mesh moves
 ALL_GEOMETRY = BAKED | {"vertices"}
 
 
@@ -130,7 +130,7 @@ def one_of_two_moves(scene):
     named(scene, "right").world_from_local = at(1.2, 1.0, 0.3, 0.6)
 
 
-def alone_moves(scene):
+def baked_moves(scene):
     named(scene, "block").world_from_local = at(-0.5, 0.2, 0.4)
 
 
@@ -191,8 +191,8 @@ def environment_dims(scene):
     scene.environment.color = (0.2, 0.3, 0.4)
 
 
-# The change, what must be sent again for it, what may be besides (probabilities are shared between lights and
-# materials), and whether the picture is then exactly that of the changed scene.
+# The change, the resources that must be sent for it, those that may be sent besides (lights and materials share
+# probabilities), and whether the picture then equals that of a newly loaded scene exactly.
 CHANGES = [
     (light_moves, {"lights"}, set(), True),
     (light_dims, {"lights"}, {"materials"}, True),
@@ -202,7 +202,7 @@ CHANGES = [
     (emission, {"materials", "lights"}, set(), True),
     (other_material, {"materials", "triangles"}, {"lights"}, True),
     (one_of_two_moves, {"nodes", "instances"}, {"lights", "materials"}, False),
-    (alone_moves, BAKED, {"lights", "materials"}, False),
+    (baked_moves, BAKED, {"lights", "materials"}, False),
     (lamp_moves, BAKED | {"lights"}, {"materials"}, False),
     (mirrored, BAKED, {"lights", "materials"}, False),
     (far_away, BAKED, {"lights", "materials"}, False),
@@ -240,7 +240,7 @@ def test_only_what_changed_is_sent(change, sent, besides):
 
 
 @pytest.mark.parametrize(("change", "exact"), [(c[0], c[3]) for c in CHANGES], ids=lambda c: getattr(c, "__name__", ""))
-def test_picture_after_a_change_is_that_of_the_changed_scene(change, exact):
+def test_picture_after_a_change_equals_that_of_a_new_renderer(change, exact):
     scene, changed = everything(), everything()
     renderer = Renderer(scene, size=SIZE, settings=settings())
     before = shown(renderer)
@@ -251,7 +251,7 @@ def test_picture_after_a_change_is_that_of_the_changed_scene(change, exact):
         for name in SHOW:
             assert np.allclose(after[name], fresh[name], rtol=1e-5, atol=1e-5), name
         return
-    # In its own space an instance is hit at slightly other places; a pixel on an edge may see what is behind it.
+    # In local space hits differ by rounding, so a pixel on an edge may show the surface behind it.
     for name in ("albedo", "normal", "depth", "position"):
         off = np.abs(after[name] - fresh[name]).reshape(SIZE[0] * SIZE[1], -1).max(1) > 1e-3
         assert off.mean() < 0.02, name
@@ -273,7 +273,7 @@ def test_camera_moves():
 
 
 def test_away_and_back():
-    """After a light, a material and a camera have changed and changed back, the frame is the first one."""
+    """Changing a light, a material and a camera back restores the first frame."""
     scene = everything()
     renderer = Renderer(scene, size=SIZE, settings=settings())
     first, camera = shown(renderer), renderer.camera
@@ -310,7 +310,7 @@ def test_another_scene_in_the_same_renderer():
 # ------------------------------------------------------------------------------------------------ Random numbers
 
 
-def test_a_seed_gives_one_picture():
+def test_the_seed_determines_the_picture():
     first, second, other = picture(everything()), picture(everything()), picture(everything(), seed=1)
     assert np.array_equal(first["radiance"], second["radiance"])
     assert not np.array_equal(first["radiance"], other["radiance"])
@@ -318,7 +318,7 @@ def test_a_seed_gives_one_picture():
     assert np.array_equal(first["albedo"], other["albedo"])
 
 
-def test_division_into_runs_does_not_matter():
+def test_samples_per_run_do_not_change_the_picture():
     names = ("radiance", "direct", "indirect", "emission", "standard_error")
 
     def rendered(samples):
@@ -334,7 +334,7 @@ def test_division_into_runs_does_not_matter():
             assert np.allclose(parts[name], whole[name], rtol=1e-4, atol=1e-5 * whole["radiance"].max()), name
 
 
-def test_steps_go_on_until_all_samples_are_there():
+def test_steps_continue_until_all_samples_are_done():
     chosen = Settings(gi="path", spp=5, bounces=1, path=PathSettings(samples_per_run=2))
     renderer = Renderer(everything(), size=SIZE, settings=chosen)
     fractions = []
@@ -346,13 +346,13 @@ def test_steps_go_on_until_all_samples_are_there():
 
 
 def status(renderer):
-    """What each pass did in the last frame, by name; the first line is the sum of it."""
+    """Return what each pass did in the last frame, by name, without the summary line."""
     rows = dict(line.split()[:2] for line in renderer.plan().splitlines()[1:])
-    del rows["composite/display"]  # nobody asks for it
+    del rows["composite/display"]  # not requested
     return rows
 
 
-def test_plan_tells_what_ran_and_what_was_kept():
+def test_plan_lists_passes_that_ran_and_were_kept():
     scene = everything()
     renderer = Renderer(scene, size=SIZE, settings=settings())
     renderer.step(show=SHOW)
@@ -390,7 +390,7 @@ def test_scenes_without_geometry(instances):
 
 
 def test_geometry_that_comes_and_goes():
-    """The same renderer, from nothing to something, to an empty mesh more, and back."""
+    """One renderer with no geometry, then some, then an empty mesh besides, then none."""
     scene = Scene(environment=Environment((1.0, 1.0, 1.0)))
     renderer = Renderer(scene, size=SIZE, camera=CAMERA, settings=Settings(gi="path", spp=2, diffuse=True, bounces=0))
     empty = shown(renderer)
@@ -418,7 +418,7 @@ def test_scene_without_lights_is_black_but_seen():
         (lambda s: setattr(s.instances[0].mesh, "materials", []), "mesh ''"),
     ],
 )
-def test_bad_values_are_named_and_the_renderer_goes_on(change, message):
+def test_bad_values_raise_and_the_renderer_recovers(change, message):
     scene = everything()
     with pytest.raises(GiError, match=message):
         change(scene)
@@ -437,7 +437,7 @@ def test_bad_values_are_named_and_the_renderer_goes_on(change, message):
 
 @pytest.mark.parametrize("kind", ["fresh", "frames", "resized", "moved"])
 def test_many_renders_do_not_grow(kind):
-    """Thirty pictures: of new renderers, of one camera after another, of changing size, of an instance that moves."""
+    """Thirty pictures with new renderers, a moving camera, changing sizes, or a moving instance."""
     scene, chosen = everything(), settings(camera=CameraSettings(jitter=False))
     renderer = Renderer(scene, size=SIZE, settings=chosen)
 
@@ -459,5 +459,5 @@ def test_many_renders_do_not_grow(kind):
     before = resident()
     for k in range(30):
         render(10 + k)
-    # A leak of one small texture, buffer or command per picture would be 3 MiB and more.
+    # Leaking one small texture, buffer or command per picture would take 3 MiB or more.
     assert resident() - before < 3

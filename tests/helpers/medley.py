@@ -1,4 +1,4 @@
-"""A scene with a little of all that a surface may be, for passes that must treat each of it alike."""
+"""A scene with every kind of surface, for passes that must handle all of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ UNIT_SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
 
 
 def at(x, y=0.0, z=0.0, scale=(1.0, 1.0, 1.0), turn=0.0) -> np.ndarray:
-    """Return a matrix that scales, turns about Y and moves."""
+    """Return a matrix that scales, rotates about Y and translates."""
     matrix = np.eye(4)
     c, s = np.cos(turn), np.sin(turn)
     matrix[:3, :3] = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) * scale
@@ -21,7 +21,7 @@ def at(x, y=0.0, z=0.0, scale=(1.0, 1.0, 1.0), turn=0.0) -> np.ndarray:
 
 
 def smooth(mesh: Mesh) -> Mesh:
-    """Give a ball about the origin the normals of a sphere."""
+    """Give a ball around the origin the normals of a sphere."""
     mesh.normals = (mesh.positions / np.linalg.norm(mesh.positions, axis=1, keepdims=True)).astype(np.float32)
     return mesh
 
@@ -32,7 +32,7 @@ def noise(seed: int) -> Image:
 
 
 def medley() -> Scene:
-    """Instances, mirrored ones, vertex colours, textures, normal maps, masks, emitters, double-sided and unlit ones."""
+    """Return a scene with mirrored instances, vertex colours, textures, normal maps, masks, emitters and unlit."""
     rng = np.random.default_rng(0)
     tiles = Texture(noise(1), offset=(0.3, -0.2), scale=(3.0, 2.0), rotation=0.5, wrap_u="mirror")
     bumpy = Texture(Image((np.array([90, 90, 190, 0]) + rng.integers(0, 65, (8, 8, 4))).astype(np.uint8)))
@@ -47,7 +47,7 @@ def medley() -> Scene:
     bumps.tangents = np.c_[tangents, rng.choice([-1, 1], len(tangents))].astype(np.float32)
     colored = box((-0.5, 0, -0.5), (0.5, 1, 0.5), Material("colored", (0.9, 0.8, 0.7, 1.0), roughness=0.8))
     colored.colors = rng.random((8, 4)).astype(np.float32)
-    # Cut out by the picture and by the vertices' alpha.
+    # Masked by the texture and by the vertices' alpha.
     leaf = Material("leaf", base_color_texture=holes, alpha_mode="mask", alpha_cutoff=0.4, double_sided=True)
     sheet = quad((-1, 0, 0), (2, 0, 0), (0, 2, 0), leaf)
     sheet.texcoords1 = UNIT_SQUARE
@@ -77,5 +77,5 @@ def medley() -> Scene:
 
 
 def named(scene: Scene, name: str) -> Instance:
-    """Return an instance."""
+    """Return the instance with a name."""
     return next(i for i in scene.instances if i.name == name)

@@ -1,4 +1,4 @@
-"""How much memory this process takes, for tests of growth."""
+"""The memory of this process, for tests against leaks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 
 
 def resident() -> float:
-    """Return MiB of this process in memory."""
+    """Return the resident memory of this process, MiB."""
     try:
         with open("/proc/self/statm") as file:
             return int(file.read().split()[1]) * 4096 / 2**20

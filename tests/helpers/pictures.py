@@ -1,4 +1,4 @@
-"""Renders small pictures for tests and compares their means with what is known."""
+"""Renders small pictures for tests and compares their means with known values."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def shoot(
 def assert_mean(buffers: dict[str, np.ndarray], expected: object, bound: float = BOUND, where: object = ...) -> None:
     """Assert that the mean radiance over the pixels `where` is `expected` (per channel or one for all) within `bound`.
 
-    Three standard errors of the mean must fit into the bound, else the test could not tell.
+    The bound must exceed three standard errors of the mean, or the test would be meaningless.
     """
     radiance, error = buffers["radiance"][where], buffers["standard_error"][where]
     mean = radiance.reshape(-1, 3).mean(0)
@@ -44,7 +44,7 @@ def assert_mean(buffers: dict[str, np.ndarray], expected: object, bound: float =
 
 
 def moved(scene: Scene, matrix: np.ndarray) -> Scene:
-    """Return the scene with instances, punctual lights' places and cameras transformed by a uniform (4, 4) matrix."""
+    """Return the scene with its instances, punctual lights and cameras transformed by a similarity, a (4, 4) matrix."""
     m = np.asarray(matrix, np.float64)
     scale = np.cbrt(np.linalg.det(m[:3, :3]))
     instances = [Instance(i.mesh, m @ i.world_from_local, i.name) for i in scene.instances]

@@ -1,8 +1,8 @@
 """The references by Mitsuba 3 in `tests/truth/references`, and their scenes.
 
-References are made by `tools/make_references.py --size 128x72`, where their layers are explained: linear radiance of
-the pixel centres by number of scatterings, every material Lambert, with standard errors. `courtyard_sun` is the
-built-in courtyard with `--env 0`, `leak_corridor_a` the corridor with `--camera a`, `curtain` a built-in scene.
+`tools/make_references.py --size 128x72` makes them and explains their layers: linear radiance at pixel centres by
+number of scattering events, all materials Lambert, with standard errors. `courtyard_sun` is the built-in courtyard
+with `--env 0`, `leak_corridor_a` the corridor with `--camera a`, `curtain` a built-in scene.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from wgpu_gi.scene.scene import Environment, Scene
 
 FOLDER = Path(__file__).parent.parent / "truth" / "references"
 SIZE = (128, 72)
-# Scene, and its environment if it is another.
+# The scene, and the environment that replaces its own.
 SCENES: dict[str, tuple[str, Environment | None]] = {
     "cornell_area": ("cornell/cornell_area.glb", None),
     "cornell_point": ("cornell/cornell_point.glb", None),
@@ -31,13 +31,13 @@ SCENES: dict[str, tuple[str, Environment | None]] = {
 
 
 def source_of(name: str) -> str:
-    """Return what `load` and the tool take for the scene of a reference."""
+    """Return the source of a reference's scene, as `load` and the tool take it."""
     scene = SCENES[name][0]
     return str(resource_dir("scenes") / scene) if "." in scene else scene
 
 
 def meta_of(name: str) -> dict:
-    """Return what a reference says of its making."""
+    """Return the metadata of a reference: how it was made."""
     with np.load(FOLDER / f"{name}_{SIZE[0]}x{SIZE[1]}.npz") as file:
         return json.loads(str(file["meta"]))
 
@@ -49,7 +49,7 @@ def layers_of(name: str) -> dict[str, np.ndarray]:
 
 
 def scene_of(name: str) -> Scene:
-    """Return the scene of a reference with its camera as the only one."""
+    """Return the scene of a reference, with the camera of the reference only."""
     scene = gi.load(source_of(name), environment=SCENES[name][1])
     camera = meta_of(name)["camera"]
     scene.cameras = [gi.Camera(np.array(camera["world_from_view"]), camera["yfov"])]

@@ -1,4 +1,4 @@
-"""The records of a scene's buffers and tables, as the shaders have them."""
+"""The numpy types of a scene's buffers and tables, as the shaders declare them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of skies, what they show in a direction, and integrals over the sphere by brute force."""
+"""Environment maps: a gradient sky, bilinear lookup by direction, and brute-force integrals over the sphere."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def sphere_grid(rows: int = 512) -> tuple[np.ndarray, np.ndarray]:
-    """Return the directions of a grid in latitude and longitude, (n, 3), and their exact solid angles, (n,)."""
+    """Return the directions (n, 3) of a latitude-longitude grid and the exact solid angles of its cells, (n,)."""
     columns = 2 * rows
     theta, phi = np.meshgrid((np.arange(rows) + 0.5) / rows * np.pi, (np.arange(columns) + 0.5) / columns * 2 * np.pi)
     d = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)], -1)
@@ -14,7 +14,7 @@ def sphere_grid(rows: int = 512) -> tuple[np.ndarray, np.ndarray]:
 
 
 def radiance(image: np.ndarray, directions: np.ndarray, rotation: float = 0.0) -> np.ndarray:
-    """Return what a picture shows, bilinear: u = atan2(x, -z)/2pi + rotation/2pi, v = acos(y)/pi, row 0 on top."""
+    """Return the bilinearly filtered radiance of a map: u = atan2(x, -z)/2pi + rotation/2pi, v = acos(y)/pi."""
     d = np.asarray(directions, np.float64)
     height, width = image.shape[:2]
     u = (np.arctan2(d[..., 0], -d[..., 2]) + rotation) / (2 * np.pi)
@@ -28,7 +28,7 @@ def radiance(image: np.ndarray, directions: np.ndarray, rotation: float = 0.0) -
 
 
 def gradient_sky(height: int = 64, sun: float = 0.0) -> np.ndarray:
-    """Return a picture, bluer and darker towards the zenith over brown ground, with a sun of that radiance."""
+    """Return a map of brown ground, a sky that is bluer and darker towards the zenith, and a sun of that radiance."""
     width = 2 * height
     y, x = np.mgrid[:height, :width]
     theta, phi = (y + 0.5) / height * np.pi, (x + 0.5) / width * 2 * np.pi

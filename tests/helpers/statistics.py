@@ -6,15 +6,15 @@ import numpy as np
 
 
 def chi_square_z(observed: np.ndarray, expected: np.ndarray) -> float:
-    """Return by how many standard deviations Pearson's chi-square exceeds its mean (Wilson and Hilferty 1931).
+    """Return Pearson's chi-square as a normal score, standard deviations above its mean (Wilson and Hilferty 1931).
 
-    Cells expected to hold fewer than 10 are lumped together.
+    Cells with an expected count below 10 are pooled.
     """
     o, e = np.asarray(observed, np.float64).ravel(), np.asarray(expected, np.float64).ravel()
     few = e < 10
     o, e = np.append(o[~few], o[few].sum()), np.append(e[~few], e[few].sum())
     if e[-1] < 10:
-        # So little is expected there that it tells nothing, unless much is found.
+        # The expected count is too small for a test, unless the observed one is large.
         assert o[-1] < 50, f"{o[-1]:.0f} samples where {e[-1]:.2g} are expected"
         o, e = o[:-1], e[:-1]
     freedom = len(e) - 1

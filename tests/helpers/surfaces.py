@@ -14,7 +14,7 @@ COATED, UNLIT = 0x40000000, 0x80000000
 
 @dataclass
 class Surfaces:
-    """Arrays (h, w, ...) of one layer; triangle and instance are -1 where there is none."""
+    """Arrays (h, w, ...) of one G-buffer layer; triangle and instance are -1 where there is no surface."""
 
     seen: np.ndarray  # bool
     triangle: np.ndarray
@@ -32,7 +32,7 @@ class Surfaces:
 
 
 def read_surfaces(graph, name: str = "gbuffer", suffix: str = "") -> Surfaces:
-    """Return a layer of a graph that has run."""
+    """Return a G-buffer layer of a graph that has run."""
 
     def read(part: str) -> np.ndarray:
         return graph.read_back(f"{name}/{part}{suffix}")
@@ -61,7 +61,7 @@ def read_surfaces(graph, name: str = "gbuffer", suffix: str = "") -> Surfaces:
 
 
 def octahedral_decode(code: np.ndarray) -> np.ndarray:
-    """Return unit vectors of codes of two 16-bit snorm numbers (Cigolle et al. 2014)."""
+    """Decode unit vectors from octahedral codes of two 16-bit snorm numbers (Cigolle et al. 2014)."""
     snorm = np.stack([code & 0xFFFF, code >> 16], -1).astype(np.uint16).view(np.int16)
     xy = np.maximum(snorm / 32767, -1)
     z = 1 - np.abs(xy).sum(-1, keepdims=True)
@@ -71,12 +71,12 @@ def octahedral_decode(code: np.ndarray) -> np.ndarray:
 
 
 def world_normals(renderer: Renderer, surfaces: Surfaces) -> np.ndarray:
-    """Return the unit normals of the triangles that pixels show, on the counter-clockwise side, by the scene's data."""
+    """Return the unit normals of the triangles in each pixel, on the counter-clockwise side, from the scene's data."""
     hierarchy = renderer._upload._hierarchy
     triangles = hierarchy.triangles[np.maximum(surfaces.triangle, 0)]
     normals = np.cross(triangles["edge1"].astype(np.float64), triangles["edge2"].astype(np.float64))
     entered = triangles["instance"] == NONE
     back = hierarchy.instances["local_from_world"][np.maximum(surfaces.instance, 0), :3, :3].astype(np.float64)
-    # Rows of the matrices as they are stored are images of the axes: normals go by the transposed inverse.
+    # The stored rows are the images of the axes; normals transform by the inverse transpose.
     normals = np.where(entered[..., None], np.einsum("...c,...rc->...r", normals, back), normals)
     return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)

@@ -1,4 +1,4 @@
-"""Renders any technique with every buffer checked, and compares pictures by the technique's own noise."""
+"""Renders any technique with checks of every buffer, and compares pictures relative to the technique's noise."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ Layers = dict[str, np.ndarray]
 LAYERS = ("radiance", "direct", "indirect", "emission")
 SIZE = (32, 18)
 SPP = 16  # of the path tracer
-# Small pictures need no fine maps, and checking them would take most of the time.
+# Small pictures need no large maps, whose checks would take most of the time.
 SHADOWS = ShadowSettings(atlas=2048, sun=1024, spot=256, point=256, area=64)
-# Few virtual point lights, for the same reason; as many of all sorts that their classes of pixels are not empty.
+# Few virtual point lights, for the same reason, but enough that no interleaved subset is empty.
 VPLS = VplSettings(count=128, paths=1024)
 RSM = RsmSettings(texels=1024)
 MAPS = IsmSettings(resolution=32)
-# Half of so few pixels would leave too little of a scene.
+# Half the resolution of so small a picture would show too little of a scene.
 LEVELS = SsilSettings(start="full")
 # Of deterministic layers, over the mean radiance: a pixel whose ray or shadow ray passes an edge by less than float32
 # can tell may see either side, all others are the same but for rounding.
@@ -47,7 +47,7 @@ OTHER_SEEDS = {"many-light": 4, "ssdo": 4, "ssil": 4}
 
 
 def make_settings(technique: str, frames: int = 1, **fields: object) -> Settings:
-    """Return settings of a technique: rays through pixel centres, or through all of a pixel for several frames."""
+    """Return settings of a technique, with rays through pixel centres, or jittered ones for several frames."""
     camera = CameraSettings(jitter=frames > 1, frames=frames)
     small = {
         "shadow": replace(SHADOWS),
@@ -68,9 +68,9 @@ def picture(
     frames: int = 1,
     **fields: object,
 ) -> Layers:
-    """Render a scene to the end and return every buffer that the technique has, as float64, by name.
+    """Render a scene to the end and return all buffers of the technique, as float64, by name.
 
-    Every buffer of every pass is checked. `fields` are those of Settings.
+    The buffers of every pass are checked. `fields` are those of Settings.
     """
     renderer = Renderer(scene, size=size, camera=camera, settings=make_settings(technique, frames, **fields))
     renderer.run(check=True)
@@ -78,7 +78,7 @@ def picture(
 
 
 def read_all(renderer: Renderer) -> Layers:
-    """Read every buffer back and assert what holds for all of them."""
+    """Read all buffers back and assert that they are finite and within their ranges."""
     got = {name: renderer.read_back(name).astype(np.float64) for name in renderer.buffers}
     for name, values in got.items():
         assert np.isfinite(values).all(), name
@@ -89,7 +89,7 @@ def read_all(renderer: Renderer) -> Layers:
 
 
 def noise_of(technique: str, layers: Layers, scene: Scene, size: tuple[int, int] = SIZE, **arguments: object) -> Layers:
-    """Return by how much other seeds change each layer, (seeds, height, width, 3): nothing if it is deterministic."""
+    """Return the change of each layer by other seeds, (seeds, height, width, 3); zero for deterministic techniques."""
     if not is_noisy(technique):
         return {name: np.zeros_like(layers[name])[None] for name in LAYERS}
     seeds = range(1, 1 + OTHER_SEEDS.get(technique, 1))
@@ -98,19 +98,19 @@ def noise_of(technique: str, layers: Layers, scene: Scene, size: tuple[int, int]
 
 
 def sigma_of(noise: np.ndarray) -> np.ndarray:
-    """Return the standard deviation of a layer's mean against that of another picture, of each channel, by its noise.
+    """Return the standard deviation, per channel, of the difference between a layer's means in two pictures.
 
-    The difference of two seeds has twice the variance of one, and so has that of the two pictures.
+    It is estimated from differences between seeds, which have the same variance as that of two pictures.
     """
     apart = np.sqrt((noise**2).sum((1, 2)).mean(0)) / noise[0, ..., 0].size
-    # One other seed would tell too little of what pixels have in common.
+    # Several seeds, as one would say too little about noise that pixels have in common.
     common = np.sqrt((noise.mean((1, 2)) ** 2).mean(0)) if len(noise) > 1 else 0.0
     return np.maximum(apart, common)
 
 
 @cache
 def is_noisy(technique: str) -> bool:
-    """Tell whether a seed changes anything of a scene that has everything."""
+    """Tell whether the seed changes a picture of the medley."""
     pictures = [picture(technique, medley_under_a_sky(), (24, 16), seed=seed)["radiance"] for seed in (0, 1)]
     return not np.array_equal(*pictures)
 
@@ -125,9 +125,9 @@ def reference(technique: str, name: str) -> tuple[Layers, Layers]:
 def assert_same(
     got: Layers, expected: Layers, noise: Layers, *, pixel: float = SAME_PIXEL, mean: float = SAME_MEAN
 ) -> None:
-    """Assert that two pictures show the same: pixel by pixel where there is no noise, else in the mean.
+    """Assert that two pictures agree: pixel by pixel for deterministic layers, else in the mean.
 
-    `pixel` and `mean` are the rounding to expect, over the mean radiance.
+    `pixel` and `mean` are bounds of rounding, relative to the mean radiance.
     """
     scale = max(float(expected["radiance"].mean()), 1e-300)
     for name in LAYERS:
@@ -143,9 +143,9 @@ def assert_same(
 
 
 def medley_under_a_sky() -> Scene:
-    """Instances, masks, textures, coats, normal maps and emitters under a sky with a sun, a spot and a point light.
+    """Return the medley under a sky with a sun, a spot and a point light.
 
-    Without unlit surfaces, which show what they are whatever the light.
+    It has no unlit surfaces, whose radiance would not depend on the light.
     """
     scene = medley()
     scene.instances = [i for i in scene.instances if not any(m.unlit for m in i.mesh.materials)]
@@ -161,7 +161,7 @@ SCENES: dict[str, Callable[[], Scene]] = {**BUILTIN_SCENES, "medley": medley_und
 
 
 def ball_on_a_floor(lights: object = (), environment: Environment | None = None, emission: float = 0.0) -> Scene:
-    """A ball and a lamp of radiance `emission` over a floor: mostly direct light, with shadows of every source."""
+    """Return a ball and a lamp of radiance `emission` over a floor: mostly direct light, shadows of all sources."""
     ball = sphere((0.0, 0.5, 0.0), 0.5, material=matte((0.8, 0.6, 0.4)))
     lamp = quad((-1, 1.5, -1), (0.6, 0, 0), (0, 0, 0.6), matte(0.0, "lamp", emission, double_sided=False))
     scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(ball), Instance(lamp)], list(lights), environment)
@@ -170,7 +170,7 @@ def ball_on_a_floor(lights: object = (), environment: Environment | None = None,
 
 
 def scaled(scene: Scene, factor: float) -> Scene:
-    """Return the scene `factor` times as large, with intensities such that it looks the same."""
+    """Return the scene `factor` times as large, with intensities scaled so that it looks the same."""
     large = moved(scene, scaling(factor))
     for light in large.lights:
         if not isinstance(light, DirectionalLight):
@@ -190,7 +190,7 @@ def brighten(scene: Scene, factor: float) -> Scene:
 
 
 def swap_channels(scene: Scene) -> Scene:
-    """Let green, blue and red stand for red, green and blue in a scene, in place; return it."""
+    """Permute red, green and blue to green, blue and red in a scene, in place; return it."""
 
     def swapped(rgb: object) -> tuple[float, ...]:
         r, g, b, *rest = rgb

@@ -1,4 +1,4 @@
-"""Tables of virtual point lights made on the CPU, and what pixels gather from them."""
+"""Makes tables of virtual point lights on the CPU, and gathers their light at the pixels of a scene."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WIDTH = int(load("many_light/vpl/table.wgsl").constants["VPL_TABLE_WIDTH"])
 
 
 def octahedral_code(normals: np.ndarray) -> np.ndarray:
-    """Return unit vectors (n, 3) as pack2x16snorm(octahedral_encode(v)) has them."""
+    """Encode unit vectors (n, 3) like WGSL's pack2x16snorm(octahedral_encode(v))."""
     p = normals / np.abs(normals).sum(-1, keepdims=True)
     folded = (1 - np.abs(p[:, 1::-1])) * np.where(p[:, :2] >= 0, 1, -1)
     code = np.where(p[:, 2:] < 0, folded, p[:, :2])
@@ -62,8 +62,8 @@ class Gatherer:
     ) -> np.ndarray:
         """Return the indirect radiance, (h, w, 3); every buffer is checked.
 
-        Pixels are blurred over the squares that share the VPLs. With the light scattered once, `direct` (h, w, 3), what
-        the bound takes is found again.
+        Pixels are blurred over the squares that share the VPLs. With `direct` (h, w, 3), the light
+        after one scattering event, the energy that the bound removes is compensated.
         """
         graph, gpu = self.graph, self.device.gpu
         usage = wgpu.TextureUsage.STORAGE_BINDING | wgpu.TextureUsage.COPY_DST | wgpu.TextureUsage.TEXTURE_BINDING

@@ -39,7 +39,7 @@ class Evaluator:
         """Return `expression` for every index i, (n,) or (n, components).
 
         `arrays` are float32 or uint32 of n rows, of one to four components if float; in WGSL they are functions of i.
-        `functions` is WGSL that the expression may use. With `scene` its buffers and uniforms are bound.
+        `functions` is WGSL code for the expression. With `scene` the scene's buffers and uniforms are bound.
         """
         n = count or max(map(len, arrays.values()))
         graph = Graph(self.device, shader_root=self.folder)

@@ -1,4 +1,4 @@
-"""What several unit tests build on."""
+"""Fixtures that several unit tests share."""
 
 import pytest
 from helpers.scene_dtypes import DTYPES

@@ -1,4 +1,4 @@
-"""A small builder of glTF files for tests: valid ones, and damaged ones by editing its `json`."""
+"""Builds small glTF files for tests; editing `json` makes damaged ones."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def glb_bytes(text: bytes, binary: bytes = b"", version: int = 2, magic: bytes =
 
 
 def encode(pixels: Any, kind: str = "PNG") -> bytes:
-    """Return (h, w[, c]) uint8 or uint16 pixels as an image file; WebP without loss."""
+    """Return (h, w[, c]) uint8 or uint16 pixels as an image file; WebP is lossless."""
     stream = io.BytesIO()
     options = {"lossless": True} if kind == "WEBP" else {}
     Image.fromarray(np.asarray(pixels)).save(stream, kind, **options)

@@ -1,4 +1,4 @@
-"""Cumulative areas, and the layout of reflective shadow maps."""
+"""The CDF of surface areas, and the layout of reflective shadow maps."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def updated(instances):
 
 
 def test_areas_of_instances():
-    """A floor of 6 m2, and a cube of 6 m2 twice: as it is, and stretched to 2 x 1 x 1."""
+    """A floor of 6 m2, and two instances of a cube of 6 m2, one of them stretched to 2 x 1 x 1."""
     floor, cube = quad((0, 0, 0), (2, 0, 0), (0, 0, 3)), box((0, 0, 0), (1, 1, 1))
     stretched = np.diag([2.0, 1.0, 1.0, 1.0])
     table, hierarchy = updated([Instance(floor), Instance(cube), Instance(cube, stretched)])
@@ -51,7 +51,7 @@ def test_area_after_a_transform(scale):
     assert table.area == pytest.approx(2 * (x * y + y * z + z * x))
 
 
-def test_nothing_to_put_points_on():
+def test_scenes_without_area():
     table, _ = updated([])
     assert table.area == 0 and len(table.instances) == 1
 
@@ -62,7 +62,7 @@ def light_table(kinds, probabilities):
     return lights
 
 
-def test_texels_go_by_probability():
+def test_rsm_texels_are_proportional_to_probability():
     records, texels = rsm_layout(
         light_table([KIND_SPOT, KIND_SUN, KIND_TRIANGLE], [0.1, 0.4, 0.5]), 3, 16384, RSM_LIGHT
     )
@@ -70,7 +70,7 @@ def test_texels_go_by_probability():
     assert records["first"].tolist() == [0, 1024] and texels == 1024 + 4096
 
 
-def test_every_light_has_a_map():
+def test_every_light_gets_an_rsm():
     records, texels = rsm_layout(light_table([KIND_SPOT] * 5000, [1 / 5000] * 5000), 5000, 4096, RSM_LIGHT)
     assert (records["level"] == 1).all() and texels == 4 * 5000
     assert rsm_layout(light_table([], []), 0, 4096, RSM_LIGHT)[1] == 0

@@ -1,4 +1,4 @@
-"""Shapes and built-in scenes: areas, outward normals, sealed rooms, and the Cornell box that we ship as a file."""
+"""Shapes and built-in scenes: areas, outward normals, sealed rooms, and the Cornell box in `scenes/`."""
 
 import math
 
@@ -31,8 +31,8 @@ def volume(mesh):
     return (a * area_vectors(mesh)).sum() / 3
 
 
-def is_closed(mesh):
-    """Every edge is used once in each direction."""
+def is_watertight(mesh):
+    """Tell whether every edge is used once in each direction."""
     edges = np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [2, 0]]]).tolist()
     return sorted(map(tuple, edges)) == sorted((b, a) for a, b in edges)
 
@@ -67,7 +67,7 @@ def test_quad():
 
 def test_box():
     mesh = box((-1, 0, 2), (1, 3, 6))
-    assert is_closed(mesh) and len(mesh.triangles) == 12
+    assert is_watertight(mesh) and len(mesh.triangles) == 12
     assert volume(mesh) == pytest.approx(24) and area(mesh) == pytest.approx(2 * (6 + 8 + 12))
     assert volume(box((-1, 0, 2), (1, 3, 6), inward=True)) == pytest.approx(-24)
     outward = area_vectors(mesh) * (np.mean(corners(mesh), axis=0) - (0, 1.5, 4))
@@ -77,7 +77,7 @@ def test_box():
 @pytest.mark.parametrize("subdivisions", [0, 1, 3])
 def test_sphere(subdivisions):
     mesh = sphere((1, 2, 3), 2.0, subdivisions)
-    assert is_closed(mesh) and len(mesh.triangles) == 20 * 4**subdivisions
+    assert is_watertight(mesh) and len(mesh.triangles) == 20 * 4**subdivisions
     assert area(mesh) == pytest.approx(16 * math.pi, rel=1e-6)
     assert ((np.mean(corners(mesh), axis=0) - (1, 2, 3)) * area_vectors(mesh)).sum(1).min() > 0
     radii = np.linalg.norm(mesh.positions - np.array([1, 2, 3]), axis=1)
@@ -109,7 +109,7 @@ def test_sphere_light_is_within_half_a_percent_of_the_closed_form():
 
 
 def test_plates_form_factor():
-    """Against 0.199825 (Howell C-11), Monte Carlo, and the inverse square law far away."""
+    """Compare with 0.199825 (Howell C-11), with Monte Carlo, and with the inverse-square law at a distance."""
     assert plates_form_factor() == pytest.approx(0.199825, abs=1e-6)
     rng = np.random.default_rng(3)
     p, q = rng.random((2, 200_000, 2))
@@ -127,7 +127,7 @@ def test_plates_face_each_other():
     assert lamp.materials[0].emission == (1, 1, 1) and not lamp.materials[0].double_sided
 
 
-def test_builtin_scenes_are_whole():
+def test_builtin_scenes_are_valid():
     for name in BUILTIN_SCENES:
         scene = builtin_scene(name)
         assert scene.name == name and scene.cameras and not scene.notes
@@ -155,7 +155,7 @@ def test_unknown_builtin_scene():
 def test_rooms_are_closed_and_seen_from_inside(name):
     scene = builtin_scene(name)
     mesh = scene.meshes[0]
-    assert is_closed(mesh) and volume(mesh) < 0
+    assert is_watertight(mesh) and volume(mesh) < 0
     low, high = scene.bounds()
     assert (scene.cameras[0].position > low).all() and (scene.cameras[0].position < high).all()
 
@@ -171,20 +171,20 @@ def test_corridor_chamber_is_sealed_and_its_rooms_have_doors():
     for lamp, side in ((warm, -1), (cool, 1)):
         ends = lamp + rays * nearest_hit(lamp, rays, triangles)[:, None]
         assert (ends > low - 1e-6).all() and (ends < high + 1e-6).all()
-        # Some light passes the door into the corridor, and none goes past it.
+        # Some light enters the corridor through the door, and none bypasses it.
         assert (ends[:, 2] * side > -1.001).any() and (ends[:, 2] * side < 1.001).all()
     for camera in scene.cameras:
         assert np.isfinite(nearest_hit(camera.position, rays, triangles)).all()
 
 
 def rotated(triangles):
-    """Triangles as a sorted list, each begun at its least corner, so that lists compare in any order."""
+    """Return triangles as a sorted list, each beginning at its least corner, to compare sets of triangles."""
     rounded = np.round(triangles, 5) + 0.0
     return sorted(min((t[k:] + t[:k]) for k in range(3)) for t in rounded.tolist())
 
 
 @pytest.mark.parametrize("kind", ["area", "point", "spot"])
-def test_cornell_is_the_file_that_we_ship(kind):
+def test_cornell_equals_the_file_in_scenes(kind):
     from wgpu_gi.scene.gltf.load import load_gltf
 
     ours = builtin_scene("cornell" if kind == "area" else f"cornell-{kind}")
@@ -216,6 +216,6 @@ def test_cornell_is_the_file_that_we_ship(kind):
     assert ours.cameras[0].yfov == pytest.approx(file.cameras[0].yfov) and ours.cameras[0].name == file.cameras[0].name
 
 
-def test_every_shipped_scene_has_its_licence():
+def test_every_scene_folder_has_a_licence():
     for file in resource_dir("scenes").rglob("*.glb"):
         assert file.name in (file.parent / "LICENSE").read_text()

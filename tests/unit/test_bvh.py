@@ -1,4 +1,4 @@
-"""Hierarchies against brute force: what they hold, how deep they are, what a ray finds in them."""
+"""BVHs against brute force: their items and boxes, their depth, and the hits of rays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def soup(count, seed=0, size=0.1):
 
 
 def thin(count):
-    """Long needles all over each other, which no plane separates well."""
+    """Long overlapping needles, which no plane separates well."""
     corners = soup(count, 1, 1e-3)
     corners[:, 1, 0] += 30
     return corners
@@ -32,7 +32,7 @@ def flat(count):
 
 
 def exponential(count):
-    """Ever smaller triangles ever nearer to zero: each split by area cuts off but a few."""
+    """Triangles that shrink exponentially towards zero: each split by area cuts off only a few."""
     corners = soup(count, 3)
     return (corners * 2.0 ** -np.linspace(0, 100, count)[:, None, None]).astype(np.float32)
 
@@ -63,7 +63,7 @@ def leaf_slots(reference):
 
 
 def walk(bvh, nodes, low, high):
-    """Check that boxes are just around what is below them; return the slots of all leaves and the depth.
+    """Check that all boxes are tight; return the slots of all leaves and the depth.
 
     `low` and `high` are the boxes in leaf order.
     """
@@ -101,7 +101,7 @@ def test_every_item_is_in_one_leaf_inside_its_boxes(kind, count):
 
 @pytest.mark.parametrize("kind", SOUPS)
 def test_depth_is_bounded(kind):
-    """Even a depth that only halving reaches is kept to."""
+    """The bound holds even where only halving by count can keep it."""
     low, high = boxes(SOUPS[kind](1000))
     assert build_bvh(low, high).depth <= MAX_DEPTH
     for max_depth in (10, 11, 14):
@@ -110,8 +110,8 @@ def test_depth_is_bounded(kind):
         assert depth <= max_depth and sum(map(len, leaves)) == 1000
 
 
-def test_a_plane_that_cuts_off_single_items_makes_no_list():
-    """Boxes each twice as large as the one before: by area alone, the tree would be as deep as there are exponents."""
+def test_depth_is_bounded_if_planes_cut_off_single_items():
+    """Each box is twice as large as the one before; by area alone, the tree would become a list."""
     size = 2.0 ** np.arange(-120, 120)
     low = np.stack([size, 0 * size, 0 * size], 1).astype(np.float32)
     bvh = build_bvh(low, low + np.float32(1e-3) * low, 1, 12)
@@ -119,8 +119,8 @@ def test_a_plane_that_cuts_off_single_items_makes_no_list():
     assert build_bvh(low, low + np.float32(1e-3) * low, 1).depth <= MAX_DEPTH
 
 
-def test_splits_pay_off():
-    """Clusters far apart are separated at the root, and a tree over a soup costs a fraction of testing all of it."""
+def test_splits_reduce_the_sah_cost():
+    """The root separates distant clusters, and a tree over a soup costs a fraction of testing every triangle."""
     clusters = np.concatenate([soup(50, 0, 0.01), soup(200, 1, 0.01) + np.float32(100)])
     bvh = build_bvh(*boxes(clusters))
     root = bvh.nodes[0]
@@ -150,7 +150,7 @@ def hit_distance(triangles, origin, direction):
 
 
 def trace(bvh, triangles, origin, direction):
-    """First hit of a ray in the tree; `triangles` are in leaf order. Also how many triangles it tested."""
+    """Return a ray's first hit in the tree, and the number of triangles tested; `triangles` are in leaf order."""
     with np.errstate(divide="ignore"):
         inverse = 1 / direction
     nearest, tested, stack = np.inf, 0, [bvh.root]
@@ -165,7 +165,7 @@ def trace(bvh, triangles, origin, direction):
         for k in (0, 1):
             with np.errstate(invalid="ignore"):
                 a, b = (node[f"low{k}"] - origin) * inverse, (node[f"high{k}"] - origin) * inverse
-            # A ray within the plane of a slab has 0 * inf there, which bounds nothing.
+            # A ray in the plane of a slab gives 0 * inf, which is no bound.
             enter, leave = np.fmax.reduce(np.fmin(a, b)), np.fmin.reduce(np.fmax(a, b))
             if max(enter, 0) <= leave * (1 + 1e-12) and enter <= nearest:
                 stack.append(int(node[f"child{k}"]))
@@ -183,7 +183,7 @@ def test_rays_find_what_brute_force_finds(kind, count):
     hits = 0
     for ray in range(16):
         origin = low + extent * rng.uniform(-0.5, 1.5, 3)
-        # Towards a point of a triangle, so that most rays hit, and every fourth along an axis.
+        # Most rays aim at a point of a triangle; every fourth runs along an axis.
         direction = rng.dirichlet((1, 1, 1)) @ triangles[rng.integers(count)] - origin
         if ray % 4 == 0:
             axis = rng.integers(3)
@@ -206,7 +206,7 @@ def test_rays_test_few_triangles():
 
 
 @pytest.mark.parametrize("count", SIZES)
-def test_refit_is_around_moved_items(count):
+def test_refitted_boxes_contain_moved_items(count):
     low, high = boxes(soup(count))
     bvh = build_bvh(low, high)
     assert refit(bvh, low[bvh.order], high[bvh.order]).tobytes() == bvh.nodes.tobytes()
@@ -218,13 +218,13 @@ def test_refit_is_around_moved_items(count):
         assert nodes.tobytes() != bvh.nodes.tobytes()
 
 
-def test_same_input_same_tree():
+def test_building_is_deterministic():
     low, high = boxes(soup(500))
     first, second = build_bvh(low, high), build_bvh(low.astype(np.float64), high)
     assert first.nodes.tobytes() == second.nodes.tobytes() and np.array_equal(first.order, second.order)
 
 
-def test_a_forest_is_the_trees_built_one_by_one():
+def test_a_forest_equals_trees_built_one_by_one():
     corners = [SOUPS[kind](count) for count in (5, 1, 120, 2) for kind in SOUPS]
     low, high = boxes(np.concatenate(corners))
     forest = build_forest(low, high, [len(c) for c in corners])

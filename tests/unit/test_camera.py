@@ -1,4 +1,4 @@
-"""Cameras: the pose, JSON files good and bad, framing, and choosing by name, index or file."""
+"""Cameras: the pose, valid and wrong JSON files, framing, and selection by name, index or file."""
 
 import json
 import math
@@ -106,12 +106,12 @@ def test_framing_camera_sees_every_corner(size, at):
         x, y, z = in_view(camera, [(low, high)[i >> a & 1][a] for a in range(3)])[:3]
         assert z < 0
         extents.append(max(abs(x), abs(y)) / (-z * slope))
-    # All inside, and the outermost near the border.
+    # All are inside, and the outermost are near the border.
     assert 0.8 < max(extents) < 1
     assert camera.position[1] > high[1]
 
 
-def test_framing_camera_of_nothing_and_of_a_point():
+def test_framing_camera_of_an_empty_scene_and_of_a_point():
     assert np.isfinite(framing_camera(Scene()).world_from_view).all()
     camera = framing_camera(scene_of((2, 2, 2), (2, 2, 2)))
     assert np.linalg.norm(camera.position - 2) == pytest.approx(1.0)
@@ -142,6 +142,6 @@ def test_unknown_camera_lists_the_known(selector):
         choose_camera(Scene(cameras=[Camera(name="left"), Camera(name="right")]), selector)
 
 
-def test_choose_camera_in_a_scene_without_any():
+def test_choose_camera_in_a_scene_without_cameras():
     scene = scene_of((0, 0, 0), (1, 1, 1))
     assert choose_camera(scene).name == choose_camera(scene, 0).name == "framing"

@@ -1,4 +1,4 @@
-"""Cameras that move from frame to frame."""
+"""Cameras that move from frame to frame: turntables and keyframes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def path_of(tmp_path, *keys):
     return load_camera_path(file)
 
 
-def test_turntable_goes_round_the_middle_of_the_scene():
+def test_turntable_circles_the_middle_of_the_scene():
     scene = Scene([Instance(box((1, 0, 1), (3, 2, 3)))])
     low, high = scene.bounds()
     centre = (low + high) / 2
@@ -76,12 +76,12 @@ def test_one_key_stands_still(tmp_path):
         ([{**KEY, "position": [0, 1, 0]}], "the same point"),
     ],
 )
-def test_wrong_paths_are_refused(tmp_path, keys, message):
+def test_wrong_camera_paths_raise(tmp_path, keys, message):
     with pytest.raises(GiError, match=message):
         path_of(tmp_path, *keys)
 
 
-def test_camera_that_meets_its_target_names_the_frame(tmp_path):
+def test_camera_at_its_target_raises_with_the_frame(tmp_path):
     at = path_of(tmp_path, KEY, {"frame": 10, "position": [0, 1, -5], "target": [0, 1, 0]})
     with pytest.raises(GiError, match="frame 5"):
         at(5)

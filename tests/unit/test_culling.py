@@ -1,4 +1,4 @@
-"""What a camera may see, on the CPU: never less than what the shaders' arithmetic brings into view."""
+"""Frustum culling on the CPU is conservative: it keeps everything that the shaders' arithmetic brings into view."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def view_of(camera, size=(64, 36), offset=(0.5, 0.5), origin=(0, 0, 0), near=1e-
 
 
 def cameras(scale=1.0, count=12):
-    """Cameras within and around a box of 20, every third orthographic."""
+    """Cameras inside and around a box of 20 m, every third orthographic."""
     rng = np.random.default_rng(1)
     for k in range(count):
         camera = Camera.look_at(
@@ -38,7 +38,7 @@ def cameras(scale=1.0, count=12):
 
 
 def inside(view, points):
-    """Tell which of the points (n, 3) lie in a view, as float32 has it."""
+    """Tell which of the points (n, 3) lie in a view, in float32 arithmetic."""
     m = view["clip_from_world"][0]
     p = points.astype(np.float32)
     clip = ((p[:, :1] * m[0] + p[:, 1:2] * m[1]) + p[:, 2:] * m[2]) + m[3]
@@ -62,13 +62,13 @@ def test_every_box_with_a_point_in_view_is_shown(scale, offset):
         seen = inside(view, points.reshape(-1, 3)).reshape(60, -1).any(0)
         assert shown[seen].all()
         shares.append((shown.mean(), (shown & ~seen).mean()))
-    # What is shown without need is little.
+    # Few boxes outside the view are kept.
     assert 0.05 < np.mean(shares, 0)[0] < 0.6 and np.mean(shares, 0)[1] < 0.1
 
 
 @pytest.mark.parametrize("distance", [1.0, 1e3, 1e5])
 def test_points_at_the_edges_of_a_view_far_from_the_origin(distance):
-    """Where rounding decides what is in view, no point is lost."""
+    """No point is lost where rounding decides whether it is in view."""
     rng = np.random.default_rng(0)
     for direction in ((1, 0, 0), (0.6, 0.0, 0.8), (0.5, 0.7, -0.5)):
         eye = distance * np.array(direction)
@@ -87,7 +87,7 @@ def test_points_at_the_edges_of_a_view_far_from_the_origin(distance):
 
 @pytest.mark.slow
 def test_every_triangle_in_view_is_drawn(dtypes):
-    """Of placed instances, too: by the arithmetic of the vertex shader, one far from its mesh's origin among them."""
+    """By the arithmetic of the vertex shader, with instances, one of them far from its mesh's origin."""
     scene = medley()
     shifted = scene.instances[1].mesh
     shifted.positions = shifted.positions + np.float32(3000.0)
@@ -120,7 +120,7 @@ def test_every_triangle_in_view_is_drawn(dtypes):
 
 
 def _pairs(runs):
-    """Return the triangle places and slots of runs."""
+    """Return the triangles and instance slots that draw calls draw."""
     return [
         (k, slot + j)
         for first, count, slot, instances in runs
@@ -133,7 +133,7 @@ def _pairs(runs):
 
 
 def row_of_boxes(count=10):
-    """Draws of boxes in a row along x, too large to be drawn in vain."""
+    """Return a draw list of boxes in a row along x, too large to fill gaps with."""
     low = np.arange(count)[:, None] * (2.0, 0, 0)
     boxes = np.stack([low, low + 1], 1).astype(np.float32)
     runs = np.array([(3000 * k, 3000, 0, 1) for k in range(count)])
@@ -152,7 +152,7 @@ class Recorder:
         self.calls.append((first, count, slot, instances))
 
 
-def test_a_still_view_is_not_culled_again(monkeypatch):
+def test_a_view_at_rest_is_culled_once(monkeypatch):
     calls = []
     monkeypatch.setattr(culling, "visible", lambda *a: calls.append(1) or visible(*a))
     draws, view = row_of_boxes(), view_of(Camera.look_at((4.5, 0.5, 3), (4.5, 0.5, 0), yfov_deg=40))
@@ -170,10 +170,10 @@ def test_a_still_view_is_not_culled_again(monkeypatch):
 
     first = drawn()
     assert first == [[(3000, 9000, 0, 1)], []]
-    # Boxes placed anew where they were are the same.
+    # Placing the boxes where they were changes nothing.
     draws.clusters.place(np.zeros((0, 4, 3), np.float32))
     assert drawn() == first and len(calls) == 1
-    # What is on the GPU counts: the camera, places, another scene.
+    # The camera, the placement and the scene on the GPU count.
     uniform.data = view_of(Camera.look_at((20, 0.5, 3), (19, 0.5, 0), yfov_deg=40))[0].tobytes()
     assert drawn() == [[], [(3000 * 8, 6000, 0, 1)]] and len(calls) == 2
     draws.clusters.boxes = draws.clusters.boxes + np.float32((4, 0, 0))
@@ -182,8 +182,7 @@ def test_a_still_view_is_not_culled_again(monkeypatch):
     assert drawn() == [[], []] and len(calls) == 4
 
 
-def test_draws_are_the_same_to_a_redeclaration():
-    """If they are of the same camera and scene."""
+def test_draws_of_the_same_camera_and_scene_compare_equal():
     view, upload = SimpleNamespace(), SimpleNamespace()
     same = [CameraDraws(view, upload, False, ViewCulling()) for _ in range(2)]
     assert same[0] == same[1]

@@ -1,4 +1,4 @@
-"""The lights of the deferred techniques: punctual records, and sample lights that keep their emitters' power."""
+"""The lights of deferred techniques: punctual lights, and sample lights that preserve their emitters' power."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DIRECT_LIGHT = VIEWS.struct_dtype("DirectLight")
 
 
 def lights_of(scene, samples=16, use_range=False, hierarchy=None):
-    """Return the records, their positions in the world."""
+    """Return the records, with positions in world space."""
     hierarchy = hierarchy or TwoLevelBvh(DTYPES)
     hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(scene.materials)})
     records = build_direct_lights(scene, hierarchy, DIRECT_LIGHT, samples, use_range)
@@ -41,7 +41,7 @@ def lights_of(scene, samples=16, use_range=False, hierarchy=None):
 
 
 def lamp(x=0.0, size=(1.0, 1.0), color=(1.0, 1.0, 1.0), name="lamp", **fields):
-    """A rectangle that shines downwards."""
+    """A rectangle that emits downwards."""
     material = Material(name, emission=color, **fields)
     return Instance(quad((x, 3, 0), (size[0], 0, 0), (0, 0, size[1]), material))
 
@@ -67,7 +67,7 @@ def nearest_distances(points):
 # ------------------------------------------------------------------------------------------------ Punctual lights
 
 
-def test_kinds_are_the_shaders():
+def test_kinds_match_the_shaders():
     names = ("DIRECT_POINT", "DIRECT_SPOT", "DIRECT_SUN", "DIRECT_AREA")
     assert [getattr(direct_lights, name) for name in names] == [VIEWS.constants[name] for name in names]
 
@@ -88,7 +88,7 @@ def test_punctual_lights():
     assert (lights_of(scene)[0]["inverse_range"] == 0).all()
 
 
-def test_what_shines_nowhere_is_left_out():
+def test_lights_without_power_are_left_out():
     dark = [
         PointLight((0, 1, 0), 0.0),
         DirectionalLight((0, -1, 0), 1.0, (0, 0, 0)),
@@ -114,7 +114,7 @@ def test_what_shines_nowhere_is_left_out():
     ],
     ids=["quad", "box", "sphere"],
 )
-def test_power_is_kept(mesh, samples):
+def test_power_is_preserved(mesh, samples):
     records, _ = lights_of(Scene([Instance(mesh)]), samples)
     a, b, c = mesh.positions[mesh.triangles].astype(np.float64).transpose(1, 0, 2)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
@@ -122,12 +122,12 @@ def test_power_is_kept(mesh, samples):
     assert np.allclose(emitted(records), area * np.array(mesh.materials[0].emission), rtol=1e-5)
     assert np.allclose(records["color"], mesh.materials[0].emission, rtol=1e-5)
     assert np.allclose(np.linalg.norm(records["direction"], axis=1), 1, atol=1e-6)
-    # No sample has much more power than another.
+    # All samples have similar power.
     assert records["area"].max() < 2.1 * area / samples
 
 
 @pytest.mark.parametrize("samples", [1, 3, 16])
-def test_every_material_keeps_its_power_and_has_a_sample(samples):
+def test_every_material_has_a_sample_and_keeps_its_power(samples):
     instances = [lamp(2.0 * k, color=(10.0**k, 1.0, 0.0), name=str(k)) for k in range(-2, 3)]
     records, position = lights_of(Scene(instances), samples)
     assert len(records) == max(samples, 5)
@@ -136,8 +136,8 @@ def test_every_material_keeps_its_power_and_has_a_sample(samples):
         assert np.allclose(emitted(mine), (10.0**k, 1, 0), rtol=1e-5)
 
 
-def test_samples_go_by_power():
-    """One for each material, the others by power; a material's instances share them by theirs."""
+def test_samples_are_divided_by_power():
+    """One for each material, the rest by power; a material's instances divide them by their power."""
     strong, weak = lamp(0, color=(3.0, 3.0, 3.0), name="strong"), lamp(5, name="weak")
     _, position = lights_of(Scene([strong, weak]), 18)
     assert (position[:, 0] < 3).sum() == 13
@@ -163,8 +163,8 @@ def test_many_lamps_of_one_material_share_few_samples():
     assert np.allclose(np.floor(position[:, 0] / 30), np.arange(10))  # one for every ten
 
 
-def test_pictured_emitters():
-    """Samples lie on what shines and keep power and hue; all but a tenth of the lamp is black."""
+def test_textured_emitters():
+    """Nine tenths of the lamp are black; samples lie on the rest, and preserve power and hue."""
     pixels = np.zeros((10, 20, 4), np.uint8)
     pixels[4:6, 5:10] = (255, 0, 0, 255)
     pixels[4:6, 10:15] = (0, 128, 255, 255)
@@ -182,7 +182,7 @@ def test_pictured_emitters():
     assert np.allclose(emitted(lights_of(Scene([Instance(mesh)]), 32)[0]), 400, rtol=1e-5)
 
 
-def test_cut_out_parts_do_not_shine():
+def test_masked_parts_do_not_emit():
     pixels = np.full((1, 2, 4), 255, np.uint8)
     pixels[0, 0, 3] = 0
     texture = Texture(Image(pixels), filter="nearest")
@@ -193,7 +193,7 @@ def test_cut_out_parts_do_not_shine():
     assert (position[:, 0] > 1).all() and np.allclose(emitted(records), 1, rtol=0.02)
 
 
-def test_texture_lookup_is_bilinear_and_transformed():
+def test_texture_sampling_is_bilinear_and_transformed():
     rng = np.random.default_rng(0)
     pixels = rng.integers(0, 256, (3, 5, 4)).astype(np.uint8)
     mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))
@@ -227,7 +227,7 @@ def test_the_lattice_is_stratified():
 
 @pytest.mark.parametrize("samples", [4, 8, 12, 16, 24, 32, 64])
 def test_a_lamp_of_two_triangles_is_covered_evenly(samples):
-    """Over the rectangle, not over each triangle: far better than random points, none close to another."""
+    """Samples are stratified over the rectangle, not over each triangle, with a low discrepancy."""
     records, position = lights_of(builtin_scene("cornell"), samples)
     place = (position[:, [0, 2]] - (2.13, 2.27)) / (1.3, 1.05)
     assert ((place > 0) & (place < 1)).all() and np.allclose(position[:, 1], 5.478, atol=1e-5)
@@ -241,8 +241,8 @@ def test_a_lamp_of_two_triangles_is_covered_evenly(samples):
         assert gaps.max() < 3.5 / samples
 
 
-def test_a_turned_lamp_is_covered_along_its_sides():
-    """A rectangle's samples are those of the same one elsewhere, moved with it, though axes and triangles are not."""
+def test_samples_of_a_rotated_lamp_are_rotated():
+    """Samples follow a rectangle, whichever way its triangles and axes lie."""
     rng = np.random.default_rng(1)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     turn *= np.sign(np.linalg.det(turn))
@@ -256,7 +256,7 @@ def test_a_turned_lamp_is_covered_along_its_sides():
     assert np.allclose(turned["direction"], records["direction"] @ turn.T, atol=1e-5)
 
 
-def test_a_sphere_shines_to_all_sides():
+def test_a_sphere_emits_in_all_directions():
     records, position = lights_of(Scene([Instance(sphere(subdivisions=4, material=Material(emission=(1, 1, 1))))]), 48)
     assert ((records["direction"] * position).sum(1) > 0.99).all()
     assert np.abs(records["direction"].mean(0)).max() < 0.05
@@ -265,8 +265,8 @@ def test_a_sphere_shines_to_all_sides():
 
 @pytest.mark.parametrize("times", [1, 2])
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_the_shining_side(times, mirrored):
-    """A lamp shines to where its normal goes with the normal matrix, baked or entered, mirrored or not."""
+def test_the_emitting_side(times, mirrored):
+    """A lamp emits along its normal, transformed by the normal matrix, baked or not, mirrored or not."""
     matrix = np.diag([-1.0 if mirrored else 1.0, 1, 2, 1])
     one = lamp()
     records, position = lights_of(Scene([Instance(one.mesh, matrix) for _ in range(times)]))
@@ -279,7 +279,7 @@ def test_the_shining_side(times, mirrored):
 
 
 def test_other_lights_keep_their_samples():
-    """While one lamp moves and gets a little darker, the others' samples stay."""
+    """The samples of other lamps stay put while one lamp moves and dims."""
     one = lamp(0)
     others = [lamp(5, name="other"), Instance(lamp(8).mesh), Instance(one.mesh, np.diag([1.0, 1, 3, 1]))]
     scene = Scene([one, *others, lamp(-30, name="far")])

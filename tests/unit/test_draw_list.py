@@ -1,4 +1,4 @@
-"""What raster passes draw: every triangle once, with a first vertex of its own, in clusters that enclose it."""
+"""The draw list: every triangle once, with its own provoking vertex, in clusters that enclose it."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ SLACK = 4e-6  # of the coordinates: how far rounding to float32 may take a trian
 # ------------------------------------------------------------------------------------------------ First vertices
 
 
-def check_first_vertices(triangles, vertex_count):
-    """Each triangle's first vertex is its own, and each triangle is what it was, turned on at most."""
+def check_provoking_vertices(triangles, vertex_count):
+    """Assert that each triangle has its own provoking vertex, and the same corners as before, rotated at most."""
     triangles = np.asarray(triangles, np.uint32).reshape(-1, 3)
     raster = assign_provoking_vertices(triangles, vertex_count)
     count = len(triangles)
@@ -48,7 +48,7 @@ def check_first_vertices(triangles, vertex_count):
 def test_random_triangles(seed):
     rng = np.random.default_rng(seed)
     vertices, count = int(rng.integers(1, 60)), int(rng.integers(0, 120))
-    check_first_vertices(rng.integers(0, vertices, (count, 3)), vertices)
+    check_provoking_vertices(rng.integers(0, vertices, (count, 3)), vertices)
 
 
 @pytest.mark.parametrize(
@@ -64,33 +64,33 @@ def test_random_triangles(seed):
     ids=["none", "point", "points", "the same one", "needles", "fan"],
 )
 def test_degenerate_triangles(triangles):
-    check_first_vertices(triangles, 10)
+    check_provoking_vertices(triangles, 10)
 
 
-def test_vertices_are_doubled_only_for_lack_of_free_ones():
-    soup = check_first_vertices(np.arange(300).reshape(-1, 3), 300)
+def test_vertices_are_duplicated_only_if_none_is_free():
+    soup = check_provoking_vertices(np.arange(300).reshape(-1, 3), 300)
     assert len(soup.source) == 300
-    fan = check_first_vertices([(0, k + 1, k + 2) for k in range(8)], 10)
+    fan = check_provoking_vertices([(0, k + 1, k + 2) for k in range(8)], 10)
     assert len(fan.source) == 10
     ball = sphere(subdivisions=4)
     vertices, triangles = len(ball.positions), len(ball.triangles)
-    # There are two triangles for each vertex: at best every vertex has a triangle.
-    doubled = len(check_first_vertices(ball.triangles, vertices).source) - vertices
+    # There are two triangles for each vertex, so at best every vertex provokes one.
+    doubled = len(check_provoking_vertices(ball.triangles, vertices).source) - vertices
     assert triangles - vertices <= doubled <= 1.2 * (triangles - vertices)
 
 
-# ------------------------------------------------------------------------------------------------ Draws
+# ------------------------------------------------------------------------------------------------ Draw list
 
 
 def half_masked(mesh):
-    """Let every other triangle of a mesh be cut out."""
+    """Give every other triangle of a mesh an alpha mask."""
     mesh.materials = [Material("solid"), Material("leaf", alpha_mode="mask")]
     mesh.material_of_triangle = np.arange(len(mesh.triangles), dtype=np.uint32) % 2
     return mesh
 
 
 def some_instances():
-    """Baked, mirrored, partly masked and wholly masked meshes, and such with several instances."""
+    """Baked, mirrored, partly and fully masked meshes, and meshes with several instances."""
     ball, tuft = sphere(subdivisions=1), half_masked(box((-1, 0, -1), (1, 2, 1)))
     sheet = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), Material("sheet", alpha_mode="mask"))
     return [
@@ -105,7 +105,7 @@ def some_instances():
 
 
 def drawn_by(draws, runs):
-    """Return index places and slots that runs draw, one entry for each triangle."""
+    """Return the index positions and instance slots that draw calls draw, an entry for each triangle."""
     pairs = []
     for first, count, slot, instances in np.asarray(runs, np.int64).reshape(-1, 4).tolist():
         assert first % 3 == 0 and count % 3 == 0 and count > 0
@@ -125,7 +125,7 @@ def world_corners(draws, hierarchy, place, slot):
 
 
 def check(draws, hierarchy, instances):
-    """Compare all that is drawn with `instances`, in float64."""
+    """Compare everything that is drawn with `instances`, in float64."""
     assert draws.slots[0] == NONE and draws.indices.dtype == np.uint32
     found = Counter()
     for masked, runs in ((False, draws.opaque), (True, draws.masked)):
@@ -134,7 +134,7 @@ def check(draws, hierarchy, instances):
             number = int(draws.vertices[index[0], 3])
             triangle = hierarchy.triangles[number]
             assert bool(triangle["flags"] & MASKED) == masked
-            # The sources are entries of the table of vertices: those of that triangle, turned on or over.
+            # The sources are that triangle's entries of the vertex table, rotated or mirrored.
             assert sorted(draws.sources[index]) == sorted(hierarchy.triangles["corners"][number])
             instance = int(draws.slots[slot]) if triangle["instance"] == NONE else int(triangle["instance"])
             assert (draws.slots[slot] == NONE) == (triangle["instance"] != NONE)
@@ -160,7 +160,7 @@ def _sorted(corners):
 
 
 def check_clusters(draws, hierarchy):
-    """Clusters draw what the runs draw, each triangle once, and their boxes hold it."""
+    """Assert that clusters draw the same triangles as the draw calls, once each, inside their boxes."""
     clusters = draws.clusters
     assert len(clusters.runs) == len(clusters.local) == len(clusters.boxes) == len(clusters.instances)
     for masked, runs in ((False, draws.opaque), (True, draws.masked)):
@@ -174,7 +174,7 @@ def check_clusters(draws, hierarchy):
         corners = np.concatenate([world_corners(draws, hierarchy, *pair) for pair in drawn])
         slack = SLACK * np.abs(corners).max()
         assert (corners >= low - slack).all() and (corners <= high + slack).all()
-        # A box is not much larger than what a turned box of its triangles takes.
+        # A box is not much larger than the box of a rotated box of its triangles.
         assert (high - low <= 2.5 * (np.ptp(corners, axis=0).max() + slack)).all()
 
 
@@ -194,7 +194,7 @@ def build(dtypes, instances):
 def test_everything_is_drawn_once(dtypes):
     instances = some_instances()
     draws, hierarchy, known = build(dtypes, instances)
-    # What lies in world space is one run.
+    # Everything in world space is one draw call.
     assert [slot for _, _, slot, _ in draws.opaque].count(0) == 1
     assert [slot for _, _, slot, _ in draws.masked].count(0) == 1
     assert [run[3] for run in draws.opaque] == [1, 2, 2] and [run[3] for run in draws.masked] == [1, 2]
@@ -214,7 +214,7 @@ def test_one_mesh_alone_and_twice(dtypes, scale):
         assert list(draws.slots) == [NONE, 0, 1]
 
 
-def test_nothing(dtypes):
+def test_empty_scene(dtypes):
     draws, _, _ = build(dtypes, [])
     assert draws.opaque == draws.masked == ()
     assert min(len(getattr(draws, name)) for name in ("vertices", "sources", "indices", "slots")) == 1
@@ -235,7 +235,7 @@ def test_large_meshes_are_cut_into_clusters_and_many_instances_are_not(dtypes, m
         assert len(draws.clusters.runs) == clusters
 
 
-def test_clusters_go_with_their_instances(dtypes):
+def test_clusters_follow_their_instances(dtypes):
     instances = some_instances()
     draws, hierarchy, known = build(dtypes, instances)
     instances[1].world_from_local = at(-4, 3, 0, (1, 2, 3), 1.2)
@@ -248,7 +248,7 @@ def test_clusters_go_with_their_instances(dtypes):
     moved = np.isin(draws.clusters.instances, [1, 6])
     assert np.array_equal(draws.clusters.boxes[~moved], before[~moved])
     assert (draws.clusters.boxes[moved] != before[moved]).any((1, 2)).all()
-    # A mesh of the world's tree that moves is taken out of it.
+    # A baked mesh that moves is no longer baked.
     instances[0].world_from_local = at(1, -1)
     hierarchy.update(instances, material_index(instances))
     draws = build_draw_list(instances, hierarchy, known)
@@ -256,8 +256,8 @@ def test_clusters_go_with_their_instances(dtypes):
     assert 0 in draws.slots
 
 
-def test_boxes_hold_what_shaders_round(dtypes):
-    """Of meshes far from their own origin, too, whose vertices are placed by sums of large terms."""
+def test_boxes_contain_vertices_rounded_by_shaders(dtypes):
+    """Even of meshes far from their own origin, whose vertices are sums of large terms."""
     ball = sphere(subdivisions=2)
     ball.positions = ball.positions + np.float32((3000, -5000, 2000))
     place = at(0, 0, 0, (0.01, 0.02, 0.01), 0.7)
@@ -281,7 +281,7 @@ def test_materials_become_masked(dtypes):
 
 
 def test_far_from_the_origin(dtypes):
-    """Positions are those of a scene about its own centre."""
+    """Positions equal those of the same scene at the origin."""
     far = at(1e7, -2e7, 3e7)
     instances = [Instance(i.mesh, far @ i.world_from_local) for i in some_instances()]
     draws, _, _ = build(dtypes, instances)
@@ -292,7 +292,7 @@ def test_far_from_the_origin(dtypes):
 # ------------------------------------------------------------------------------------------------ Runs
 
 
-def test_adjoining_runs_are_joined():
+def test_draw_calls_of_adjacent_indices_are_merged():
     runs = np.array([(0, 6, 0, 1), (6, 3, 0, 1), (9, 3, 1, 1), (12, 3, 1, 1), (18, 3, 1, 1), (21, 3, 1, 2)])
     assert merge_draw_calls(runs) == [(0, 9, 0, 1), (9, 6, 1, 1), (18, 3, 1, 1), (21, 3, 1, 2)]
     assert merge_draw_calls(runs[:0]) == []
@@ -300,17 +300,17 @@ def test_adjoining_runs_are_joined():
     assert merge_draw_calls(runs[::-1]) == [tuple(run) for run in runs[::-1].tolist()]
 
 
-def test_runs_of_the_same_in_adjoining_instances_are_joined():
+def test_draw_calls_of_adjacent_instances_are_merged():
     whole = np.array([(0, 6, 1, 1), (0, 6, 2, 1), (0, 6, 3, 2), (0, 6, 6, 1), (6, 6, 7, 1), (6, 3, 8, 1)])
     assert merge_draw_calls(whole) == [(0, 6, 1, 4), (0, 6, 6, 1), (6, 6, 7, 1), (6, 3, 8, 1)]
-    # Of instances in clusters, those that are shown whole; triangles are drawn in the same order as before.
+    # Instances that are shown as a whole; the order of triangles stays the same.
     parts = np.array([(0, 6, 1, 1), (6, 3, 1, 1), (0, 6, 2, 1), (6, 3, 2, 1), (6, 3, 3, 1)])
     assert merge_draw_calls(parts) == [(0, 9, 1, 2), (6, 3, 3, 1)]
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_visible_clusters_draw_what_is_shown_in_order(dtypes, seed, monkeypatch):
-    """And besides only small gaps, by fewer draws."""
+def test_visible_clusters_are_drawn_in_order(dtypes, seed, monkeypatch):
+    """Besides the clusters that are shown, only small gaps between them are drawn."""
     draws, _, _ = build(dtypes, some_instances())
     clusters = draws.clusters
     shown = np.random.default_rng(seed).random(len(clusters.runs)) < 0.5
@@ -329,7 +329,7 @@ def test_visible_clusters_draw_what_is_shown_in_order(dtypes, seed, monkeypatch)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_gaps(seed):
+def test_small_gaps_are_filled(seed):
     rng = np.random.default_rng(seed)
     shown, sizes = rng.random(40) < 0.4, rng.integers(1, SMALL_GAP, 40)
     expected, at = shown.copy(), np.flatnonzero(shown)

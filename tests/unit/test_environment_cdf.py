@@ -14,13 +14,13 @@ from wgpu_gi.upload.environment_cdf import CDF_WIDTH, environment_cdf
 
 
 def density(cdf):
-    """The probability of each entry of a table, (rows, columns)."""
+    """Return the probability of each entry of a table, (rows, columns)."""
     rows = np.diff(cdf[:, -1].astype(np.float64), prepend=0)
     return rows[:, None] * np.diff(cdf[:, :-1].astype(np.float64), axis=1, prepend=0)
 
 
-def sample_picture(luminance, u, v):
-    """The picture as wgsl/scene/lights.wgsl looks it up: bilinear, round in u, clamped in v."""
+def sample_map(luminance, u, v):
+    """Sample a map like wgsl/scene/lights.wgsl: bilinear, wrapping in u, clamped in v."""
     h, w = luminance.shape
     x, y = u * w - 0.5, v * h - 0.5
     x0, y0 = np.floor(x).astype(int), np.floor(y).astype(int)
@@ -33,7 +33,7 @@ def sample_picture(luminance, u, v):
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 3), (16, 32), (5, 700), (60, CDF_WIDTH + 1), (600, 16)])
-def test_environment_table_is_proportional_to_what_is_seen(shape):
+def test_density_is_proportional_to_filtered_luminance(shape):
     rng = np.random.default_rng(0)
     image = rng.random((*shape, 3)).astype(np.float32) ** 4
     cdf = environment_cdf(Environment((2.0, 0.5, 1.0), image))
@@ -43,26 +43,26 @@ def test_environment_table_is_proportional_to_what_is_seen(shape):
     assert (np.diff(cdf[:, :-1], axis=1) >= 0).all() and (np.diff(cdf[:, -1]) >= 0).all()
     probability = density(cdf)
     assert probability.sum() == pytest.approx(1)
-    # The mean of the picture over each entry, at so many points that bilinear pixels are integrated well.
+    # The mean of the filtered map over each entry, by many samples.
     luminance = image @ (REC709_LUMINANCE * (2.0, 0.5, 1.0))
     n = 12
     v, u = np.meshgrid(
         (np.arange(rows * n) + 0.5) / (rows * n), (np.arange(columns * n) + 0.5) / (columns * n), indexing="ij"
     )
-    seen = sample_picture(luminance, u, v).reshape(rows, n, columns, n).mean((1, 3))
+    seen = sample_map(luminance, u, v).reshape(rows, n, columns, n).mean((1, 3))
     sine = np.sin((np.arange(rows) + 0.5) / rows * math.pi)[:, None] * np.ones(columns)
     expected = 0.99 * seen * sine / (seen * sine).sum() + 0.01 * sine / sine.sum()
     assert np.abs(probability - expected).max() < 0.02 * expected.max()
     assert np.abs(probability / expected - 1).mean() < 0.01
 
 
-def test_a_sun_of_one_pixel_is_drawn_wherever_its_light_is_seen():
-    """Bilinear lookup spreads it over its neighbours: no place may shine much more than its density says."""
+def test_density_covers_the_filtered_sun_of_one_pixel():
+    """Bilinear filtering spreads the sun over its neighbours; radiance over density stays bounded everywhere."""
     image = np.full((32, 64, 3), 0.1, np.float32)
     image[10, 0] = 1e5
     cdf = environment_cdf(Environment(image=image))
     v, u = np.meshgrid((np.arange(320) + 0.5) / 320, (np.arange(640) + 0.5) / 640, indexing="ij")
-    seen = sample_picture(image.astype(np.float64) @ REC709_LUMINANCE, u, v)
+    seen = sample_map(image.astype(np.float64) @ REC709_LUMINANCE, u, v)
     sine = np.sin(v * math.pi)
     ratio = seen * sine / (seen * sine).mean() / np.repeat(np.repeat(density(cdf), 10, 0), 10, 1) / density(cdf).size
     assert ratio.max() < 20  # 16 at the corners, where a quarter of it reaches into cells that have a 64th

@@ -50,7 +50,7 @@ def test_hdr_encodings(encode):
     np.testing.assert_array_equal(image, radiance(pixels).astype(np.float32))
 
 
-def test_hdr_long_old_runs_are_digits_to_the_base_256():
+def test_hdr_long_old_runs_have_counts_to_the_base_256():
     pixels = np.broadcast_to(np.array([10, 20, 30, 128], np.uint8), (2, 600, 4))
     row = bytes([10, 20, 30, 128, 1, 1, 1, 599 & 255, 1, 1, 1, 599 >> 8])
     np.testing.assert_array_equal(read_hdr(hdr(pixels, row * 2), "x"), radiance(pixels).astype(np.float32))
@@ -121,7 +121,7 @@ def test_row_zero_is_the_top(tmp_path):
     np.testing.assert_array_equal(image[:, 0, 0], [0, 1, 2, 3])
 
 
-def test_pixels_that_are_no_radiance_are_replaced_and_noted(tmp_path):
+def test_invalid_pixels_are_replaced_with_a_note(tmp_path):
     plane = np.array([[1, np.nan, np.inf, -np.inf], [-1, 1e20, 0, 2]], np.float32)
     notes = []
     image = load_environment(write_exr(tmp_path / "bad.exr", dict.fromkeys("RGB", plane)), notes).image
@@ -152,7 +152,7 @@ def test_exr_without_colour_names_its_channels(tmp_path):
         load_environment(write_exr(tmp_path / "depth.exr", {"Z": np.ones((4, 8), np.float32)}))
 
 
-def test_exr_of_absurd_size_is_refused_before_it_is_read(tmp_path):
+def test_exr_of_absurd_size_raises_before_it_is_read(tmp_path):
     path = write_exr(tmp_path / "sky.exr", dict.fromkeys("RGB", np.ones((4, 8), np.float32)))
     data = path.read_bytes()
     window = np.array([0, 0, 7, 3], "<i4").tobytes()

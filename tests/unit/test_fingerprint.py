@@ -1,4 +1,4 @@
-"""Every change of a scene is seen, by reflection over its dataclasses, and nothing else counts as one."""
+"""Change detection finds a change of any field of the scene's dataclasses, and reports no other."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from wgpu_gi.scene.scene import (
 from wgpu_gi.upload.fingerprint import Fingerprint
 
 KINDS = (Scene, Instance, Mesh, Material, Texture, Image, PointLight, SpotLight, DirectionalLight, Environment)
-# The camera is no part of the picture's scene, and words are of no picture.
+# Cameras are compared elsewhere, and names and notes change no picture.
 NO_CHANGE = {(kind, name) for kind in KINDS for name in ("name", "notes", "cameras")}
-# What counts by the identity of its mesh or image.
+# Compared by the identity of the mesh or image.
 IMMUTABLE = {(Mesh, f.name) for f in dataclasses.fields(Mesh) if f.name != "materials"} | {(Image, "pixels")}
 SEEN = [
     (kind, f.name) for kind in KINDS for f in dataclasses.fields(kind) if (kind, f.name) not in NO_CHANGE | IMMUTABLE
@@ -40,7 +40,7 @@ def image():
 
 
 def scene():
-    """One of everything, every optional field given."""
+    """Return a scene with one object of each class, and all optional fields set."""
     material = Material("all")
     for f in dataclasses.fields(Material):
         if f.name.endswith("_texture"):
@@ -61,7 +61,7 @@ def scene():
 
 
 def owner_of(scene: Scene, kind: type) -> Any:
-    """Return the object of a kind in the scene."""
+    """Return the scene's object of a class."""
     material = scene.instances[0].mesh.materials[0]
     objects = [scene, scene.instances[0], scene.instances[0].mesh, material, *scene.lights, scene.environment]
     objects += [material.base_color_texture, material.base_color_texture.image]
@@ -69,7 +69,7 @@ def owner_of(scene: Scene, kind: type) -> Any:
 
 
 def others(kind: type, name: str, value: Any) -> list[Any]:
-    """Return other values of a field, of each kind that it may take."""
+    """Return other values of a field, one of each type that it may have."""
     found: list[Any] = []
     hint = get_type_hints(kind)[name]
     if type(None) in get_args(hint):
@@ -89,12 +89,12 @@ def others(kind: type, name: str, value: Any) -> list[Any]:
     if isinstance(value, list):
         return [*found, value[1:], [*value, copy(value[-1])], value[::-1] if len(value) > 1 else []]
     assert dataclasses.is_dataclass(value), f"no other value is known for {kind.__name__}.{name}"
-    # Textures and environments of the same values are the same; meshes and images are what they are.
+    # Textures and environments compare by value, meshes and images by identity.
     return [*found, dataclasses.replace(value, **({"rotation": 1.0} if hasattr(value, "rotation") else {}))]
 
 
 @pytest.mark.parametrize(("kind", "name"), SEEN, ids=lambda v: v if isinstance(v, str) else v.__name__)
-def test_every_field_counts(kind, name):
+def test_every_field_is_compared(kind, name):
     s = scene()
     owner, before = owner_of(s, kind), Fingerprint(s)
     value = getattr(owner, name)
@@ -107,8 +107,8 @@ def test_every_field_counts(kind, name):
 
 
 @pytest.mark.parametrize(("kind", "name"), SEEN, ids=lambda v: v if isinstance(v, str) else v.__name__)
-def test_values_changed_in_place_count(kind, name):
-    """Of lists and arrays, also where a tuple is the rule."""
+def test_changes_in_place_are_found(kind, name):
+    """In lists and arrays, also for fields that usually hold tuples."""
     value = getattr(owner_of(scene(), kind), name)
     if (kind, name) == (Environment, "image") or not isinstance(value, (tuple, list, np.ndarray)):
         return
@@ -132,7 +132,7 @@ def test_values_changed_in_place_count(kind, name):
         assert Fingerprint(s) != before
 
 
-def test_nothing_else_counts():
+def test_other_fields_are_ignored():
     s = scene()
     before = Fingerprint(s)
     assert Fingerprint(s) == before and before != object()
@@ -142,7 +142,7 @@ def test_nothing_else_counts():
         owner = owner_of(s, kind)
         setattr(owner, name, "other" if name == "name" else [])
         assert Fingerprint(s) == before, (kind, name)
-    # The same in other containers.
+    # The same objects in other containers.
     s.instances, s.lights = list(s.instances), [copy(light) for light in s.lights]
     s.environment = copy(s.environment)
     material = s.instances[0].mesh.materials[0]
@@ -161,7 +161,7 @@ def test_kinds_of_lights_differ():
     assert Fingerprint(s) != before
 
 
-def test_a_material_that_goes_from_one_mesh_to_another():
+def test_a_material_that_moves_between_meshes_is_found():
     s = scene()
     first, second = s.instances[0].mesh, s.instances[2].mesh
     first.materials.append(Material("spare"))
@@ -170,8 +170,8 @@ def test_a_material_that_goes_from_one_mesh_to_another():
     assert Fingerprint(s) != before
 
 
-def test_objects_at_the_place_of_dead_ones_are_others():
-    """Identities are of living objects only, so a fingerprint keeps alive what it knows by identity."""
+def test_objects_with_reused_ids_differ():
+    """Ids are unique among living objects only, so a fingerprint keeps alive what it compares by identity."""
     s = scene()
     for _ in range(50):
         before = Fingerprint(s)

@@ -1,4 +1,4 @@
-"""The glTF reader on valid files: each feature against values worked out by hand, plain meshes against trimesh."""
+"""The glTF reader on valid files: each feature against values computed by hand, plain meshes against trimesh."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_gltf_with_data_uri_and_external_buffer(tmp_path, uri):
     np.testing.assert_array_equal(corners(load_gltf(path).meshes[0]), [TRIANGLE])
 
 
-def test_byte_order_mark_and_backslash_are_forgiven(tmp_path):
+def test_byte_order_mark_and_backslashes_are_accepted(tmp_path):
     builder = triangle_scene()
     (tmp_path / "sub").mkdir()
     path = builder.gltf(tmp_path, "sub/data.bin")
@@ -162,7 +162,7 @@ def test_primitives_are_merged_with_neutral_values(tmp_path):
     assert mesh.texcoords0 is None and not mesh.texcoords1[3:].any()
 
 
-def test_primitives_that_share_their_vertices_do_not_double_them(tmp_path):
+def test_primitives_share_their_vertices(tmp_path):
     builder = GltfBuilder()
     grid = np.random.default_rng(1).random((1000, 3)).astype(np.float32)
     shared = builder.accessor(grid)
@@ -209,7 +209,7 @@ def test_degenerate_triangles_are_dropped_and_counted(tmp_path):
     assert any("'line' was left out" in note for note in scene.notes)
 
 
-def test_unused_broken_vertices_do_no_harm(tmp_path):
+def test_unused_invalid_vertices_are_ignored(tmp_path):
     builder = GltfBuilder()
     positions = np.concatenate([[[np.nan] * 3], TRIANGLE, [[np.inf] * 3]]).astype(np.float32)
     builder.node(mesh=builder.mesh(builder.primitive(positions, np.array([1, 2, 3], np.uint8))))
@@ -254,7 +254,7 @@ def test_file_without_scenes_shows_all_roots(tmp_path):
     assert len(load_gltf(builder.glb(tmp_path)).instances) == 1
 
 
-def test_flat_scale_is_kept_and_nothing_is_left_out(tmp_path):
+def test_scale_of_zero_along_one_axis_is_kept(tmp_path):
     builder = triangle_scene()
     builder.node(mesh=0, name="plane", scale=[2, 2, 0])
     builder.node(mesh=0, name="gone", scale=[1, 0, 0])
@@ -328,7 +328,7 @@ def test_animation_and_morph_targets_are_noted(tmp_path):
     np.testing.assert_array_equal(corners(scene.meshes[0]), [TRIANGLE])
 
 
-def test_skinned_mesh_is_posed_by_its_resting_joints(tmp_path):
+def test_skinned_mesh_is_posed_by_its_joints_at_rest(tmp_path):
     builder = GltfBuilder()
     weights = np.array([[1, 0, 0, 0], [0.5, 0.5, 0, 0], [0, 1, 0, 0]], np.float32)
     bound = np.array([[0, 1, 0, 0]] * 3, np.uint8)
@@ -350,7 +350,7 @@ def test_skinned_mesh_is_posed_by_its_resting_joints(tmp_path):
     assert any("Skins are shown in their rest pose" in note for note in scene.notes)
 
 
-# Against another reader, and speed
+# Comparison with another reader, and speed
 
 
 def test_agrees_with_trimesh_on_plain_files(tmp_path):

@@ -1,4 +1,4 @@
-"""Draco and meshopt geometry in glTF files: decoded with the optional packages, a clear sentence without them."""
+"""Draco and meshopt geometry in glTF files: decoded with the optional packages, a clear error without them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def centers(triangles):
 
 
 def compressed_view(builder, data, count, stride, mode, **keys):
-    """Append a buffer view whose data is only there in meshopt's encoding; return its index."""
+    """Append a buffer view whose data exists only in meshopt's encoding; return its index."""
     stored = builder.view(data)
     extension = builder.json["bufferViews"][stored] | {"byteStride": stride, "count": count, "mode": mode, **keys}
     view = {"buffer": 1, "byteLength": count * stride, "extensions": {"EXT_meshopt_compression": extension}}
@@ -26,7 +26,7 @@ def compressed_view(builder, data, count, stride, mode, **keys):
 
 
 def meshopt_builder():
-    """Return a builder with the placeholder buffer, of absurd size, for data that is only there compressed."""
+    """Return a builder with the fallback buffer, of absurd size and without data, of compressed views."""
     builder = GltfBuilder()
     builder.add("buffers", {"byteLength": 10**10, "extensions": {"EXT_meshopt_compression": {"fallback": True}}})
     builder.json["extensionsRequired"] = ["EXT_meshopt_compression"]

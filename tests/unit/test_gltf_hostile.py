@@ -1,4 +1,4 @@
-"""The glTF reader on damaged and hostile files: one sentence with the place, or a note, never another exception."""
+"""The glTF reader on damaged and hostile files: a GiError with the place, or a note, never another exception."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from wgpu_gi.scene.scene import Scene
 
 
 def message(path):
-    """Load a file that must be refused within a second; return the one sentence."""
+    """Load a file that must raise GiError within a second; return the message."""
     start = time.perf_counter()
     with pytest.raises(GiError) as caught:
         load_gltf(path)
@@ -36,7 +36,7 @@ def write(tmp_path, data, name="scene.glb"):
 
 
 def full_builder():
-    """Return a builder that uses every part of the format, as a base for damage."""
+    """Return a builder that uses every part of the format, to be damaged."""
     builder = GltfBuilder()
     texture = builder.texture(np.zeros((4, 4, 3), np.uint8), {"wrapS": 33071})
     transform = {"KHR_texture_transform": {"offset": [0, 0.5], "rotation": 1}}
@@ -87,7 +87,7 @@ def test_missing_folder_and_empty_files(tmp_path):
     assert "empty" in message(write(tmp_path, b""))
 
 
-def test_truncation_at_every_length_is_refused(tmp_path):
+def test_truncation_at_every_length_raises(tmp_path):
     data = triangle_scene().glb_bytes()
     for length in range(len(data)):
         message(write(tmp_path, data[:length]))
@@ -124,7 +124,7 @@ def test_required_extensions_are_named(tmp_path):
     assert "KHR_texture_basisu" in text and "ACME_secret" in text
 
 
-def test_only_lights_or_only_lines_is_nothing_to_show(tmp_path):
+def test_files_without_triangles_raise(tmp_path):
     builder = GltfBuilder()
     builder.light(type="point")
     assert "no meshes" in message(builder.glb(tmp_path))
@@ -132,7 +132,7 @@ def test_only_lights_or_only_lines_is_nothing_to_show(tmp_path):
     assert "no triangles" in message(builder.glb(tmp_path))
 
 
-# Sizes that are announced but not there
+# Announced sizes without data
 
 
 def test_accessor_past_its_view(tmp_path):
@@ -167,7 +167,7 @@ def test_huge_buffer_and_sparse_count(tmp_path):
     assert "buffers[0]: byteLength is 10000000000, but its data has 36" in message(path)
 
 
-# Wrong values, each with its place
+# Wrong values
 
 
 def edits():
@@ -352,7 +352,7 @@ def test_unusable_buffer_uris(tmp_path, uri):
     message(path)
 
 
-def test_absurd_image_size_is_left_out_before_it_is_decoded(tmp_path):
+def test_image_of_absurd_size_is_left_out_undecoded(tmp_path):
     png = bytearray(encode(np.zeros((1, 1, 3), np.uint8)))
     for side in (9000, 100000):
         png[16:24] = side.to_bytes(4, "big") * 2
@@ -364,7 +364,7 @@ def test_absurd_image_size_is_left_out_before_it_is_decoded(tmp_path):
         assert any("pixels" in note for note in scene.notes)
 
 
-# Anything else
+# Random damage
 
 
 def is_scene_or_error(path):

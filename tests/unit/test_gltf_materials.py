@@ -1,4 +1,4 @@
-"""Materials, textures and images of the glTF reader, on files made here."""
+"""The glTF reader's materials, textures and images."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def test_external_image_and_data_uri_image(tmp_path):
     assert material.normal_texture.image.name == "red.png"
 
 
-def test_missing_corrupt_and_foreign_images_leave_the_factor(tmp_path):
+def test_without_a_readable_image_the_factor_remains(tmp_path):
     builder = triangle_scene()
     images = [
         builder.add("images", {"uri": "nowhere.png"}),

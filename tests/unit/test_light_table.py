@@ -46,7 +46,7 @@ def table_of(scene, hierarchy=None):
 
 
 def check(table):
-    """What holds for any scene with lights."""
+    """Assert what holds for any light table."""
     lights = table.lights
     assert lights.dtype == DTYPES["lights"]
     for field in lights.dtype.names:
@@ -58,7 +58,7 @@ def check(table):
     assert lights["probability"].sum(dtype=np.float64) == pytest.approx(1, rel=1e-6)
     assert np.allclose(np.cumsum(lights["probability"].astype(np.float64)), lights["cumulative"], atol=1e-6)
     assert lights["cumulative"][-1] == 1 and (np.diff(lights["cumulative"], prepend=np.float32(0)) >= 0).all()
-    # What is drawn for a number below one has a probability: the first whose cumulative value exceeds it.
+    # A number below one selects the first light with a larger cumulative value, which must have a probability.
     for choice in (0.0, 0.25, 0.5, 0.75, float(np.nextafter(np.float32(1), np.float32(0)))):
         assert lights["probability"][np.argmax(lights["cumulative"] > choice)] > 0
 
@@ -68,7 +68,7 @@ def areas(lights):
 
 
 def lamp(size=1.0, x=0.0, color=(1.0, 1.0, 1.0), name="lamp", **fields):
-    """A square that shines downwards."""
+    """A square that emits downwards."""
     material = Material(name, emission=color, **fields)
     return Instance(quad((x, 3, 0), (size, 0, 0), (0, 0, size), material))
 
@@ -81,7 +81,7 @@ def test_no_lights():
         assert table_of(scene)[0].count == 0
 
 
-def test_records_have_the_shaders_layout():
+def test_records_have_the_layout_of_the_shader():
     """Seven fields of 16-byte aligned vectors; names, places and stride are those of the struct in the shader."""
     dtype = DTYPES["lights"]
     assert dtype.itemsize == 80
@@ -122,7 +122,7 @@ def test_punctual_lights():
 
 
 def cone_integral(inner, outer):
-    """The solid angle of a spot weighted by its fall-off, sr, by adding up rings."""
+    """Return the solid angle of a spot weighted by its fall-off, sr, by summing rings."""
     angle = (np.arange(200_000) + 0.5) / 200_000 * outer
     falloff = np.clip((np.cos(angle) - math.cos(outer)) / (math.cos(inner) - math.cos(outer)), 0, 1) ** 2
     return float((falloff * np.sin(angle)).sum()) * 2 * math.pi * outer / 200_000
@@ -137,7 +137,7 @@ def test_light_without_direction(kind, direction):
         table_of(Scene([FLOOR], [kind(direction)]))
 
 
-def test_dark_lights_take_no_probability():
+def test_lights_without_power_get_no_probability():
     dark = [PointLight((0, 1, 0), 0.0), PointLight((0, 1, 0), 1.0, (0, 0, 0)), SpotLight((0, 1, 0), (0, -1, 0), 0, 0)]
     black = Texture(Image(np.zeros((2, 2, 4), np.uint8)))
     hidden = lamp(name="black", emission_texture=black)
@@ -152,7 +152,7 @@ def test_dark_lights_take_no_probability():
     assert table.count == 1 and table.lights["probability"][0] == 1 and not table.material_pdf
 
 
-def test_triangles_without_area_are_never_drawn():
+def test_triangles_without_area_are_never_chosen():
     mesh = box((0, 0, 0), (1, 1, 1), Material(emission=(1, 1, 1)))
     mesh.triangles = np.concatenate([[[0, 0, 1]], mesh.triangles, [[2, 2, 2], [0, 1, 1]]]).astype(np.uint32)
     table, _ = table_of(Scene([Instance(mesh)]))
@@ -160,8 +160,8 @@ def test_triangles_without_area_are_never_drawn():
     assert np.array_equal(table.lights["probability"] > 0, areas(table.lights) > 0)
 
 
-def test_density_on_a_material_is_probability_over_area():
-    """The shader divides by either: a hit knows the material, a light sample the triangle."""
+def test_pdf_of_a_material_is_probability_over_area():
+    """Shaders use both: a hit knows its material, a light sample its triangle."""
     rng = np.random.default_rng(0)
     spotted = Texture(Image(rng.integers(0, 256, (5, 7, 4)).astype(np.uint8)))
     shared = lamp(2.0, color=(3.0, 1.0, 0.1), name="shared", double_sided=True)
@@ -187,7 +187,7 @@ def test_density_on_a_material_is_probability_over_area():
     assert table.environment_pdf == pytest.approx(table.lights["probability"][-1])
 
 
-def test_pictured_emitters_go_by_their_mean():
+def test_textured_emitters_are_weighted_by_their_mean():
     half = np.zeros((4, 4, 4), np.uint8)
     half[:2] = 255
     plain = lamp(1.0, 0.0, (1.0, 1.0, 1.0), "plain")
@@ -198,8 +198,8 @@ def test_pictured_emitters_go_by_their_mean():
 
 @pytest.mark.parametrize("times", [1, 2])
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_the_shining_side(times, mirrored):
-    """A lamp shines to where its normal goes with the normal matrix, baked or entered, mirrored or not."""
+def test_the_emitting_side(times, mirrored):
+    """A lamp emits along its normal, transformed by the normal matrix, baked or not, mirrored or not."""
     matrix = np.diag([-1.0 if mirrored else 1.0, 1, 2, 1])
     one = lamp()
     instances = [Instance(one.mesh, matrix) for _ in range(times)]
@@ -209,7 +209,7 @@ def test_the_shining_side(times, mirrored):
     for record in table.lights:
         side = np.cross(record["edge1"], record["edge2"]) * {1: 1, 2: -1}[int(record["sides"])]
         assert side @ normal > 0
-        # Points by barycentric weights are where the hierarchy has them, so that textures agree.
+        # Barycentric weights mean the same points as in the hierarchy, so textures agree.
         triangle = hierarchy.triangles[record["triangle"]]
         m = np.eye(4)
         if triangle["instance"] == 0xFFFFFFFF:
@@ -221,7 +221,7 @@ def test_the_shining_side(times, mirrored):
     assert (two_sided.lights["sides"] == 3).all()
 
 
-def test_both_sides_count_as_twice_the_power():
+def test_double_sided_emitters_have_twice_the_power():
     table, _ = table_of(Scene([lamp(1.0, 0.0), lamp(1.0, 3.0, double_sided=True)]))
     share = table.lights["probability"].reshape(2, 2).sum(1)
     assert np.allclose(share, [0.25 + 0.5 / 3, 0.25 + 1 / 3])
@@ -250,8 +250,8 @@ def test_lights_follow_their_instance():
     )
 
 
-def test_black_environment_picture():
-    """It lights nothing, so light samples leave it alone, be it the only light or not."""
+def test_black_environment_map():
+    """It gets no probability, with other lights and without."""
     scene = Scene([FLOOR], environment=Environment(image=np.zeros((4, 8, 3), np.float32)))
     assert table_of(scene)[0].count == 0
     scene.lights.append(PointLight((0, 1, 0)))

@@ -1,4 +1,4 @@
-"""The one way in: names, files, defaults, errors, and lights from the command line."""
+"""Loading by names and files, defaults, errors, and lights from text."""
 
 import os
 
@@ -26,7 +26,7 @@ def test_builtin_scenes_need_no_defaults(name):
     assert load(name).notes == []
 
 
-def test_a_bare_mesh_gets_a_sky_and_a_camera(triangle):
+def test_a_mesh_file_gets_a_sky_and_a_camera(triangle):
     scene = load(triangle)
     assert scene.environment.color == (1, 1, 1) and [camera.name for camera in scene.cameras] == ["framing"]
     assert len(scene.notes) == 2 and "white sky" in scene.notes[0] and "camera" in scene.notes[1]
@@ -40,7 +40,7 @@ def test_given_light_replaces_the_default(triangle):
     assert len(load("cornell-point", lights=[parse_light("point 1,1,1 1")]).lights) == 2
 
 
-def test_an_emitting_material_is_light_enough(tmp_path):
+def test_an_emitter_prevents_the_default_sky(tmp_path):
     (tmp_path / "m.mtl").write_text("newmtl lamp\nKe 1 1 1\n")
     (tmp_path / "lamp.obj").write_text("mtllib m.mtl\nusemtl lamp\n" + TRIANGLE)
     assert load(tmp_path / "lamp.obj").environment is None
@@ -51,7 +51,7 @@ def test_extension_in_capitals(tmp_path, triangle):
     assert load(tmp_path / "T.OBJ").triangle_count == 1
 
 
-def test_a_file_called_like_a_builtin_scene_needs_its_extension(tmp_path, monkeypatch):
+def test_a_file_named_like_a_builtin_scene_needs_its_extension(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cornell").write_text(TRIANGLE)
     (tmp_path / "cornell.obj").write_text(TRIANGLE)
@@ -59,7 +59,7 @@ def test_a_file_called_like_a_builtin_scene_needs_its_extension(tmp_path, monkey
     assert load("cornell.obj").triangle_count == 1
 
 
-def test_what_is_no_scene(tmp_path):
+def test_wrong_sources_raise(tmp_path):
     (tmp_path / "empty.xyz").touch()
     (tmp_path / "empty.glb").touch()
     (tmp_path / "text.txt").write_text("hello")
@@ -88,7 +88,7 @@ def test_what_is_no_scene(tmp_path):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="needs a device file")
-def test_a_device_is_not_read_for_ever(tmp_path):
+def test_a_device_file_raises(tmp_path):
     (tmp_path / "endless.ply").symlink_to("/dev/zero")
     with pytest.raises(GiError, match="not a regular file"):
         load(tmp_path / "endless.ply")
@@ -124,7 +124,7 @@ def test_relight():
     assert scene.environment.rotation == pytest.approx(np.pi / 2)
 
 
-def test_light_texts_are_what_relight_understands():
+def test_light_texts_restore_the_lights():
     scene, other = relit(), relit()
     scene.lights[0].intensity, scene.lights[0].color = 0.123456789, (0.3, 0.2, 0.1)
     scene.lights[1].direction, scene.environment.rotation = (0.6, -0.8, 0.0), -1.0

@@ -1,4 +1,4 @@
-"""References by Mitsuba 3, as far as it takes no Mitsuba: the scene in world space, pictures, layers, hash, errors."""
+"""References by Mitsuba 3, without Mitsuba: the scene in world space, images, layers, hash, errors."""
 
 import math
 
@@ -29,7 +29,7 @@ def normals_of(surface):
 
 
 @pytest.mark.parametrize("factor", [1.0, -2.0])
-def test_instances_are_placed_in_double_precision_and_keep_their_outside(factor):
+def test_instances_are_placed_in_float64_and_keep_their_orientation(factor):
     place = np.diag([factor, 1.0, 3.0, 1.0])
     place[:3, 3] = 1e7, 0.1, -1e7
     (surface,) = surfaces(Scene([Instance(box((-1, -1, -1), (1, 1, 1)), place)]))
@@ -38,7 +38,7 @@ def test_instances_are_placed_in_double_precision_and_keep_their_outside(factor)
     assert ((surface.corners.mean(1) - centre) * normals_of(surface)).sum(-1).min() > 0
 
 
-def test_triangles_of_one_material_are_joined_smooth_ones_apart():
+def test_triangles_are_joined_by_material_and_smoothness():
     mesh = box((0, 0, 0), (1, 1, 1), matte(0.5))
     mesh.normals = mesh.positions - np.float32(0.5)
     mesh.normals[0] = 0  # vertex 0 is in five triangles: those are flat
@@ -51,14 +51,14 @@ def test_triangles_of_one_material_are_joined_smooth_ones_apart():
     assert counts == {True: 2 * flat, False: 2 * (12 - flat)}
 
 
-def test_normals_turn_as_planes_do():
+def test_normals_transform_by_the_inverse_transpose():
     mesh = quad((0, 0, 0), (1, 0, -1), (0, 1, 0), matte(0.5))
     mesh.normals = np.array([[1, 0, 1]] * 4, np.float32)
     (surface,) = surfaces(Scene([Instance(mesh, np.diag([4.0, 1, 1, 1]))]))
     assert np.cross(surface.normals[0, 0], normals_of(surface)[0]) == pytest.approx(np.zeros(3))
 
 
-def test_two_sheets_of_a_double_sided_emitter():
+def test_a_double_sided_emitter_becomes_two_sheets():
     mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), matte(0.5, emission=1.0))
     mesh.normals = np.array([[0, 1, 1]] * 4, np.float32)
     (surface,) = surfaces(Scene([Instance(mesh)]))
@@ -69,7 +69,7 @@ def test_two_sheets_of_a_double_sided_emitter():
     assert len(sheets(surface, 0.01)) == 1
 
 
-def test_mask_without_a_picture_is_all_or_nothing():
+def test_mask_without_a_texture_is_all_or_nothing():
     mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), Material(base_color=(1, 1, 1, 0.4), alpha_mode="mask"))
     assert surfaces(Scene([Instance(mesh)])) == []
     mesh.materials[0].alpha_cutoff = 0.4
@@ -87,7 +87,7 @@ def test_mask_without_a_picture_is_all_or_nothing():
         (Material(alpha_mode="mask", emission=(1, 1, 1)), "emits"),
     ],
 )
-def test_what_mitsuba_cannot_say_is_refused(material, words):
+def test_unsupported_features_raise(material, words):
     mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), material)
     if "vertex" in words:
         mesh.colors = np.full((4, 4), 0.5, np.float32)
@@ -95,7 +95,7 @@ def test_what_mitsuba_cannot_say_is_refused(material, words):
         surfaces(Scene([Instance(mesh)]))
 
 
-def test_camera_rays_go_through_pixel_centres():
+def test_camera_rays_pass_through_pixel_centres():
     camera, centres = gi.Camera.look_at((1, 2, 3), (1, 2, -5), yfov_deg=90), pixel_centres((4, 2))
     origins, directions = camera_rays(camera, (4, 2), centres)
     assert (origins == (1, 2, 3)).all()
@@ -108,7 +108,7 @@ def test_camera_rays_go_through_pixel_centres():
 # --------------------------------------------------------------------------------------------------- pictures
 
 
-def test_mask_is_cut_at_the_bilinear_alpha():
+def test_mask_compares_the_bilinear_alpha():
     pixels = np.zeros((1, 2, 4), np.uint8)
     pixels[..., 3] = [[0, 200]]
     picture = Texture(Image(pixels), "clamp", "clamp")
@@ -119,7 +119,7 @@ def test_mask_is_cut_at_the_bilinear_alpha():
     assert (mask_pixels(Texture(Image(pixels), filter="nearest"), 1.0, 0.5) == [[0, 1]]).all()
 
 
-def test_spot_falls_off_by_the_square():
+def test_spot_has_a_squared_fall_off():
     light = SpotLight((0, 0, 0), (0, 0, -1), math.radians(10), math.radians(30))
     row = spot_pixels(light, 257)[128]
     slope = np.abs(np.linspace(-1, 1, 515)[1::2]) * math.tan(math.radians(30))
@@ -128,7 +128,7 @@ def test_spot_falls_off_by_the_square():
     assert row == pytest.approx(np.clip((cosine - outer) / (inner - outer), 0, 1) ** 2, abs=1e-6)
 
 
-def test_rows_of_an_environment_are_put_where_mitsuba_looks_for_them():
+def test_environment_rows_match_mitsubas_mapping():
     image = rng.random((3, 4, 3)).astype(np.float32)
     rows = environment_pixels(Environment((2.0, 1.0, 1.0), image))
     assert rows.shape == (7, 4, 3)
@@ -168,7 +168,7 @@ def test_packing_keeps_values_to_float16_and_errors_to_four_bits():
 
 
 @pytest.mark.parametrize(("scale", "words"), [(1e5, "above 65504"), (1e-6, "too dim")])
-def test_what_float16_cannot_hold_is_refused(scale, words):
+def test_values_beyond_float16_raise(scale, words):
     with pytest.raises(GiError, match=f"'one' .*{words}"):
         packed({"one": (rng.uniform(1, 2, (4, 4, 3)) * scale).astype(np.float32)})
 
@@ -210,7 +210,7 @@ def test_missing_mitsuba_is_named(monkeypatch, capsys, tmp_path):
     assert "pip install 'wgpu_gi[truth]'" in capsys.readouterr().err
 
 
-def test_oldest_usable_llvm_is_taken(tmp_path):
+def test_the_oldest_usable_llvm_is_chosen(tmp_path):
     for name in ("libLLVM-15.so", "libLLVM.so.20.1", "libLLVM-19.so", "libLLVM.so", "libLLVMSupport.a"):
         (tmp_path / name).touch()
     assert find_llvm([f"{tmp_path}/libLLVM*"]) == f"{tmp_path}/libLLVM-19.so"

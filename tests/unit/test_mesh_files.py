@@ -1,4 +1,4 @@
-"""OBJ, PLY, STL and OFF: geometry, colours, materials, and files that are wrong in every way we could think of."""
+"""OBJ, PLY, STL and OFF: geometry, colours, materials, and damaged files of many kinds."""
 
 import logging
 import zlib
@@ -59,7 +59,7 @@ def binary_stl(corners):
 
 
 def world_triangles(scene):
-    """All triangles as (m, 3, 3) world positions."""
+    """Return the world positions of all triangles, (m, 3, 3)."""
     parts = []
     for instance in scene.instances:
         corners = instance.mesh.positions[instance.mesh.triangles].astype(np.float64)
@@ -97,10 +97,10 @@ def test_every_format_gives_the_unit_square(tmp_path, name, content):
     assert mesh.materials[0].base_color == (0.8, 0.8, 0.8, 1.0)
 
 
-def test_far_vertices_keep_their_shape(tmp_path):
+def test_distant_meshes_keep_their_shape(tmp_path):
     lines = [f"v {1e8 + x} {-3e7 + y} 5e7" for x, y in ((0, 0), (0.001, 0), (0.001, 0.002))]
     scene = load_mesh_file(write(tmp_path, "far.obj", obj(*lines, "f 1 2 3")))
-    # The file's own doubles carry 1.5e-8 m out there.
+    # At this distance doubles have a resolution of 1.5e-8 m.
     assert area(scene) == pytest.approx(1e-6, rel=1e-4)
     np.testing.assert_allclose(scene.bounds()[0], [1e8, -3e7, 5e7], rtol=1e-12)
     assert np.abs(scene.meshes[0].positions).max() < 0.01
@@ -116,14 +116,14 @@ def test_normals_only_where_the_file_has_them(tmp_path):
     np.testing.assert_allclose(normals, [[0, 0, 1], [0, 0.6, 0.8], [0, 0, 0], [0, 0, -1]], atol=1e-7)
 
 
-def test_obj_negative_indices_count_from_their_own_line(tmp_path):
+def test_obj_negative_indices_count_back_from_their_line(tmp_path):
     first, second = ["v 0 0 0", "v 1 0 0", "v 1 1 0"], ["v 0 0 4", "v 1 0 4", "v 1 1 4"]
     scene = load_mesh_file(write(tmp_path, "n.obj", obj(*first, "f -3 -2 -1", *second, "f -3 -2 -1")))
     np.testing.assert_allclose(sorted(world_triangles(scene)[:, :, 2].mean(1)), [0, 4])
     assert area(scene) == pytest.approx(1.0)
 
 
-def test_obj_syntax_of_the_wild(tmp_path):
+def test_obj_syntax_variants(tmp_path):
     vertices = "\ufeffv 0 0 0 # comment\r\nv\t1 0 0  # end\r\n v 1 1 0 1.0\r\nv 0 1 0\r\n"
     text = vertices + "g a\r\ns off\r\nl 1 2\r\nf 1 2 \\\r\n 3 4\r\nfoo bar\r\nf"
     assert area(load_mesh_file(write(tmp_path, "wild.obj", text))) == pytest.approx(1.0)
@@ -144,7 +144,7 @@ def test_obj_materials(tmp_path):
     assert lamp.emission == (17, 12, 4) and lamp.base_color == (0.78, 0.78, 0.78, 1) and lamp.name == "lamp"
     assert clay.base_color == (0.8, 0.8, 0.8, 1)
     assert wood.base_color == (1, 1, 1, 1) and wood.base_color_texture.image.pixels.shape == (2, 3, 4)
-    # v points down in glTF and in ours.
+    # v points down, as in glTF.
     np.testing.assert_allclose(mesh.texcoords0[mesh.triangles[3]], [[0, 1], [1, 1], [1, 0.25]])
     assert scene.notes == []
 
@@ -169,7 +169,7 @@ def test_obj_materials(tmp_path):
         ("Ke 1e400 0 0", "not a colour"),
     ],
 )
-def test_mtl_oddities_become_notes(tmp_path, row, sentence):
+def test_unusable_mtl_rows_become_notes(tmp_path, row, sentence):
     write(tmp_path, "broken.png", b"\x89PNG\r\n\x1a\n" + bytes(50))
     # A PNG of 9000 x 9000 pixels in a few bytes.
     ihdr = b"IHDR" + (9000).to_bytes(4, "big") * 2 + bytes([8, 2, 0, 0, 0])
@@ -218,7 +218,7 @@ def test_degenerate_triangles_are_left_out_with_a_note(tmp_path):
     assert scene.triangle_count == 1 and "2 degenerate triangles" in scene.notes[0]
 
 
-def test_unused_vertices_do_not_count(tmp_path):
+def test_unused_vertices_are_ignored(tmp_path):
     scene = load_mesh_file(write(tmp_path, "u.ply", ply(SQUARE + "nan nan nan\n1e9 0 0\n")))
     np.testing.assert_allclose(scene.bounds(), [[0, 0, 0], [1, 1, 0]])
 
@@ -301,7 +301,7 @@ def test_bad_paths(tmp_path):
 
 
 @pytest.mark.parametrize("content", [binary_ply(), binary_stl(np.arange(27) % 5), ply().encode(), STL.encode()])
-def test_truncation_anywhere_is_an_error_or_a_mesh(tmp_path, content):
+def test_truncation_gives_an_error_or_a_mesh(tmp_path, content):
     extension = ".ply" if content.startswith(b"ply") else ".stl"
     for length in range(1, len(content), 13):
         try:

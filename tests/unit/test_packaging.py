@@ -1,4 +1,4 @@
-"""Wheel, sdist, editable and plain installs all carry the shaders and the scenes."""
+"""Wheel, sdist, editable and plain installs all contain the shaders and the scenes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SHADERS = sorted(p.relative_to(ROOT).as_posix() for p in (ROOT / "wgsl").rglob("*.wgsl"))
-# What the package has beside its modules.
+# Data files of the package.
 DATA = [
     path.relative_to(ROOT).as_posix()
     for path in (ROOT / "wgpu_gi").rglob("*")

@@ -1,4 +1,4 @@
-"""Shadow maps on the CPU: matrices, faces, cascades, the atlas, and which boxes a view sees."""
+"""Shadow views on the CPU: matrices, cube faces, cascades, the atlas, and culling."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def lay_out(lights, camera=FROM_FRONT, box=BOX, samples=None, size=(640, 360), *
 
 
 def check(result):
-    """What holds for any lights."""
+    """Assert what holds for any lights."""
     records = result.records
     for name in records.dtype.names:
         assert np.isfinite(records[name]).all()
@@ -69,7 +69,7 @@ def check(result):
     corner, size = records["corner"].astype(int), records["size"].astype(int)
     assert (size[:, 0] >= SMALLEST).all() and (size[:, 1] >= SMALLEST // 2).all()
     assert (corner >= 0).all() and (corner + size <= result.atlas_size).all()
-    # All are multiples of 8 texels, so overlaps show on a coarser grid.
+    # All are multiples of 8 texels, so a coarser grid finds overlaps.
     assert (corner % 8 == 0).all() and (size % 8 == 0).all()
     used = np.zeros((result.atlas_size // 8,) * 2, np.int64)
     for (x, y), (width, height) in zip(corner // 8, size // 8, strict=True):
@@ -89,7 +89,7 @@ def light(kind, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0), color=(1.0,
 
 
 def spot(half_angle, **fields):
-    """A spot that falls off from its axis on."""
+    """A spot whose inner cone has no width."""
     scale = 1 / max(0.001, 1 - math.cos(half_angle))
     return light(DIRECT_SPOT, cone_scale=scale, cone_offset=-math.cos(half_angle) * scale, **fields)
 
@@ -136,8 +136,8 @@ OWN_ORDER = [(2, 1), (0, 1), (0, -1), (1, 1), (1, -1), (2, -1)]
 
 
 @pytest.mark.parametrize("side", [16, 64, 512])
-def test_point_light_sees_all_around(side):
-    """The face that the major axis names shows the point, with room for the filter."""
+def test_point_light_covers_all_directions(side):
+    """The cube face of the major axis contains the point, with a margin for the filter."""
     position = np.array([1.0, -0.5, 2.0])
     result = lay_out(light(DIRECT_POINT, position), point=side)
     assert len(result.records) == 6 and (result.records["size"] == side).all()
@@ -153,7 +153,7 @@ def test_point_light_sees_all_around(side):
 @pytest.mark.parametrize("both", [0, 1])
 @pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0, -1), (0, -1, 0), (0.3, -0.8, 0.2), (-0.6, 0.1, -0.7)])
 @pytest.mark.parametrize("side", [16, 128])
-def test_emitter_sample_sees_its_hemisphere(direction, both, side):
+def test_emitter_sample_covers_its_hemisphere(direction, both, side):
     one = light(DIRECT_AREA, (0.5, 1, 0), direction, area=0.1, both_sides=both)
     result = lay_out(one, area=side)
     heights = [side] + [side if both else side // 2] * (5 if both else 4)
@@ -166,7 +166,7 @@ def test_emitter_sample_sees_its_hemisphere(direction, both, side):
     face = face_of(local, OWN_ORDER)
     for k, record in enumerate(result.records):
         assert inside(record, one["position"] + 5 * directions[face == k]).all()
-    # Of the other side, half a cube shows no more than a margin.
+    # A half cube contains only a margin of the other side.
     behind = one["position"] + 5 * (random_directions()[:, :2] @ frame[:2] - 0.7 * frame[2])
     if not both:
         assert not any(inside(record, behind, 0).any() for record in result.records)
@@ -175,7 +175,7 @@ def test_emitter_sample_sees_its_hemisphere(direction, both, side):
 @pytest.mark.parametrize(
     ("degrees", "views"), [(0.1, 1), (10, 1), (45, 1), (59.99, 1), (61, 5), (89, 5), (90, 5), (91, 6), (180, 6)]
 )
-def test_spot_sees_its_cone(degrees, views):
+def test_spot_covers_its_cone(degrees, views):
     direction = np.array([0.6, -0.64, 0.48])
     one = spot(math.radians(degrees), position=(1, 1, 1), direction=direction)
     result = lay_out(one)
@@ -193,8 +193,8 @@ def test_spot_sees_its_cone(degrees, views):
         assert inside(record, points[face == k], 1.0 if degrees < 1 else MARGIN).all()
 
 
-def test_own_frame_is_the_shaders():
-    """Orthonormal and right-handed, with the normal as its third axis, and equal to the formula at z = 0 and -1."""
+def test_frame_equals_the_shaders():
+    """It is orthonormal and right-handed with the normal as third axis, and equals the formula at z = 0 and -1."""
     normals = np.concatenate([random_directions(500), [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (0.6, 0.8, -0.0)]])
     frames = frames_from_normals(normals)
     assert np.allclose(frames @ frames.transpose(0, 2, 1), np.eye(3), atol=1e-12)
@@ -203,7 +203,7 @@ def test_own_frame_is_the_shaders():
 
 
 @pytest.mark.parametrize("one", [light(DIRECT_POINT), light(DIRECT_AREA, area=1.0), spot(0.5), spot(1.4)])
-def test_texel_is_the_width_of_one_at_1_m(one):
+def test_texel_size_is_that_at_1_m(one):
     for record in lay_out(one).records:
         rows = record["clip_from_world"].T.astype(np.float64)
         forward, right = rows[3, :3], np.cross(rows[3, :3], rows[1, :3])
@@ -225,7 +225,7 @@ SUNS = [(0, -1, 0), (0.3, -0.8, 0.5), (1, 0, 0), (-0.5, 0.1, -0.9)]
 
 
 @pytest.mark.parametrize("direction", SUNS)
-def test_sun_shows_the_whole_scene(direction):
+def test_sun_map_covers_the_scene(direction):
     sun = light(DIRECT_SUN, direction=direction)
     (record,) = lay_out(sun, cascades=1).records
     points = points_in(BOX, 5000)
@@ -241,7 +241,7 @@ def test_sun_shows_the_whole_scene(direction):
 
 
 def test_sun_map_is_tight():
-    """A long, flat scene seen from above fills most of a map of half its height."""
+    """A long, flat scene seen from above fills most of a map of half the height."""
     sun = light(DIRECT_SUN, direction=(0, -1, 0))
     box = np.array([[-10.0, -2.0, -4.0], [10.0, 2.0, 4.0]])
     (record,) = lay_out(sun, box=box, sun=1024).records
@@ -252,7 +252,7 @@ def test_sun_map_is_tight():
 
 
 def street(length=2000.0):
-    """Points on a street along -Z, of which the nearest lies 1.5 m from the origin, and its box."""
+    """Return points on a street along -Z, the nearest 1.5 m from the origin, and its box."""
     rng = np.random.default_rng(0)
     z = -1.5 * (length / 1.5) ** rng.random(4000)
     points = np.stack([rng.uniform(-0.4, 0.4, 4000) * np.abs(z), rng.uniform(-0.2, 0.2, 4000) * np.abs(z), z], 1)
@@ -262,8 +262,8 @@ def street(length=2000.0):
 
 @pytest.mark.parametrize("direction", SUNS)
 @pytest.mark.parametrize("length", [30.0, 200.0, 2000.0])
-def test_cascades_follow_the_pixels(direction, length):
-    """The first map that shows a visible point has texels of few pixels, and there are no more maps than that takes."""
+def test_cascades_match_the_resolution_of_pixels(direction, length):
+    """The first map that contains a visible point has texels of few pixels, with as few maps as possible."""
     points, box = street(length)
     camera = Camera.look_at((0, 0, 0), (0, 0, -1))
     records = lay_out(light(DIRECT_SUN, direction=direction), camera, box, points).records
@@ -290,8 +290,8 @@ def test_number_of_cascades():
     assert len(lay_out(sun).records) == 1  # a small scene
 
 
-def test_sun_maps_do_not_swim():
-    """Under any camera the same places are texels' centres; the map of the whole scene stays bit by bit."""
+def test_sun_maps_do_not_shimmer():
+    """For every camera the same positions are texel centres; the map of the whole scene does not change."""
     points, box = street()
     sun = light(DIRECT_SUN, direction=(0.3, -0.8, 0.5))
     probes = points[::50]
@@ -304,7 +304,7 @@ def test_sun_maps_do_not_swim():
             texel = project(record, probes)[0]
             before = seen.setdefault(float(record["texel"]), texel)
             moved = texel - before
-            # Coordinates of 2000 m in float32 leave some error in texels of a centimetre.
+            # At 2000 m float32 has an error that matters for texels of a centimetre.
             assert np.abs(moved - np.round(np.median(moved, axis=0))).max() < 2e-4 / record["texel"] + 1e-2
         assert np.array_equal(project(records[-1], probes)[0], seen[float(records[-1]["texel"])])
     assert len(seen) < 12
@@ -320,7 +320,7 @@ def test_sun_map_of_a_growing_scene_keeps_its_texels():
     assert after["texel"] == before["texel"] and np.abs(moved - np.round(moved[0])).max() < 1e-2
 
 
-def test_parallel_camera_gets_a_finer_map_of_what_it_shows():
+def test_orthographic_camera_gets_a_finer_map_of_its_view():
     camera = Camera.look_at((0, 500, 0), (0, 0, 0))
     camera.orthographic_height = 4.0
     box = np.array([[-1000.0, -1, -1000], [1000, 1, 1000]])
@@ -392,7 +392,7 @@ def test_brighter_lights_get_finer_maps():
 
 
 @pytest.mark.parametrize("atlas", [256, 512, 1024, 2048])
-def test_lights_lose_resolution_where_the_atlas_is_small(atlas):
+def test_a_small_atlas_reduces_resolution(atlas):
     lights = join(
         light(DIRECT_SUN, color=(9.0, 9, 9)),
         light(DIRECT_POINT, (0, 0, 5)),
@@ -431,7 +431,7 @@ def lay_out_unchecked(lights, atlas):
     )
 
 
-def test_more_lights_than_any_atlas_holds():
+def test_more_lights_than_fit_an_atlas():
     limit = LARGEST_ATLAS**2 // (6 * SMALLEST**2)
     with pytest.raises(GiError, match=f"{limit + 1} lights do not fit into 8192 x 8192 texels; use fewer"):
         lay_out_unchecked(many_points(limit + 1), 4096)
@@ -439,7 +439,7 @@ def test_more_lights_than_any_atlas_holds():
 
 @pytest.mark.parametrize(("instances", "most"), [(2**19 + 1, 4096), (2**15 + 1, 65536)])
 def test_more_views_than_can_be_numbered(instances, most):
-    """A number of 32 bits tells both the view and the instance."""
+    """A 32-bit number holds both the view and the instance."""
     draws = SimpleNamespace(slots=range(instances + 1), clusters=SimpleNamespace(boxes=np.zeros((0, 2, 3), np.float32)))
     shadows = ShadowDraws()
     with pytest.raises(GiError, match=f"{most + 1} shadow maps of a scene of {instances} instances .* use fewer"):
@@ -451,7 +451,7 @@ def test_more_views_than_can_be_numbered(instances, most):
 # ------------------------------------------------------------------------------------------------ Culling
 
 
-def test_culling_keeps_every_box_that_a_view_sees():
+def test_culling_keeps_every_visible_box():
     rng = np.random.default_rng(0)
     lights = many_points(15)
     lights["kind"] = np.arange(15) % 4
@@ -470,7 +470,7 @@ def test_culling_keeps_every_box_that_a_view_sees():
         assert of_view[seen].all()
 
 
-def test_planes_bound_what_is_inside():
+def test_planes_bound_the_view():
     for one in (light(DIRECT_POINT, (1, 2, 0)), light(DIRECT_SUN, direction=(0.3, -0.8, 0.5)), spot(0.5)):
         for record, planes in zip(*(lambda r: (r, frustum_planes(r)[0]))(lay_out(one).records), strict=True):
             points = points_in(3 * BOX, 3000)
@@ -480,7 +480,7 @@ def test_planes_bound_what_is_inside():
 
 
 def test_culling_far_from_the_origin_and_tiny_scenes():
-    """Boxes as thin as rounding, at the edge of what a light sees."""
+    """Boxes as thin as rounding errors, at the edge of a light's view."""
     for scale in (1e-4, 1e4):
         one = light(DIRECT_POINT, np.array([3.0, 1.0, 2.0]) * scale)
         records = lay_out(one, box=BOX * scale).records

@@ -1,4 +1,4 @@
-"""Which meshes are solids: those that every line meets an even number of times, and that are no sheets."""
+"""Which meshes are solids: watertight and not too thin."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ def without(mesh: Mesh, triangle: int) -> Mesh:
 
 
 @pytest.mark.parametrize("mesh", [box((0, 0, 0), (1, 2, 3), matte(0.5)), sphere((0, 1, 0), 0.5)])
-def test_boxes_and_spheres_are_closed(mesh):
-    """Also where corners have a vertex for each face."""
+def test_boxes_and_spheres_are_watertight(mesh):
+    """Even if each face has vertices of its own."""
     assert is_watertight(mesh)
     assert not is_watertight(without(mesh, 3))
 
 
 @pytest.mark.parametrize("mesh", [quad((0, 0, 0), (1, 0, 0), (0, 1, 0), matte(0.5)), grid(2.0, 4)])
-def test_sheets_are_open(mesh):
+def test_sheets_are_not_watertight(mesh):
     assert not is_watertight(mesh)
 
 
-def test_two_sheets_back_to_back_are_closed():
-    """A line meets both or none."""
+def test_two_sheets_back_to_back_are_watertight():
+    """A line crosses both or neither."""
     positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
     assert is_watertight(Mesh(positions, np.array([(0, 1, 2), (0, 2, 1)], np.uint32)))
 
@@ -36,14 +36,14 @@ def test_two_sheets_back_to_back_are_closed():
 @pytest.mark.parametrize(("depth", "expected"), [(2.0, True), (0.1, True), (0.02, False), (0.0, False)])
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
 def test_slabs_are_solids_down_to_a_thickness(depth, expected, scale):
-    """Of whatever size; turned inside out, too."""
+    """Of any size, and with either orientation."""
     mesh = box((scale, 0, 0), (2 * scale, scale, depth * scale), matte(0.5))
     assert is_thick(mesh) == expected
     assert is_thick(Mesh(mesh.positions, mesh.triangles[:, ::-1])) == expected
 
 
-def test_signed_zeros_are_one_place():
-    """Half of the corners have a minus before their zeros."""
+def test_signed_zeros_are_equal_positions():
+    """Half of the corners have negative zeros."""
     mesh = box((-1, 0, 0), (0, 1, 1), matte(0.5))
     positions = mesh.positions.copy()
     rows = np.arange(len(positions)) % 2 == 0

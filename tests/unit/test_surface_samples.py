@@ -1,4 +1,4 @@
-"""Points spread over the surfaces: on them, by area, the same ones for the same scene."""
+"""Points spread over surfaces: they lie on them, by area, and are deterministic."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
 
 def samples_of(dtypes, instances, **options):
-    """Return points of the world, (n, 3)."""
+    """Return points in world space, (n, 3)."""
     hierarchy = TwoLevelBvh(dtypes)
     materials = {id(m): 0 for i in instances for m in i.mesh.materials}
     hierarchy.update(instances, materials)
@@ -37,13 +37,13 @@ def test_points_lie_on_the_surfaces(dtypes):
     assert (points[on_quad] >= (0, 1 - 1e-6, 0)).all() and (points[on_quad] <= (3, 1 + 1e-6, 2)).all()
     to_face = np.abs(points[~on_quad] - (5.5, 0.5, 0.5)).max(1)
     assert np.allclose(to_face, 0.5, atol=1e-6)
-    # Both have six square metres.
+    # Both have an area of 6 m2.
     assert on_quad.mean() == pytest.approx(0.5, abs=2 / 4096)
 
 
 @pytest.mark.parametrize("count", [64, 1000, 4096])
 def test_points_are_spread_evenly(dtypes, count):
-    """As many in each part of a floor as its area says, to within what a random choice would be off by."""
+    """Each part of a floor gets points by its area, with less deviation than random points."""
     points = samples_of(dtypes, [Instance(grid(8.0, 4))], count=count)
     assert len(points) == count
     found = np.histogram2d(points[:, 0], points[:, 2], bins=8, range=[[-4, 4], [-4, 4]])[0]
@@ -52,7 +52,7 @@ def test_points_are_spread_evenly(dtypes, count):
 
 
 def test_each_instance_has_its_share(dtypes):
-    """Half equal, half by the area in the world: of three balls one twice as large, one mirrored."""
+    """Half equally, half by world area: three balls, one twice as large, one mirrored."""
     ball = sphere(subdivisions=2)
     scales = [(1, 1, 1), (2, 2, 2), (-1, 1, 1)]
     points = samples_of(dtypes, [Instance(ball, at(10 * k, 0, 0, scale)) for k, scale in enumerate(scales)])
@@ -63,12 +63,12 @@ def test_each_instance_has_its_share(dtypes):
 
 
 def test_large_meshes_are_thinned_out(dtypes):
-    """Of more triangles than are needed some are left out, which must not take from the mesh's share."""
+    """Leaving out triangles of a large mesh must not reduce its share."""
     fine, coarse = grid(2.0, 100), quad((5, 0, 5), (0, 0, 2), (2, 0, 0))
     for count in (64, 300):
         points = samples_of(dtypes, [Instance(fine), Instance(coarse)], count=count)
         of_fine = points[:, 0] < 3
-        # The fine one's triangles are all alike, so that its area is known from any of them.
+        # The triangles of the fine mesh are equal, so each of them determines its area.
         assert of_fine.mean() == pytest.approx(0.5, abs=2 / count)
         quarters = np.histogram2d(points[of_fine, 0], points[of_fine, 2], bins=2)[0] / of_fine.sum()
         assert np.allclose(quarters, 0.25, atol=0.12)

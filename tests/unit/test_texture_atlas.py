@@ -1,4 +1,4 @@
-"""Pictures on the pages of a texture array: each in its own place, none over an edge."""
+"""The texture atlas: images do not overlap and stay inside their layer."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from wgpu_gi.upload.texture_atlas import MAX_LAYERS, MAX_PAGE, MIN_PAGE, mean_li
 
 
 def blank(width, height, name=""):
-    """A picture that takes no memory."""
+    """Return an image without memory of its own."""
     return Image(np.broadcast_to(np.uint8(0), (height, width, 4)), name)
 
 
 def check(images):
-    """Pack, paint each picture's place and look for what is painted twice; return the atlas."""
+    """Pack images, assert that no texel belongs to two of them, and return the atlas."""
     atlas = pack_atlas(images)
     assert atlas.page & (atlas.page - 1) == 0 and MIN_PAGE <= atlas.page <= MAX_PAGE
     assert atlas.places.keys() == {id(i) for i in images}
@@ -32,13 +32,13 @@ def check(images):
     return atlas, pages
 
 
-def test_no_pictures_need_one_small_page():
+def test_without_images_there_is_one_small_layer():
     atlas = pack_atlas([])
     assert (atlas.page, atlas.layers, atlas.places) == (MIN_PAGE, 1, {})
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_random_pictures_do_not_overlap(seed):
+def test_random_images_do_not_overlap(seed):
     rng = np.random.default_rng(seed)
     largest = [40, 300, 700, 2000][seed % 4]
     sizes = rng.integers(1, largest, (rng.integers(1, 60), 2))
@@ -47,7 +47,7 @@ def test_random_pictures_do_not_overlap(seed):
         assert pages.mean() > 0.3  # little is wasted
 
 
-def test_pictures_of_one_size_fill_the_pages():
+def test_images_of_one_size_fill_the_layers():
     atlas, pages = check([blank(512, 512) for _ in range(64)])
     assert pages.all() and atlas.layers <= 16
 
@@ -61,7 +61,7 @@ def test_odd_shapes():
     assert atlas.page == MAX_PAGE
 
 
-def test_a_picture_twice_in_the_list_has_one_place():
+def test_an_image_listed_twice_has_one_place():
     image = blank(10, 10)
     assert pack_atlas([image, image]).places.keys() == {id(image)}
 

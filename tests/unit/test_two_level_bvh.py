@@ -1,4 +1,4 @@
-"""The two-level hierarchy as the shader reads it: everything in it once, inside its boxes, and nothing sent twice."""
+"""The two-level BVH, decoded like in the shader: each triangle once, inside its boxes; and updates change little."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def update(hierarchy, instances):
 
 
 def check(hierarchy, instances):
-    """Read the arrays as wgsl/scene/geometry.wgsl does and compare all of it with `instances`, in float64."""
+    """Decode the arrays like wgsl/scene/geometry.wgsl and compare them with `instances`, in float64."""
     matrices = [np.array(i.world_from_local, np.float64) for i in instances]
     for matrix in matrices:
         matrix[:3, 3] -= hierarchy.origin
@@ -49,7 +49,7 @@ def check(hierarchy, instances):
         matrix = np.eye(4) if entered else matrices[number]
         local = mesh.positions.astype(np.float64)
         world = local @ matrix[:3, :3].T + matrix[:3, 3]
-        # Stored corners are those of the stored indices, which tell the vertices' attributes.
+        # Stored corners equal the positions of the stored indices.
         record = hierarchy.triangles[slots]
         ids = record["corners"] - place.vertices.start
         assert np.array_equal(np.sort(ids, 1), np.sort(indices, 1))
@@ -58,7 +58,7 @@ def check(hierarchy, instances):
         edge1, edge2 = record["edge1"].astype(np.float64), record["edge2"].astype(np.float64)
         stored = record["v0"][:, None].astype(np.float64) + np.stack([0 * edge1, edge1, edge2], 1)
         assert np.allclose(stored, world[ids], rtol=0, atol=3e-7 * size)
-        # The counter-clockwise side stays where it is on a mirrored mesh: its normal is the transformed local one.
+        # Mirroring keeps the counter-clockwise side: the normal is the transformed local normal.
         a, b, c = local[indices].transpose(1, 0, 2)
         normal = np.cross(b - a, c - a) @ np.linalg.inv(matrix[:3, :3])
         side = np.cross(edge1, edge2)
@@ -97,7 +97,7 @@ def check(hierarchy, instances):
     if not instances:
         assert hierarchy.root == NONE
         return
-    # The world's grid in 32 bits, as it goes into the SceneInfo uniform.
+    # The world's grid in float32, as in the SceneInfo uniform.
     low, scale = (v.astype(np.float32).astype(np.float64) for v in (hierarchy.world.low, hierarchy.world.scale))
     points = walk(hierarchy.root, low, scale, None, 0)
     assert found == Counter((number, *ids) for number, i in enumerate(instances) for ids in i.mesh.triangles.tolist())
@@ -106,7 +106,7 @@ def check(hierarchy, instances):
 
 
 def some_meshes():
-    """A floor, a ball and two boxes: a leaf alone and trees of several levels."""
+    """A floor, a ball and two boxes: a single leaf and trees of several levels."""
     return (
         quad((-5, 0, -5), (0, 0, 10), (10, 0, 0)),
         sphere(subdivisions=1),
@@ -116,7 +116,7 @@ def some_meshes():
 
 
 def some_instances():
-    """Two baked meshes and one of three instances, one of those mirrored."""
+    """Two baked meshes, and one with three instances, one of them mirrored."""
     floor, ball, block, _ = some_meshes()
     return [
         Instance(floor, at(0, -1)),
@@ -127,7 +127,7 @@ def some_instances():
     ]
 
 
-def test_baked_and_entered_meshes(dtypes):
+def test_baked_and_instanced_meshes(dtypes):
     hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     assert update(hierarchy, instances) == ALL
     baked = [hierarchy.placement(i.mesh).baked for i in instances]
@@ -137,8 +137,8 @@ def test_baked_and_entered_meshes(dtypes):
 
 
 @pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (1, -2, 1), (-1, -1, -1), (-1e3, 1e-3, 1)])
-def test_one_instance_alone(dtypes, scale):
-    """A mesh alone, then as one of two, mirrored or not; of one leaf and of a tree."""
+def test_one_instance_and_two(dtypes, scale):
+    """A mesh with one instance, then with two, mirrored or not; a single leaf and a tree."""
     for mesh in some_meshes()[:2]:
         hierarchy = TwoLevelBvh(dtypes)
         instance = Instance(mesh, at(3, 4, 5, scale, 0.4))
@@ -154,7 +154,7 @@ def test_the_same_instance_twice(dtypes):
     assert hierarchy.placement(instance.mesh).baked is None
 
 
-def test_moving_an_instance_changes_only_what_it_must(dtypes):
+def test_moving_an_instance_changes_few_arrays(dtypes):
     hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, instances)
     origin = hierarchy.origin.copy()
@@ -170,7 +170,7 @@ def test_moving_an_instance_changes_only_what_it_must(dtypes):
     assert np.array_equal(hierarchy.origin, origin) and hierarchy.placement(instances[0].mesh).baked == 0
 
 
-def test_what_has_moved_stays_out_of_the_tree(dtypes):
+def test_moved_meshes_are_not_baked(dtypes):
     hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, instances)
     instances[1].world_from_local = at(0, 0, 2)
@@ -198,7 +198,7 @@ def test_instances_come_and_go(dtypes):
     update(hierarchy, instances)
 
 
-def test_leaving_the_grid_and_coming_back(dtypes):
+def test_leaving_the_grid_and_returning(dtypes):
     hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, instances)
     here = instances[1].world_from_local = at(0, 0, 2)
@@ -228,7 +228,7 @@ def test_slow_motion_outwards_rarely_spans_a_new_grid(dtypes):
 
 @pytest.mark.parametrize("far", [1e7, -3e8])
 def test_a_scene_far_from_the_origin(dtypes, far):
-    """In float64 the scene is moved to its own centre, so that it looks as if it stood at zero."""
+    """Positions relative to the origin equal those of the same scene at zero."""
     near, moved = some_instances(), some_instances()
     for instance in moved:
         instance.world_from_local = at(far, 2 * far, -far) @ instance.world_from_local
@@ -242,7 +242,7 @@ def test_a_scene_far_from_the_origin(dtypes, far):
     assert update(there, moved) == {"nodes", "instances"}
 
 
-def test_a_scene_that_wanders_off_gets_a_new_origin(dtypes):
+def test_a_scene_that_drifts_away_gets_a_new_origin(dtypes):
     hierarchy, instances = TwoLevelBvh(dtypes), some_instances()
     update(hierarchy, instances)
     first = hierarchy.triangles.copy()
@@ -273,7 +273,7 @@ def test_a_large_mesh_is_opened_where_others_overlap_it(dtypes):
 
 @pytest.mark.parametrize(("extent", "baked"), [(1e2, True), (1e5, False)])
 def test_a_mesh_too_fine_for_the_world_keeps_its_own_grid(dtypes, extent, baked):
-    """Where a step of the world's grid is as large as its triangles, boxes would overlap thousandfold."""
+    """If a step of the world's grid were as large as its triangles, their boxes would overlap."""
     hierarchy, ball = TwoLevelBvh(dtypes), sphere(radius=1.0, subdivisions=4)
     floor = quad((-extent, 0, -extent), (0, 0, 2 * extent), (2 * extent, 0, 0))
     update(hierarchy, [Instance(floor), Instance(ball)])
@@ -283,7 +283,7 @@ def test_a_mesh_too_fine_for_the_world_keeps_its_own_grid(dtypes, extent, baked)
 
 @pytest.mark.parametrize("shift", [0.0, 1e3])
 def test_worst_depth_of_both_levels_fits_the_stack(dtypes, shift):
-    """Triangles each half the size of the one before, in instances each half the size of the one before."""
+    """Triangles that halve in size from one to the next, in instances that also halve in size."""
     size = 2.0 ** -np.arange(60.0)
     corners = np.array([[1, 0, 0], [1, 1, 0], [1, 0, 1]]) * size[:, None, None] + [shift, 0, 0]
     mesh = Mesh(corners.reshape(-1, 3).astype(np.float32), np.arange(180, dtype=np.uint32).reshape(-1, 3))
@@ -304,7 +304,7 @@ def test_flat_and_tiny_and_huge(dtypes):
     update(TwoLevelBvh(dtypes), [Instance(floor, at(0, 7)), Instance(floor, at(0, 7))])
 
 
-def test_vertices_that_no_triangle_uses_count_for_nothing(dtypes):
+def test_unused_vertices_do_not_enlarge_boxes(dtypes):
     mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))
     mesh.positions = np.concatenate([mesh.positions, [[1e9, 0, 0]]]).astype(np.float32)
     hierarchy = TwoLevelBvh(dtypes)
@@ -312,7 +312,7 @@ def test_vertices_that_no_triangle_uses_count_for_nothing(dtypes):
     assert np.allclose(hierarchy.origin, (0.5, 0.5, 0))
 
 
-def test_materials_are_numbered_without_laying_out_anew(dtypes):
+def test_materials_are_renumbered_in_place(dtypes):
     red, green, leaf = Material("red"), Material("green"), Material("leaf", alpha_mode="mask")
     mesh = box((0, 0, 0), (1, 1, 1))
     mesh.materials, mesh.material_of_triangle = [red, leaf], np.arange(12, dtype=np.uint32) % 2
@@ -337,7 +337,7 @@ def test_materials_are_numbered_without_laying_out_anew(dtypes):
 
 
 def test_vertex_attributes_and_flags(dtypes):
-    """One vertex without a normal or tangent makes its triangles flat; directions come back from their codes."""
+    """A vertex without normal or tangent makes its triangles flat; encoded directions are decoded correctly."""
     rng = np.random.default_rng(0)
     mesh = sphere(subdivisions=1)
     count = len(mesh.positions)
@@ -394,7 +394,7 @@ def test_vertex_attributes_and_flags(dtypes):
         ({"texcoords1": np.full((4, 2), np.inf)}, "texcoords1 must be finite"),
     ],
 )
-def test_arrays_that_do_not_fit_together(dtypes, broken, message):
+def test_inconsistent_arrays_raise(dtypes, broken, message):
     mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), name="sail")
     for name, value in broken.items():
         setattr(mesh, name, value)
@@ -405,7 +405,7 @@ def test_arrays_that_do_not_fit_together(dtypes, broken, message):
     update(hierarchy, good)
 
 
-def test_grid_holds_its_bounds_whatever_they_are():
+def test_the_grid_spans_any_bounds():
     rng = np.random.default_rng(0)
     for exponent in range(-20, 16):
         for offset in (0, 1, 1e3, 1e6):

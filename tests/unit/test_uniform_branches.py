@@ -1,4 +1,4 @@
-"""No branch or loop depends on uniforms alone, for Mesa's CPU driver compiles such a pass anew each time it runs.
+"""No branch or loop depends on uniforms only, since Mesa's CPU driver would recompile the pass in every run.
 
 Lavapipe writes the values of uniforms that decide branches into the code as constants. Mesa 22 does so each time and
 keeps the copies (measured on the path tracer: 1 MiB and 10 ms per dispatch); later versions compile a variant for each
@@ -18,12 +18,12 @@ FILES = sorted(p.relative_to(WGSL).as_posix() for p in WGSL.rglob("*.wgsl"))
 COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 UNIFORM = re.compile(r"var<uniform>\s*(\w+)")
 LET = re.compile(r"\blet\s+(\w+)\s*(?::[^=]*)?=([^;]*);")
-# A name with its members, not a function, type or member of something else.
+# A name with its members, which is not a function, a type or a member.
 NAME = re.compile(r"(?<![\w.])([A-Za-z_]\w*)\b(?!\s*[\w(]|<)")
 
 
 def balanced(text, start):
-    """Return what stands between the parenthesis at `start` and its partner."""
+    """Return the text between the parenthesis at `start` and the matching one."""
     depth = 0
     for end in range(start, len(text)):
         depth += {"(": 1, ")": -1}.get(text[end], 0)
@@ -33,19 +33,19 @@ def balanced(text, start):
 
 
 def is_uniform(expression, uniforms):
-    """Return whether an expression reads uniforms and else only constants."""
+    """Tell whether an expression reads uniforms, and otherwise only constants."""
     names = [n for n in NAME.findall(expression) if n not in ("true", "false")]
     return any(n in uniforms for n in names) and all(n in uniforms or n.isupper() for n in names)
 
 
 def operands(condition):
-    """Return the operands of && and ||, which branch between them, or the condition itself."""
+    """Return the operands of && and ||, each of which is a branch, or the condition itself."""
     parts = re.split(r"&&|\|\|", condition)
     return [p.strip() for p in parts]
 
 
 def conditions(text):
-    """Yield all that decides on a branch: conditions of if, while and switch, both sides of && and ||."""
+    """Yield all conditions of branches: of if, while and switch, and both sides of && and ||."""
     for match in re.finditer(r"\b(?:if|while|switch)\s*\(", text):
         yield from operands(balanced(text, match.end() - 1))
     for match in re.finditer(r"\b(?:if|while|switch)\s+([^({][^{]*)\{", text):
@@ -58,11 +58,11 @@ def conditions(text):
 def violations(text, uniforms):
     text = COMMENT.sub("", text)
     uniforms = set(uniforms)
-    # Names for what depends on uniforms alone are uniform, too.
+    # Names of values that depend on uniforms only are uniform, too.
     while more := {name for name, value in LET.findall(text) if is_uniform(value, uniforms)} - uniforms:
         uniforms |= more
     found = [c for c in conditions(text) if is_uniform(c, uniforms)]
-    # A loop that counts up to a uniform would be unrolled for its value.
+    # A loop up to a uniform would be unrolled for each value.
     for match in re.finditer(r"\bfor\s*\(", text):
         for part in operands(balanced(text, match.end() - 1).split(";")[1]):
             sides = re.split(r"[<>=!]=?", part)
@@ -99,5 +99,5 @@ def test_branches_do_not_depend_on_uniforms_alone(file):
         ("if (hit.view > 0u) {", []),
     ],
 )
-def test_what_counts_as_such_a_branch(text, bad):
+def test_violations_are_found(text, bad):
     assert violations(text, {"view"}) == bad
