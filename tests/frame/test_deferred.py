@@ -482,7 +482,7 @@ def test_png_and_what_is_said(folder, capsys):
     assert main([*TINY, "cornell-point", "--plan", "--timings", "--check"]) == 0
     printed = capsys.readouterr().out
     assert "direct/light" in printed and "ms" in printed and "no alpha-masked material" in printed
-    assert re.search(r"out\.png: 32x18, 24 frames, [\d.]+ s on ", printed)
+    assert re.search(r"out\.png: 32x18, 24 frames, exposure \+[\d.]+ EV \(automatic\), [\d.]+ s on ", printed)
     assert load_image("out.png").shape == (18, 32, 3)
 
 

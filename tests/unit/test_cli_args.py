@@ -156,7 +156,7 @@ def test_what_changes_nothing_is_noted(arguments, words, capsys):
         ("render --env missing.hdr", "missing.hdr"),
         ("render --light sun", "sun"),
         ("render --relight 3=1,1,1", "there is no light '3'; this scene has none"),
-        ("render --show beauty", "--show beauty: --gi many-light has no such buffer; did you mean "),
+        ("render --show beauty", "--gi many-light has no buffer 'beauty'; did you mean "),
         ("render --set camera.jitter", "section.name=value"),
         ("render --set camera.shake=1", "no setting 'camera.shake'"),
         ("render --set camera.jitter=maybe", "true or false"),

@@ -151,12 +151,12 @@ def warn_of_cpu(adapter: str, is_cpu: bool, say: Messages) -> None:
         say.detail(f"adapter: {adapter}")
 
 
-def checked_buffers(flag: str, names: Sequence[str], gi: str) -> list[str]:
+def checked_buffers(names: Sequence[str], gi: str) -> list[str]:
     """Return the buffers to write, each once, in the order given. Raises GiError for one that the technique lacks."""
     known = (*buffers_of(gi), *views_of(gi))
     for name in names:
         if name not in known:
-            raise GiError(f"{flag} {name}: --gi {gi} has no such buffer; {known_names(name, known)}")
+            raise GiError(f"--gi {gi} has no buffer {name!r}; {known_names(name, known)}")
     return list(dict.fromkeys(names))
 
 

@@ -43,7 +43,7 @@ class Job:
 def render_frames(arguments: Namespace, settings: Settings, shown: list[str], say: Messages) -> int:
     """Render the frames that do not exist yet; return the exit code. Raises GiError for what a user can put right."""
     # Refuse what cannot work before any time is spent on it.
-    layers = checked_buffers("--layers", arguments.layers.split(","), settings.gi) if arguments.layers else []
+    layers = checked_buffers(arguments.layers.split(","), settings.gi) if arguments.layers else []
     _check(arguments, shown)
     files = None if is_video(arguments.output) else FrameFiles(arguments.output, shown, layers)
     path = None if arguments.camera_path is None else load_camera_path(arguments.camera_path)

@@ -23,7 +23,7 @@ def render(arguments: Namespace) -> int:
         print(*buffers_of(settings.gi), *views_of(settings.gi), sep="\n")
         return 0
     # Refuse what cannot work before any time is spent on it.
-    shown = checked_buffers("--show", arguments.show or ["radiance"], settings.gi)
+    shown = checked_buffers(arguments.show or ["radiance"], settings.gi)
     check_size(*arguments.size)
     say = Messages(arguments.verbose, arguments.quiet)
     if arguments.frames is not None:
