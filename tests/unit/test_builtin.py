@@ -160,6 +160,16 @@ def test_rooms_are_closed_and_seen_from_inside(name):
     assert (scene.cameras[0].position > low).all() and (scene.cameras[0].position < high).all()
 
 
+@pytest.mark.parametrize("name", ["cornell", "cornell-point", "cornell-spot"])
+def test_frame_of_the_cornell_box_shows_only_the_box(name):
+    scene = builtin_scene(name)
+    camera = scene.cameras[0]
+    height = math.tan(camera.yfov / 2)
+    corners = [(right * height * 16 / 9, up * height, -1.0) for right in (-1, 0, 1) for up in (-1, 0, 1)]
+    rays = np.array(corners) @ camera.world_from_view[:3, :3].T
+    assert np.isfinite(nearest_hit(camera.position, rays, scene_triangles(scene))).all()
+
+
 def test_corridor_chamber_is_sealed_and_its_rooms_have_doors():
     scene = builtin_scene("corridor")
     triangles = scene_triangles(scene)
