@@ -3,8 +3,9 @@
 python tools/frame_cost.py [TECHNIQUE ...] [--settings]
 
 Milliseconds are processor time of the main thread alone (`time.thread_time`), medians on the built-in Cornell box at
-64x36. A driver that rasterises on the CPU does so in threads of its own, which do not count. `--settings` changes each
-number among the settings, one at a time, and lists those that compile pipelines or shaders.
+64x36. A driver that rasterises on the CPU does so in threads of its own, which do not count; each step begins when they
+have finished the one before. `--settings` changes each number among the settings, one at a time, and lists those that
+compile pipelines.
 """
 
 from __future__ import annotations
@@ -101,8 +102,9 @@ class Stopwatch:
         self.declared.append((time.thread_time() - self._started) * 1e3)
 
 
-def milliseconds(step: Callable[[], Any]) -> float:
-    """Return the processor time of the main thread that a call takes."""
+def milliseconds(device: Any, step: Callable[[], Any]) -> float:
+    """Return the processor time of the main thread that a call takes, with the GPU idle when it begins."""
+    device.wait()
     started = time.thread_time()
     step()
     return (time.thread_time() - started) * 1e3
@@ -113,8 +115,8 @@ def measure(scene: Any, technique: str, watch: Stopwatch) -> dict[str, Any]:
     settings = gi.Settings()
     settings.gi, settings.exposure = technique, 0.0
     renderer = gi.Renderer(scene, size=SIZE, settings=settings)
-    compiled = Compiled(renderer._device.gpu)
-    rest = renderer.camera
+    device, rest = renderer._device, renderer.camera
+    compiled = Compiled(device.gpu)
 
     def step() -> None:
         renderer.step(show=SHOW)
@@ -135,7 +137,7 @@ def measure(scene: Any, technique: str, watch: Stopwatch) -> dict[str, Any]:
     found: dict[str, Any] = {"compiled at first": len(compiled.take())}
     brighten()
     watch.declared.clear()
-    found["exposure: step, ms"] = median(milliseconds(brighten) for _ in range(STEPS))
+    found["exposure: step, ms"] = median(milliseconds(device, brighten) for _ in range(STEPS))
     found["exposure: declare and compile, ms"] = median(watch.declared)
     with file_calls() as calls:
         brighten()
@@ -144,7 +146,7 @@ def measure(scene: Any, technique: str, watch: Stopwatch) -> dict[str, Any]:
     # A moving camera: all that depends on the view runs in each frame.
     for number in range(4):
         move(number)
-    found["moving: step, ms"] = median(milliseconds(partial(move, 4 + number)) for number in range(STEPS))
+    found["moving: step, ms"] = median(milliseconds(device, partial(move, 4 + n)) for n in range(STEPS))
     found["moving: passes"] = len(renderer.graph.last_run)
     with file_calls() as calls:
         move(0)

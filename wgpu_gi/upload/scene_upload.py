@@ -61,6 +61,7 @@ class SceneUpload:
         self._materials = MaterialUpload(self.resources, self._dtypes["materials"], diffuse)
         self._environment = EnvironmentUpload(self.resources)
         self._motion = InstanceMotion()
+        self._motion_geometry = (-1, -1)  # versions of the geometry at its last two calls
         # What is computed from the scene, each with what it was computed from.
         self._table: LightTable | None = None
         self._table_key: object = None
@@ -71,6 +72,7 @@ class SceneUpload:
         self.draws: DrawList | None = None
         self._raster_meshes: WeakKeyDictionary[MeshData, RasterMesh] = WeakKeyDictionary()
         self._raster_stale = True
+        self._placed = -1  # the version of the geometry that the draws are culled by
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))
         self.features: dict[str, bool] = {}
 
@@ -135,8 +137,10 @@ class SceneUpload:
             self.draws = build_draw_list(scene.instances, self._hierarchy, self._raster_meshes)
             for name in ("vertices", "sources", "indices", "slots"):
                 self.resources.buffer(f"raster_{name}", getattr(self.draws, name))
-            self._raster_stale = False
-        self.draws.clusters.place(self._hierarchy.instances["world_from_local"])
+            self._raster_stale, self._placed = False, -1
+        if self._placed != self._geometry:
+            self.draws.clusters.place(self._hierarchy.instances["world_from_local"])
+            self._placed = self._geometry
         return self.draws
 
     def direct_lights(self, scene: Scene, dtype: np.dtype, samples: int, use_range: bool) -> NDArray[np.void]:
@@ -167,6 +171,10 @@ class SceneUpload:
 
     def update_motion(self, scene: Scene) -> None:
         """Send how each instance has moved since the last call; call after `update`."""
+        # Nothing has moved in this call nor in the one before: the identities that it sent hold.
+        if self._motion_geometry == (self._geometry, self._geometry):
+            return
+        self._motion_geometry = (self._motion_geometry[1], self._geometry)
         self.resources.records("before_from_now", self._motion.update(_without_empty(scene).instances, self.origin))
 
     def release(self) -> None:

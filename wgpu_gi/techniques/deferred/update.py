@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
@@ -52,17 +53,17 @@ class DeferredState:
         self,
         upload: SceneUpload,
         scene: Scene,
-        view: NDArray[np.void],
+        view: Callable[[], NDArray[np.void]],
         direct: DirectSettings,
         shadow: ShadowSettings,
     ) -> None:
-        """Send what changed; `upload` is up to date with `scene`."""
+        """Send what changed; `upload` is up to date with `scene`. `view` returns the camera's View uniform."""
         draws = upload.update_draws(scene)
         lights = upload.direct_lights(scene, self._dtype, direct.samples, direct.range)
         samples = upload.surface_samples(scene)
         # Only a sun's maps follow the camera.
         follows = bool((lights["kind"] == DIRECT_SUN).any())
-        key = (id(lights), id(samples), upload.box.tobytes(), replace(shadow), view.tobytes() if follows else b"")
+        key = (id(lights), id(samples), upload.box.tobytes(), replace(shadow), view().tobytes() if follows else b"")
         if key != self._key:
             self._key, self._alive = key, (lights, samples)
             found = build_shadow_views(
@@ -70,7 +71,7 @@ class DeferredState:
                 shadow,
                 centre=upload.box.mean(0),
                 radius=float(np.linalg.norm(np.ptp(upload.box, axis=0))) / 2,
-                view=view,
+                view=view(),
                 surface_samples=samples,
                 box=upload.box,
             )
@@ -87,12 +88,14 @@ class DeferredState:
     def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:
         """Send where everything was at the last call."""
         upload.update_motion(scene)
-        before = view
+        before, shift = self._view_before, upload.origin - self._origin_before
         # In a picture of another size nothing can be found again.
-        if self._view_before is not None and np.array_equal(self._view_before["size"], view["size"]):
-            before = _about(self._view_before, upload.origin - self._origin_before)
+        if before is None or before["size"].tobytes() != view["size"].tobytes():
+            before = view
+        elif shift.any():
+            before = _about(before, shift)
         graph.uniform("view_before", before)
-        self._view_before, self._origin_before = view.copy(), upload.origin.copy()
+        self._view_before, self._origin_before = view, upload.origin.copy()
 
 
 def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
@@ -101,9 +104,10 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
     Sets the uniforms `scene`, `view`, `view_before` and `sequence`.
     """
     graph, upload, state = shot.graph, shot.upload, shot.kept(DeferredState)
-    upload.update_draws(shot.scene)
     # Shadow maps follow the camera, but not from frame to frame of a still picture.
-    state.update(upload, shot.scene, upload.view(shot.camera, shot.size, False), settings.direct, settings.shadow)
+    state.update(
+        upload, shot.scene, lambda: upload.view(shot.camera, shot.size, False), settings.direct, settings.shadow
+    )
     jittered = shot.frames if settings.camera.jitter else 1
     view = upload.view(shot.camera, shot.size, False, pixel_offset(max(shot.frame, 0), jittered))
     state.note_motion(upload, shot.scene, graph, view)
