@@ -46,7 +46,7 @@ def floor_and_share(got):
     return on_floor, 0.5 * (1 - z / np.sqrt(z**2 + HEIGHT**2))
 
 
-def test_a_wall_hides_its_part_of_the_sky():
+def test_a_wall_hides_its_form_factor_of_the_sky():
     got = render(corner(sky=Environment((1.0, 2.0, 4.0))))
     on_floor, share = floor_and_share(got)
     expected = (0.5 * (1 - share))[..., None] * (1.0, 2.0, 4.0)
@@ -55,7 +55,7 @@ def test_a_wall_hides_its_part_of_the_sky():
     assert abs(off.mean()) <= 0.005 and np.abs(off).mean() <= 0.02
 
 
-def test_a_wall_reflects_its_part_of_the_light():
+def test_a_wall_reflects_by_its_form_factor():
     """A level sun lights the wall and nothing of the floor: L = rho / pi times the wall's radiosity times its share."""
     lux = 3.0
     got = render(corner([DirectionalLight((0, 0, -1), lux, (1.0, 0.5, 0.25))]))
@@ -68,18 +68,18 @@ def test_a_wall_reflects_its_part_of_the_light():
 
 @pytest.mark.parametrize("half", ["true", "false"])
 def test_a_furnace_of_walls_and_sky(half):
-    """What a wall hides of a sky it gives back if it is as bright: with albedo 1, up to second bounces."""
+    """With albedo 1, a wall reflects as much of the sky as it hides, up to second bounces."""
     got = render(corner(sky=Environment((1.0, 1.0, 1.0)), albedo=1.0, wall=1.0), f"ssdo.half_resolution={half}")
     on_floor, share = floor_and_share(got)
     total = (got["direct"] + got["indirect"])[on_floor]
-    # The wall sees half of the floor's side, which is as bright as the floor is, at least.
+    # The missing second bounce is at most half of the wall's light, of which the floor sees at most half.
     assert total.max() <= 1.01 and total.min() >= 0.75
     off = got["direct"][on_floor] / (1 - share)[on_floor][:, None] - 1
     assert np.abs(off).max() <= (0.14 if half == "true" else 0.1) and abs(off.mean()) <= 0.02
 
 
 @pytest.mark.parametrize("sampling", ["cosine", "environment"])
-def test_shadows_take_the_colour_of_the_light_that_is_hidden(sampling):
+def test_shadows_lack_the_colour_of_the_hidden_light(sampling):
     """Before the wall the sky is red, behind the camera blue: near the wall, red is missing."""
     picture = np.zeros((32, 64, 3), np.float32)
     picture[:, :, 1] = 1.0
@@ -99,8 +99,8 @@ def test_shadows_take_the_colour_of_the_light_that_is_hidden(sampling):
     assert grey_red == pytest.approx(grey_blue, rel=0.01)
 
 
-def test_backs_of_senders_reflect_nothing():
-    """A board that is lit from the far side throws its shadow on the floor, and no light."""
+def test_senders_reflect_from_their_front_only():
+    """A board lit from behind casts a shadow on the floor in front, and reflects no light to it."""
     board = quad((-1, 0.2, 1.0), (2, 0, 0), (0, 0.6, 0.0), matte(0.8, double_sided=True))
     floor = quad((-4, 0, -4), (0, 0, 8), (8, 0, 0), matte(0.5))
     camera = Camera.look_at((0, 2.2, 4.0), (0, 0.3, 1.0))

@@ -1,4 +1,4 @@
-"""What a frame of ssdo runs and skips, its settings, and shadows that the bias of shadow maps lost."""
+"""SSDO: which passes run, settings at their limits, the near field of many-light, and contact shadows."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def renderer_of(scene, *texts, gi="ssdo", frames=1, size=SIZE, camera=None):
     return Renderer(scene, size=size, camera=camera, settings=settings)
 
 
-def drawn(scene, *texts, **arguments):
+def render(scene, *texts, **arguments):
     renderer = renderer_of(scene, *texts, **arguments)
     renderer.run(check=True)
     return {name: renderer.read_back(name) for name in ("direct", "indirect", "radiance")}
@@ -38,7 +38,7 @@ def plan_of(renderer):
     return renderer.plan()
 
 
-def test_cameras_that_add_nothing_are_left_out():
+def test_redundant_cameras_are_skipped():
     inside = renderer_of(SCENES["cornell-point"](), "ssdo.cameras=3")
     assert "camera_2/resolve" in plan_of(inside)
     # From far away, all of the room is in the picture, and nothing behind the camera.
@@ -48,35 +48,35 @@ def test_cameras_that_add_nothing_are_left_out():
     assert "camera_1/resolve" in text and "camera_2/resolve" not in text
 
 
-def test_a_camera_from_above_is_for_the_sky():
+def test_the_default_has_a_camera_above_only_under_a_sky():
     assert "camera_2/resolve" not in plan_of(renderer_of(SCENES["cornell-point"]()))
     assert "camera_2/resolve" in plan_of(renderer_of(builtin.courtyard()))
     assert "camera_2/resolve" not in plan_of(renderer_of(builtin.courtyard(), "environment.ambient=false"))
 
 
-def test_layers_that_add_nothing_are_left_out():
-    """A floor has nothing behind it, and the picture is the same whatever is asked for."""
+def test_redundant_layers_are_skipped():
+    """A floor has nothing behind it: one layer and four give the same picture."""
     text = plan_of(renderer_of(builtin.plane_sun(), "ssdo.layers=4"))
     assert "a ray meets 1 surfaces at most" in text and "gbuffer/resolve_1" not in text
-    once, more = (drawn(builtin.plane_sun(), f"ssdo.layers={k}") for k in (1, 4))
+    once, more = (render(builtin.plane_sun(), f"ssdo.layers={k}") for k in (1, 4))
     assert np.array_equal(once["radiance"], more["radiance"])
 
 
-def test_without_a_sky_or_a_bounce_there_is_less_to_do():
+def test_without_a_sky_or_a_bounce_passes_are_skipped():
     scene = SCENES["cornell-point"]()
     assert "ssdo/share/columns" not in plan_of(renderer_of(scene))
     text = plan_of(renderer_of(scene, "ssdo.bounce=false"))
     assert "ssdo/bounce" not in text
-    direct = drawn(scene, gi="none")["direct"]
-    assert np.array_equal(drawn(scene, "ssdo.bounce=false")["radiance"], drawn(scene, gi="none")["radiance"])
-    assert np.array_equal(drawn(scene)["direct"], direct)
+    direct = render(scene, gi="none")["direct"]
+    assert np.array_equal(render(scene, "ssdo.bounce=false")["radiance"], render(scene, gi="none")["radiance"])
+    assert np.array_equal(render(scene)["direct"], direct)
 
 
-def test_a_still_picture_settles_and_rests():
+def test_a_still_picture_runs_no_pass_once_it_is_complete():
     renderer = renderer_of(builtin.courtyard(), frames=3)
     renderer.run()
     assert not renderer.step()
-    # Of what does not change while the picture settles, further cameras are kept.
+    # From frame to frame the search runs again; the G-buffers of further cameras are kept.
     renderer = renderer_of(builtin.courtyard(), frames=3)
     renderer.step()
     renderer.step()
@@ -86,8 +86,8 @@ def test_a_still_picture_settles_and_rests():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("half", ["false", "true"])
-def test_light_of_frames_before_is_found_again(half):
-    """While the camera moves, eight frames count; each draws other directions."""
+def test_reprojected_history_halves_the_error_of_a_moving_camera(half):
+    """Eight frames of history against one; every frame samples other directions."""
     errors = []
     for history in (1, 8):
         renderer = renderer_of(
@@ -104,23 +104,23 @@ def test_light_of_frames_before_is_found_again(half):
             renderer.step(show=("indirect",))
         assert ("ssdo/bounce/accumulate" in renderer.plan()) == (history > 1)
         texts = (f"ssdo.half_resolution={half}", "ssdo.directions=8")
-        settled = drawn(builtin.courtyard(), *texts, size=(96, 54), frames=16, camera=renderer.camera)
+        settled = render(builtin.courtyard(), *texts, size=(96, 54), frames=16, camera=renderer.camera)
         errors.append(relmse(renderer.read_back("indirect"), settled["indirect"]))
     assert errors[1] <= 0.5 * errors[0], errors
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell-point", "courtyard"])
-def test_every_other_pixel_has_the_same_mean(name):
+def test_half_resolution_has_the_same_mean(name):
     fine, coarse = (
-        drawn(SCENES[name](), f"ssdo.half_resolution={half}", "ssdo.directions=4", frames=16, size=(192, 108))
+        render(SCENES[name](), f"ssdo.half_resolution={half}", "ssdo.directions=4", frames=16, size=(192, 108))
         for half in (0, 1)
     )
     assert coarse["radiance"].mean() == pytest.approx(fine["radiance"].mean(), rel=0.01)
 
 
-def test_pictures_of_fine_things_are_the_same_each_time():
-    """Before blades as fine as pixels, few pixels of the grid stand for others."""
+def test_many_unrepresented_pixels_give_the_same_picture_each_time():
+    """Blades as thin as pixels: the order of the list differs from run to run, the picture does not."""
     random = np.random.default_rng(0)
     blades = [
         quad((x, 0, z), (0.02, 0, 0.01), (lean, 1.5, 0), matte(0.5))
@@ -147,11 +147,11 @@ def test_pictures_of_fine_things_are_the_same_each_time():
         ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half_resolution=false"),
     ],
 )
-def test_settings_at_their_ends(texts, size):
-    """Every buffer of every pass is finite, and light is not negative."""
+def test_settings_at_their_limits(texts, size):
+    """Every buffer of every pass is finite, and radiance is not negative."""
     scene = medley_under_a_sky()
     for camera in (scene.cameras[0], _parallel(scene.cameras[0])):
-        got = drawn(scene, *texts, size=size, camera=camera)
+        got = render(scene, *texts, size=size, camera=camera)
         assert np.isfinite(got["radiance"]).all() and (got["radiance"] >= 0).all()
 
 
@@ -160,18 +160,18 @@ def test_settings_at_their_ends(texts, size):
 @pytest.mark.parametrize(
     "texts", [(), ("ssdo.half_resolution=false", "gather.visibility=ism"), ("ssdo.near_field_radius=10",)]
 )
-def test_near_fields_at_their_ends(texts, size):
+def test_near_field_settings_at_their_limits(texts, size):
     scene = medley_under_a_sky()
     for camera in (scene.cameras[0], _parallel(scene.cameras[0])):
-        got = drawn(scene, "ssdo.near_field=true", *texts, gi="many-light", size=size, camera=camera)
+        got = render(scene, "ssdo.near_field=true", *texts, gi="many-light", size=size, camera=camera)
         assert np.isfinite(got["radiance"]).all() and (got["radiance"] >= 0).all()
 
 
-def test_the_near_field_of_coated_surfaces():
-    """What coats reflect of near lights stays, and they let through as much of the near field's light."""
+def test_the_near_field_keeps_the_mean_of_coated_surfaces():
+    """Coats reflect near VPLs as before, and pass as much of the near field's light as of theirs."""
     scene = medley_under_a_sky()
     without, together = (
-        drawn(scene, f"ssdo.near_field={near}", gi="many-light", frames=8, size=(96, 54))["indirect"].mean()
+        render(scene, f"ssdo.near_field={near}", gi="many-light", frames=8, size=(96, 54))["indirect"].mean()
         for near in ("false", "true")
     )
     assert together == pytest.approx(without, rel=0.03)
@@ -182,7 +182,7 @@ def _parallel(camera):
     return Camera(camera.world_from_view.copy(), orthographic_height=4.0)
 
 
-def test_contact_shadows_that_a_coarse_map_lost():
+def test_contact_shadows_replace_those_that_a_coarse_map_lost():
     """A low brick under a slanting sun, whose shadow map has texels wider than the brick is high."""
     brick = box((-0.3, 0, -0.15), (0.3, 0.05, 0.15), matte(0.5))
     camera = Camera.look_at((0.3, 0.5, 1.1), (0, 0, 0))
@@ -190,22 +190,22 @@ def test_contact_shadows_that_a_coarse_map_lost():
     scene = Scene([Instance(grid(8.0, material=matte(0.5))), Instance(brick)], sun, Environment((0.0,) * 3), [camera])
     # One map over the floor.
     coarse = ("direct.edges=false", "shadow.sun=64", "shadow.cascades=1")
-    exact = drawn(scene, gi="none", size=(96, 54))["direct"]
-    lost = relmse(drawn(scene, *coarse, gi="none", size=(96, 54))["direct"], exact)
-    found = relmse(drawn(scene, *coarse, "direct.contacts=16", gi="none", size=(96, 54))["direct"], exact)
+    exact = render(scene, gi="none", size=(96, 54))["direct"]
+    lost = relmse(render(scene, *coarse, gi="none", size=(96, 54))["direct"], exact)
+    found = relmse(render(scene, *coarse, "direct.contacts=16", gi="none", size=(96, 54))["direct"], exact)
     assert found <= 0.5 * lost
 
 
-def test_contact_shadows_end_behind_what_is_thin():
-    """Behind a board that the sun passes, one layer takes all for matter, two see the light."""
+def test_a_second_layer_ends_contact_shadows_behind_thin_things():
+    """With one layer, all behind a thin board is in shadow; with two, the sun reaches it."""
     board = box((-0.3, 0.0, -0.01), (0.3, 0.3, 0.01), matte(0.5))
     camera = Camera.look_at((0.1, 0.35, 1.1), (0.3, 0.1, 0))
     sun = [DirectionalLight((1.0, -0.3, 0.0), 3.0)]
     scene = Scene([Instance(grid(8.0, material=matte(0.5))), Instance(board)], sun, None, [camera])
     coarse = ("direct.edges=false", "shadow.sun=64", "shadow.cascades=1", "ssdo.bounce=false")
-    exact = drawn(scene, gi="none", size=(96, 54))["direct"]
+    exact = render(scene, gi="none", size=(96, 54))["direct"]
     one, two = (
-        relmse(drawn(scene, *coarse, "direct.contacts=16", f"ssdo.layers={k}", size=(96, 54))["direct"], exact)
+        relmse(render(scene, *coarse, "direct.contacts=16", f"ssdo.layers={k}", size=(96, 54))["direct"], exact)
         for k in (1, 2)
     )
     assert two < one, (two, one)

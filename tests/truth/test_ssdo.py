@@ -1,4 +1,4 @@
-"""Light in screen space against references by Mitsuba 3 (`helpers/references.py`) and by our path tracer."""
+"""SSDO against references by Mitsuba 3 (`helpers/references.py`) and by our path tracer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from wgpu_gi.scene.built_in.shapes import box, grid, quad
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene
 from wgpu_gi.settings import apply_quality, assign
 
-# The most bias and relMSE of direct light, of the bounce and of both: what was measured, and little more.
+# Bounds of bias and relMSE of direct light, of the bounce and of both: just above what was measured.
 BOUNDS = {
     "cornell_point": [(0.001, 0.0005), (0.245, 0.085), (0.06, 0.02)],
     "courtyard_sky": [(0.005, 0.008), (0.08, 0.035), (0.015, 0.007)],
@@ -26,7 +26,7 @@ BOUNDS = {
 SMALL = (64, 36)
 
 
-def drawn(scene, *texts, size=SMALL, gi="ssdo", frames=16, quality="medium"):
+def render(scene, *texts, size=SMALL, gi="ssdo", frames=16, quality="medium"):
     settings = Settings(gi=gi, diffuse=True, bounces=1, spp=256)
     apply_quality(settings, quality)
     settings.camera.jitter, settings.camera.frames = False, frames
@@ -44,7 +44,7 @@ def full(layers):
 @pytest.mark.parametrize("name", BOUNDS)
 def test_one_bounce(name):
     """At the defaults; what is missing of the bounce comes from surfaces that are in no picture."""
-    got, truth = drawn(scene_of(name), size=SIZE), layers_of(name)
+    got, truth = render(scene_of(name), size=SIZE), layers_of(name)
     pairs = [
         (got["direct"], truth["direct"]),
         (got["indirect"], truth["one"]),
@@ -55,42 +55,42 @@ def test_one_bounce(name):
         assert relmse(picture, expected) <= most_error
 
 
-def test_a_camera_over_a_closed_room_takes_no_light():
-    """What it shows are the far sides of ceilings; near sides, which other cameras show, come first."""
+def test_a_camera_above_a_closed_room_loses_no_light():
+    """It sees the far side of the ceiling; near sides, which other cameras see, must come first."""
     truth = layers_of("cornell_point")["one"]
     inside, over = (
-        drawn(scene_of("cornell_point"), f"ssdo.cameras={count}", size=SIZE)["indirect"] for count in (1, 3)
+        render(scene_of("cornell_point"), f"ssdo.cameras={count}", size=SIZE)["indirect"] for count in (1, 3)
     )
     assert relmse(over, truth) <= 1.1 * relmse(inside, truth)
     assert bias(over, truth) >= bias(inside, truth) - 0.03
 
 
 @pytest.mark.parametrize("quality", ["medium", "high"])
-def test_walls_that_another_camera_looks_behind_let_no_light_through(quality):
-    """A spot lights a wall that is seen at a grazing angle; the camera above looks behind it."""
+def test_walls_do_not_leak_where_a_camera_sees_behind_them(quality):
+    """A spot lights a wall seen at a grazing angle; the camera above sees behind it."""
     layers = layers_of("cornell_spot")
     truth = layers["direct"] + layers["one"]
     inside, over = (
-        relmse(full(drawn(scene_of("cornell_spot"), f"ssdo.cameras={k}", size=SIZE, frames=8, quality=quality)), truth)
+        relmse(full(render(scene_of("cornell_spot"), f"ssdo.cameras={k}", size=SIZE, frames=8, quality=quality)), truth)
         for k in (1, 3)
     )
     assert over <= 1.15 * inside, (over, inside)
 
 
 @pytest.mark.parametrize("count", [2, 4])
-def test_walls_that_layers_look_behind_let_no_light_through(count):
-    """Behind the walls of a corridor layers show bright rooms: 0.26 with one layer, 0.19 with two, 0.31 with four."""
+def test_walls_do_not_leak_where_layers_show_what_is_behind(count):
+    """Layers show bright rooms behind the walls of a corridor. relMSE by layers: 1: 0.26, 2: 0.19, 4: 0.31."""
     layers = layers_of("leak_corridor_a")
     truth = layers["direct"] + layers["one"]
     before, behind = (
-        relmse(full(drawn(scene_of("leak_corridor_a"), f"ssdo.layers={k}", size=SIZE, frames=8)), truth)
+        relmse(full(render(scene_of("leak_corridor_a"), f"ssdo.layers={k}", size=SIZE, frames=8)), truth)
         for k in (1, count)
     )
     assert behind <= 1.25 * before, (behind, before)
 
 
 def test_a_closed_room_in_the_sun_stays_dark():
-    """Of the sky, whose radiance is 1, next to nothing gets in, though the camera above sees all that is outside."""
+    """The camera above sees all that is outside, but next to nothing of the sky, radiance 1, gets in."""
     walls = [
         quad((-2, 0, -5), (0, 0, 10), (0, 3, 0), matte(0.7)),
         quad((2, 0, -5), (0, 0, 10), (0, 3, 0), matte(0.7)),
@@ -102,7 +102,7 @@ def test_a_closed_room_in_the_sun_stays_dark():
     camera = Camera.look_at((0.3, 1.5, 4.5), (0, 1.4, -4))
     sun = DirectionalLight((0.4, -1.0, 0.2), 30.0)
     scene = Scene([Instance(wall) for wall in walls], [sun], Environment((1.0, 1.0, 1.0)), [camera])
-    assert drawn(scene, size=(96, 54), frames=4)["direct"].mean() <= 0.003
+    assert render(scene, size=(96, 54), frames=4)["direct"].mean() <= 0.003
 
 
 def sky_lit(lamp=0.0):
@@ -114,17 +114,17 @@ def sky_lit(lamp=0.0):
 
 @cache
 def truth_of(lamp):
-    return drawn(sky_lit(lamp), gi="path")
+    return render(sky_lit(lamp), gi="path")
 
 
 @pytest.mark.parametrize(
     ("lamp", "most"), [(0.0, 0.06), (3.0, 0.065), pytest.param(40.0, 0.14, marks=pytest.mark.slow)]
 )
-def test_better_than_ambient_light_and_ambient_occlusion(lamp, most):
-    """Under a sky, and under one with a weak and a strong lamp: a part of the error of ambient light, not occluded."""
+def test_less_error_than_ambient_light_and_ambient_occlusion(lamp, most):
+    """Under a sky alone, with a weak and with a strong lamp: relMSE as a share of that of unoccluded ambient light."""
     truth = full(truth_of(lamp))
     errors = {
-        label: relmse(full(drawn(sky_lit(lamp), *texts, gi=gi)), truth)
+        label: relmse(full(render(sky_lit(lamp), *texts, gi=gi)), truth)
         for label, gi, texts in (
             ("ssdo", "ssdo", ()),
             ("ssao", "ssao", ()),
@@ -135,23 +135,23 @@ def test_better_than_ambient_light_and_ambient_occlusion(lamp, most):
     assert errors["ssdo"] < errors["ssao"], errors
 
 
-def test_directions_by_the_picture_find_a_small_sun():
+def test_environment_sampling_finds_a_small_sun():
     scene = Scene(
         [Instance(grid(8.0, material=matte(0.5))), Instance(box((-0.2, 0, -0.2), (0.2, 0.8, 0.2), matte(0.5)))],
         [],
         Environment((0.5, 0.5, 0.5), gradient_sky(64, 2e4)),
         [Camera.look_at((0.5, 1.4, 2.4), (0, 0.2, 0))],
     )
-    truth = drawn(scene, gi="path")["direct"]
-    by_cosine, by_picture = (
-        relmse(drawn(scene, f"ssdo.sampling={name}", "ssdo.half_resolution=false")["direct"], truth)
+    truth = render(scene, gi="path")["direct"]
+    by_cosine, by_environment = (
+        relmse(render(scene, f"ssdo.sampling={name}", "ssdo.half_resolution=false")["direct"], truth)
         for name in ("cosine", "environment")
     )
-    assert by_picture <= 0.5 * by_cosine, (by_picture, by_cosine)
+    assert by_environment <= 0.5 * by_cosine, (by_environment, by_cosine)
 
 
 def thin_board():
-    """Build a board before an open floor: one layer takes all that is behind it for matter."""
+    """Build a thin board before an open floor: with one layer, all behind it counts as matter."""
     board = box((-0.9, 0.25, 0.95), (0.9, 1.0, 1.0), matte(0.5))
     floor = grid(8.0, material=matte(0.5))
     camera = Camera.look_at((0, 0.9, 3.2), (0, 0.4, 0))
@@ -159,7 +159,7 @@ def thin_board():
 
 
 def wall_beside():
-    """Build a high wall that stands just beside the picture of a floor."""
+    """Build a high wall just outside the picture of a floor."""
     wall = box((-1.9, 0, -6), (-1.7, 4, 4), matte((0.9, 0.3, 0.2)))
     floor = grid(16.0, material=matte(0.5))
     camera = Camera.look_at((0, 2.0, 0.5), (0, 0, 0))
@@ -167,7 +167,7 @@ def wall_beside():
 
 
 def roof_above():
-    """Build a floor under a roof that is higher than even a wide lens sees."""
+    """Build a floor under a roof that is too high even for the wide lens."""
     roof = box((-3, 6.0, -3), (3, 6.2, 3), matte(0.5))
     camera = Camera.look_at((0, 1.0, 2.0), (0, 0, 0))
     return Scene([Instance(grid(16.0, material=matte(0.5))), Instance(roof)], [], Environment((1.0,) * 3), [camera])
@@ -181,53 +181,52 @@ def roof_above():
         (roof_above, ("ssdo.cameras=1",), ()),
     ],
 )
-def test_layers_and_cameras_show_what_is_missed(scene, base, better):
-    truth = full(drawn(scene(), gi="path"))
+def test_layers_and_cameras_find_missing_occluders(scene, base, better):
+    truth = full(render(scene(), gi="path"))
     before, after = (
-        relmse(full(drawn(scene(), *texts, "ssdo.half_resolution=false")), truth) for texts in (base, better)
+        relmse(full(render(scene(), *texts, "ssdo.half_resolution=false")), truth) for texts in (base, better)
     )
     assert after <= 0.7 * before, (before, after)
 
 
 @pytest.mark.slow
-def test_correct_as_samples_grow():
+def test_converges_with_more_samples():
     """A box on a floor under a sky, r_max the scene's size, four layers and two cameras (section 7.2 of the paper)."""
     block = box((-0.5, 0, -0.4), (0.3, 0.8, 0.4), matte((0.8, 0.4, 0.2)))
     camera = Camera.look_at((0.4, 1.6, 2.6), (0, 0.3, 0))
     sky = Environment((1.0, 1.0, 1.0))
     scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], [], sky, [camera])
-    truth = drawn(scene, gi="path")
+    truth = render(scene, gi="path")
     texts = ("ssdo.layers=4", "ssdo.cameras=2", "ssdo.radius=100", "ssdo.half_resolution=false", "ssdo.blur=false")
-    few = drawn(scene, *texts, "ssdo.directions=1", "ssdo.steps=8", frames=16)
-    many = drawn(scene, *texts, "ssdo.directions=16", "ssdo.steps=64", frames=64)
+    few = render(scene, *texts, "ssdo.directions=1", "ssdo.steps=8", frames=16)
+    many = render(scene, *texts, "ssdo.directions=16", "ssdo.steps=64", frames=64)
     errors = [relmse(got["direct"], truth["direct"]) for got in (few, many)]
-    # What is left are pixels: those of the picture, and larger ones of the further cameras.
+    # The error that is left comes from the size of pixels, above all of the further cameras.
     assert errors[1] <= 0.5 * errors[0] and errors[1] <= 0.0015, errors
     assert abs(bias(many["direct"], truth["direct"])) <= 0.03
 
 
 @pytest.mark.parametrize("bounces", [1, None])
 @pytest.mark.parametrize("name", slow_but(("cornell_point",), ["cornell_area", "cornell_point", "cornell_spot"]))
-def test_near_and_far_light_are_all_light(name, bounces):
-    """Many-light with what is near by the picture instead: nothing counts twice, and nothing is lost."""
+def test_the_near_field_and_vpls_add_up(name, bounces):
+    """Many-light with a near field: no light counts twice, and none is lost."""
     truth = layers_of(name)
     expected = truth["one"] if bounces == 1 else truth["one"] + truth["multi"]
-    got = near_by(name, bounces, "ssdo.near_field=true")
+    got = near_field(name, bounces, "ssdo.near_field=true")
     assert abs(bias(got, expected)) <= (0.01 if bounces == 1 else 0.03)
     assert relmse(got, expected) <= 0.012
 
 
-def test_a_wide_near_field_takes_more_of_the_light_and_loses_none():
+def test_a_wide_near_field_loses_no_light():
     expected = layers_of("cornell_point")["one"]
-    assert (
-        abs(bias(near_by("cornell_point", 1, "ssdo.near_field=true", "ssdo.near_field_radius=0.3"), expected)) <= 0.02
-    )
-    # What the near field finds is left out: of the lights within reach whose surfaces the picture shows.
-    bound = "gather.compensation=true"
-    assert abs(bias(near_by("cornell_point", 1, "ssdo.near_field=true", bound), expected)) <= 0.01
+    wide = near_field("cornell_point", 1, "ssdo.near_field=true", "ssdo.near_field_radius=0.3")
+    assert abs(bias(wide, expected)) <= 0.02
+    # Bias compensation leaves out what the near field finds.
+    compensated = near_field("cornell_point", 1, "ssdo.near_field=true", "gather.compensation=true")
+    assert abs(bias(compensated, expected)) <= 0.01
 
 
-def near_by(name, bounces, *texts):
+def near_field(name, bounces, *texts):
     settings = Settings(gi="many-light", diffuse=True, bounces=bounces)
     settings.camera.jitter = False
     for text in texts:

@@ -1,8 +1,8 @@
 """The end of SSIL: light of the first level that it gathers at, brought to all pixels of the picture and reflected.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: pixels
-that no pixel of the first level represents gather by themselves; what coats reflect is not averaged over frames, since
-it changes with the view: the factor of eq. 6 is 0 for them.
+that no pixel of the first level represents gather at full resolution; what coats reflect is not averaged over frames,
+since it changes with the view: the factor of eq. 6 is 0 for them.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from .levels import Levels
 
 @dataclass(frozen=True)
 class Fine:
-    """How pixels of the picture get light of the first level; `irradiance` of unrepresented ones, W/m2, in list order.
+    """How pixels of the picture get light of the first level.
 
-    None: they get no light of their own.
+    irradiance: what unrepresented pixels gather at full resolution, W/m2, in the order of their list; None: they
+    gather nothing and keep what upsampling gives.
     """
 
     guide: Guide

@@ -1,10 +1,10 @@
-// The light of a VPL that is left to the near field, where that finds its surface itself: what `ssdo/search_radius.wgsl` has it
-// count, so that both together are all of it.
+// The share of a VPL's light that the VPL gives: 1 less the weight with which the near field finds its surface
+// (`ssdo/search_radius.wgsl`), so that both add up to all of it.
 #import "ssdo/search_radius.wgsl"
 
 override NEAR: bool = false;  // there is a near field
 
-// Returns how much of a VPL's light comes by VPLs, not by the near field. `shown` as `many_light/near/shares.wgsl` has it.
+// Returns that share for a receiver at the squared distance `squared`; `shown`: of `many_light/near/shares.wgsl`.
 fn far_share(shown: f32, squared: f32, reach: f32) -> f32 {
     if (!NEAR) {
         return 1.0;

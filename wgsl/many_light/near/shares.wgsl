@@ -1,7 +1,7 @@
-// One invocation finds how much of a VPL's light the near field is to give: 1 if the picture shows its surface, less
-// towards the picture's border, as `border_fade` has it, 0 where it does not.
+// One invocation finds the share of a VPL's light that the near field may take over: 1 if the picture shows the VPL's
+// surface, fading to 0 at the picture's border, and 0 if it does not.
 //
-// In: VPLs, G-buffer. Out: that share for each slot, in rows as the table's. Errs at silhouettes, by a pixel.
+// In: VPLs, G-buffer. Out: the share of each VPL, in the rows of their table. Errs at silhouettes, by a pixel.
 #import "many_light/vpl/table.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "ssdo/search_radius.wgsl"
@@ -13,11 +13,11 @@ struct Params {
     count: u32,  // of VPLs
 }
 
-// A VPL lies on what a pixel shows if it is off its plane by no more widths of a pixel than this, and off its point by
-// no more than that. Chosen.
+// A pixel shows a VPL's surface if the VPL is off the pixel's tangent plane and off its point by no more than these
+// widths of a pixel, tools/README.md, "Constants",
 const OFF_PLANE: f32 = 1.0;
 const OFF_POINT: f32 = 16.0;
-// and if the cosine of the normals is above this: curved surfaces turn within a pixel. Chosen.
+// and if the cosine of the normals is no less than this, since curved surfaces turn within a pixel.
 const FACING: f32 = 0.5;
 
 @compute @workgroup_size(64)
