@@ -145,7 +145,7 @@ def test_builtin_scenes_are_independent_copies():
 
 
 def test_unknown_builtin_scene():
-    with pytest.raises(GiError, match="did you mean 'furnace'"):
+    with pytest.raises(GiError, match="did you mean furnace"):
         builtin_scene("furnase")
     with pytest.raises(GiError, match="cornell-point"):
         builtin_scene("zzz")

@@ -66,7 +66,7 @@ def test_wrong_sources_raise(tmp_path):
     (tmp_path / "plain").write_text("hello")
     (tmp_path / "folder.glb").mkdir()
     for source, sentence in [
-        ("cornel", "did you mean 'cornell'"),
+        ("cornel", "did you mean cornell"),
         ("nothing", r"cornell-point.*\.glb \.gltf \.obj"),
         ("", "folder|no built-in"),
         (tmp_path, "folder"),

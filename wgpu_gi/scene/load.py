@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import GiError
+from ..errors import GiError, known_names
 from .built_in.scenes import BUILTIN_SCENES, builtin_scene
 from .files.camera_files import framing_camera
 from .files.mesh_files import MESH_EXTENSIONS, load_mesh_file
@@ -52,11 +51,9 @@ def load(source: str | Path, *, environment: Environment | None = None, lights: 
 def _unknown(path: Path) -> GiError:
     """Return the reason why `path` is not a scene: a folder, missing, empty, a mistyped name or an unknown format."""
     formats = " ".join((*GLTF_EXTENSIONS, *MESH_EXTENSIONS))
-    names = ", ".join(BUILTIN_SCENES)
     if not path.suffix and not os.path.exists(path):
-        close = difflib.get_close_matches(str(path), BUILTIN_SCENES, 1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
-        return GiError(f"there is no built-in scene or file {str(path)!r}{hint} (built in: {names}; files: {formats})")
+        hint = f"{known_names(str(path), BUILTIN_SCENES)} (built in: {', '.join(BUILTIN_SCENES)}; files: {formats})"
+        return GiError(f"there is no built-in scene or file {str(path)!r}; {hint}")
     try:
         read_file(path, "scene file")
     except GiError as error:

@@ -22,7 +22,7 @@ class GpuResources:
         self._limit = limit  # bytes of a buffer that the device can bind
         self._known: dict[str, tuple[Any, int]] = {}
         self._contents: dict[str, bytes] = {}  # of the small buffers, to find out whether they changed
-        self._sent: dict[str, NDArray[np.uint8]] = {}  # the texels of each table on the GPU
+        self._sent: dict[str, NDArray[np.uint64]] = {}  # the texels of each table on the GPU
 
     def __getitem__(self, name: str) -> tuple[Any, int]:
         return self._known[name]
@@ -93,9 +93,9 @@ class GpuResources:
             raise GiError(
                 f"the scene's {name} fill {rows} rows of a texture; {MAX_PAGE} are possible: use fewer triangles"
             )
-        # Lay the records out in rows, and find those that changed.
-        pixels = np.zeros((rows, TABLE_WIDTH * 16), np.uint8)
-        pixels.ravel()[: array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
+        # Lay the records out in rows, and find those that changed, in words of 64 bits.
+        pixels = np.zeros((rows, TABLE_WIDTH * 2), np.uint64)
+        pixels.view(np.uint8).ravel()[: array.nbytes] = np.ascontiguousarray(array).view(np.uint8).ravel()
         first, last = 0, rows - 1
         if name in self._known and self._sent[name].shape == pixels.shape:
             different = np.flatnonzero((pixels != self._sent[name]).any(1))

@@ -6,7 +6,6 @@ original); Howell, "A Catalog of Radiation Heat Transfer Configuration Factors",
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -14,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...camera import Camera
-from ...errors import GiError
+from ...errors import GiError, known_names
 from ..scene import DirectionalLight, Environment, Instance, Light, Material, Mesh, PointLight, Scene, SpotLight
 from .shapes import Point3, arch, box, grid, prism, quad, quads, sphere
 
@@ -22,9 +21,7 @@ from .shapes import Point3, arch, box, grid, prism, quad, quads, sphere
 def builtin_scene(name: str) -> Scene:
     """Build the scene `name` of BUILTIN_SCENES with its default arguments. Raises GiError for other names."""
     if name not in BUILTIN_SCENES:
-        close = difflib.get_close_matches(name, BUILTIN_SCENES, 1)
-        hint = f"; did you mean {close[0]!r}?" if close else f"; there are {', '.join(BUILTIN_SCENES)}"
-        raise GiError(f"there is no built-in scene {name!r}{hint}")
+        raise GiError(f"there is no built-in scene {name!r}; {known_names(name, BUILTIN_SCENES)}")
     scene = BUILTIN_SCENES[name]()
     scene.name = name
     return scene
