@@ -11,8 +11,8 @@ from sweeps import ROOT, SWEEPS, Sweep, current_value, definition, make_copy
 
 @pytest.mark.parametrize("sweep", SWEEPS, ids=lambda sweep: f"{sweep.file}:{sweep.constant}")
 def test_the_value_in_use_is_swept(sweep):
-    assert current_value(sweep) in sweep.values.split()
-    assert len(sweep.values.split()) > 1
+    assert current_value(sweep) in sweep.values.split(", ")
+    assert len(sweep.values.split(", ")) > 1
     assert sweep.reference in sweeps.REFERENCES
 
 

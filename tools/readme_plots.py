@@ -1,14 +1,19 @@
-"""Draws many-light among other renderers anew for the README: error against time in the Cornell box under a sun.
+"""Draw the plots of README.md and tools/README.md: error against time of the techniques, and of other renderers.
 
-What others take and miss was measured once, on two cores with a CPU as Vulkan adapter, in pictures of 640x360 against
-4096 samples per pixel: relMSE = mean((x - t)^2 / (t^2 + 0.01)). Their sun does not stand quite where ours does, so ours
-is as bright as makes direct light alone err by as much.
+    python tools/readme_plots.py techniques    # from the table "Error against time" of tools/README.md
+    python tools/readme_plots.py peers         # measures many-light first
+
+What other renderers take and miss was measured once, on two cores with a CPU as Vulkan adapter, in pictures of 640x360
+against 4096 samples per pixel: relMSE = mean((x - t)^2 / (t^2 + 0.01)). Their sun stands slightly differently, so ours
+has the brightness at which direct light alone has their error.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +28,13 @@ from wgpu_gi.scene.load import load
 from wgpu_gi.scene.scene import DirectionalLight, Scene
 from wgpu_gi.settings import QUALITIES, apply_quality
 
-FILE = Path(__file__).parents[1] / "scenes" / "cornell" / "peers.png"
+FOLDER = Path(__file__).parents[1] / "scenes" / "cornell"
+TABLE = Path(__file__).parent / "README.md"
+# Scenes of the table (with the column), and what the path tracer takes there: milliseconds, relMSE.
+PANELS = {"Cornell box, area light": (2, 3200, 0.015), "Sponza, sun and sky": (4, 6700, 0.46)}
+FRAMES = {"low": 4, "medium": 24, "high": 64}  # that a still picture averages
+# Okabe and Ito 2008, for every eye.
+COLORS = {"many-light": "#0072b2", "ssdo": "#d55e00", "ssil": "#009e73", "none": "0.35"}
 SIZE = (640, 360)
 SUN = DirectionalLight((0.35, -0.6, 0.72), 10.0)
 TRUTH_SPP = 512
@@ -42,7 +53,55 @@ PEERS: dict[str, tuple[float, float]] = {
 }
 
 
-def main() -> int:
+def main(arguments: Sequence[str]) -> int:
+    """Draw what the argument names."""
+    plots = {"techniques": techniques, "peers": peers}
+    if len(arguments) != 1 or arguments[0] not in plots:
+        print(__doc__, file=sys.stderr)
+        return 2
+    plots[arguments[0]]()
+    return 0
+
+
+def techniques() -> None:
+    """Draw the techniques in two scenes, each as a line from low to high quality."""
+    figure = Figure(figsize=(9.0, 3.9), layout="constrained")
+    for panel, (title, (column, path_ms, path_error)) in zip(figure.subplots(1, 2), PANELS.items(), strict=True):
+        panel.set(xscale="log", yscale="log", title=title, xlabel="time for the still picture")
+        panel.grid(True, which="major", color="0.9", linewidth=0.8)
+        panel.spines[["top", "right"]].set_visible(False)
+        for name, color in COLORS.items():
+            points = table_points(column, name)
+            if name == "none":  # quality changes its error little
+                points = points[1:2]
+            panel.plot(*zip(*points, strict=True), "o-", color=color, markersize=6)
+            label(panel, name, points[-1], color)
+        panel.plot(path_ms, path_error, "s", color="black")
+        label(panel, "path tracer", (path_ms, path_error), "black", (-26, -15) if column == 2 else (6, 12))
+        panel.set_xlim(40, 1_500_000)
+        panel.set_xticks([100, 1000, 10_000, 100_000], ["0.1 s", "1 s", "10 s", "100 s"])
+        panel.set_xticks([], minor=True)
+    figure.axes[0].set_ylabel("relMSE of the still picture")
+    figure.savefig(FOLDER / "error_time.png", dpi=130)
+
+
+def label(panel: Any, text: str, point: tuple[float, float], color: str, offset: tuple[int, int] = (8, 0)) -> None:
+    """Write a name beside a point."""
+    panel.annotate(text, point, offset, textcoords="offset points", color=color, va="center", fontsize=10)
+
+
+def table_points(column: int, technique: str) -> list[tuple[float, float]]:
+    """Return (milliseconds for the still picture, its relMSE) at low, medium and high quality."""
+    points = []
+    for quality, frames in FRAMES.items():
+        row = rf"\| {technique}, {quality} \|(?:[^|]*\|){{{column - 1}}} (\d+), \d+; (\S+) /"
+        found = re.search(row, TABLE.read_text(encoding="utf-8"))
+        assert found is not None, row
+        points.append(((1 if technique == "none" else frames) * float(found[1]), float(found[2])))
+    return points
+
+
+def peers() -> None:
     """Measure many-light, print a table, draw both."""
     scene = load("cornell-point")
     scene.lights = [SUN]
@@ -67,7 +126,6 @@ def main() -> int:
             print(f"{quality}, {count} frames: {ms:.0f} ms each, relMSE {error:.5f}, energy {energy:.3f}", flush=True)
             ours.append((quality, count, count * ms, error))
     _draw(ours)
-    return 0
 
 
 def _rendered(scene: Scene, settings: Settings) -> Renderer:
@@ -119,8 +177,8 @@ def _draw(ours: list[tuple[str, int, float, float]]) -> None:
             panel.annotate(text, (ms, error), (-6, -11), textcoords="offset points", color="#0072b2", ha="right")
     panel.legend(loc="lower left", frameon=False)
     panel.set_title("The Cornell box under a sun: error against time", fontsize="medium")
-    figure.savefig(FILE, dpi=130)
+    figure.savefig(FOLDER / "peers.png", dpi=130)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

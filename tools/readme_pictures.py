@@ -1,0 +1,205 @@
+"""Draw the pictures of README.md: each technique beside the truth, Sponza beside its truth, and each kind of error.
+
+    python tools/readme_pictures.py techniques
+    python tools/readme_pictures.py error NAME           # one of ERRORS
+    python tools/readme_pictures.py sponza sponza.glb truth.npz
+    python tools/readme_pictures.py sky sponza.glb truth.npz
+
+Sponza's truth is by Mitsuba 3, of the same camera, sky and sun:
+
+    python tools/make_references.py sponza.glb --jitter --size 640x360 --spp 2048 -o truth.npz --env 3,4,6 \\
+        --light "sun 0.19518,-0.9759,0.09759 100,95,85" --camera view.json
+
+with {"position": [5.5, 2.95, -0.35], "target": [4.38, 3, -0.35]} in view.json.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from wgpu_gi.camera import Camera
+from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.options import Settings
+from wgpu_gi.pictures.image import display_layer
+from wgpu_gi.renderer import Renderer
+from wgpu_gi.scene.built_in.shapes import sphere
+from wgpu_gi.scene.load import load
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Material, Scene
+from wgpu_gi.settings import apply_quality
+
+SCENES = Path(__file__).parents[1] / "scenes"
+CAPTION = 22  # pixels
+GAP = 4
+TRUTH_SPP = 512
+TECHNIQUES = {"many-light": "many-light", "ssil": "SSIL", "ssdo": "SSDO", "none": "direct light only"}
+
+Array = NDArray[np.float32]
+Cell = tuple[str, Array]  # a caption, and sRGB values in [0, 1]
+
+
+def techniques() -> None:
+    """Draw the Cornell box by every technique, and the error of many-light."""
+    scene, size = load("cornell-point"), (400, 300)
+    truth = render(scene, size, Settings(gi="path", spp=TRUTH_SPP))
+    cells = [(f"path tracer, {TRUTH_SPP} samples: the truth", shown(truth, 0.0))]
+    for gi, name in TECHNIQUES.items():
+        picture = render(scene, size, Settings(gi=gi))
+        errors = f"relMSE {relmse(picture, truth):.2g}, bias {bias(picture, truth):+.1%}"
+        cells.append((f"{name}: {errors}", shown(picture, 0.0)))
+        if gi == "many-light":
+            relative = np.abs(picture - truth).mean(-1) / (truth.mean(-1) + 0.1 * truth.mean())
+            grey = np.clip(5 * relative, 0, 1)[..., None].repeat(3, -1)
+            cells.append(("five times the relative error of many-light", grey))
+    sheet(SCENES / "cornell" / "techniques.png", cells, 3)
+
+
+def error(name: str) -> None:
+    """Draw a pair of pictures, technique and truth, for a kind of error."""
+    size = (216, 144)
+    make_scene, exposure, spp, settings = ERRORS[name]
+    scene = make_scene()
+    picture, truth = render(scene, size, settings), render(scene, size, Settings(gi="path", spp=spp))
+    print(f"{name}: relMSE {relmse(picture, truth):.2g}, bias {bias(picture, truth):+.1%}", flush=True)
+    cells = [(settings.gi, shown(picture, exposure)), ("truth", shown(truth, exposure))]
+    sheet(SCENES / "errors" / f"{name}.png", cells, 2)
+
+
+def sponza(model: str, truth_file: str) -> None:
+    """Draw Sponza by many-light beside its truth, shown at three quarters of the size."""
+    truth = stored_truth(truth_file)
+    start = time.perf_counter()
+    picture = render(sponza_scene(model), (truth.shape[1], truth.shape[0]), Settings(gi="many-light", diffuse=True))
+    seconds = time.perf_counter() - start
+    print(f"relMSE {relmse(picture, truth):.3g}, bias {bias(picture, truth):+.1%}, {seconds:.0f} s")
+    cells = [("wgpu_gi, many-light", shown(picture, 0.0)), ("path traced: the truth", shown(truth, 0.0))]
+    sheet(SCENES / "sponza" / "sponza.png", [(caption, smaller(cell, 480)) for caption, cell in cells], 2)
+
+
+def sky(model: str, truth_file: str) -> None:
+    """Draw Sponza by SSDO at low quality beside its truth: for a kind of error, as `error` does."""
+    truth = stored_truth(truth_file)
+    picture = render(sponza_scene(model), (truth.shape[1], truth.shape[0]), low("ssdo"))
+    print(f"sky: relMSE {relmse(picture, truth):.2g}, bias {bias(picture, truth):+.1%}", flush=True)
+    cells = [("ssdo, low quality", shown(picture, 0.0)), ("truth", shown(truth, 0.0))]
+    sheet(SCENES / "errors" / "sky.png", [(caption, smaller(cell, 216)) for caption, cell in cells], 2)
+
+
+def sponza_scene(model: str) -> Scene:
+    """Return Sponza with sun, sky and camera."""
+    scene = load(
+        model,
+        environment=Environment((3.0, 4.0, 6.0)),
+        lights=[DirectionalLight((0.19518, -0.9759, 0.09759), 1.0, (100.0, 95.0, 85.0))],
+    )
+    scene.cameras = [Camera.look_at((5.5, 2.95, -0.35), (4.38, 3.0, -0.35), yfov_deg=60.0)]
+    return scene
+
+
+def stored_truth(file: str) -> Array:
+    """Return the radiance that `make_references.py` stored."""
+    with np.load(file) as layers:
+        return np.sum([layers[name] for name in ("emit", "direct", "one", "multi")], 0, np.float32)
+
+
+def render(scene: Scene, size: tuple[int, int], settings: Settings) -> Array:
+    """Return the radiance of a picture."""
+    renderer = Renderer(scene, size=size, settings=settings)
+    renderer.run(show=("radiance",))
+    picture = np.asarray(renderer.read_back("radiance"))
+    renderer.release()
+    return picture
+
+
+def moving(gi: str) -> Settings:
+    """Return the settings of a single frame, which is all that a moving camera has of each view."""
+    settings = Settings(gi=gi)
+    settings.camera.frames = 1
+    return settings
+
+
+def low(gi: str) -> Settings:
+    """Return the settings of low quality."""
+    settings = Settings(gi=gi)
+    apply_quality(settings, "low")
+    return settings
+
+
+def with_metal_ball() -> Scene:
+    """Return the Cornell box with a ball of nearly smooth metal in front."""
+    scene = load("cornell")
+    metal = Material(base_color=(0.9, 0.9, 0.9, 1.0), metallic=1.0, roughness=0.15)
+    place = np.eye(4)
+    place[:3, 3] = (2.1, 0.9, 0.9)
+    scene.instances.append(Instance(sphere(radius=0.9, subdivisions=4, material=metal, name="ball"), place))
+    return scene
+
+
+def corridor() -> Scene:
+    """Return the corridor, which gets its light through doors."""
+    scene = load("corridor")
+    scene.cameras = scene.cameras[-1:]
+    return scene
+
+
+# Scene, exposure, samples of the truth, settings.
+ERRORS: dict[str, tuple[Callable[[], Scene], float, int, Settings]] = {
+    "noise": (lambda: load("cornell"), 1.0, 256, Settings(gi="path", spp=4)),
+    "direct_only": (lambda: load("cornell"), 1.0, 256, Settings(gi="none")),
+    "moving": (corridor, 2.0, 512, moving("many-light")),
+    "mirror": (with_metal_ball, 1.0, 256, Settings(gi="many-light")),
+    "out_of_view": (lambda: load("cornell"), 1.0, 256, Settings(gi="ssil")),
+}
+
+
+def shown(radiance: Array, exposure: float) -> Array:
+    """Return what a screen shows of linear radiance."""
+    return display_layer("radiance", radiance, exposure)
+
+
+def smaller(cell: Array, width: int) -> Array:
+    """Return a cell with fewer pixels."""
+    size = (width, round(width * cell.shape[0] / cell.shape[1]))
+    image = Image.fromarray((255 * cell + 0.5).astype(np.uint8)).resize(size, Image.Resampling.LANCZOS)
+    return np.asarray(image, np.float32) / np.float32(255)
+
+
+def sheet(path: Path, cells: Sequence[Cell], columns: int) -> None:
+    """Write cells of one size in rows, each under its caption."""
+    height, width = cells[0][1].shape[:2]
+    step_x, step_y = width + GAP, height + CAPTION + GAP
+    image = Image.new("RGB", (columns * step_x - GAP, -(-len(cells) // columns) * step_y - GAP), "white")
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(15 if width > 300 else 13)
+    for number, (caption, pixels) in enumerate(cells):
+        x, y = number % columns * step_x, number // columns * step_y
+        draw.text((x + 2, y + 2), caption, fill="black", font=font)
+        image.paste(Image.fromarray((255 * pixels + 0.5).astype(np.uint8)), (x, y + CAPTION))
+    path.parent.mkdir(exist_ok=True)
+    image.save(path, optimize=True)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Draw what the first argument names."""
+    match list(arguments):
+        case ["techniques"]:
+            techniques()
+        case ["error", name] if name in ERRORS:
+            error(name)
+        case ["sponza", model, truth_file]:
+            sponza(model, truth_file)
+        case ["sky", model, truth_file]:
+            sky(model, truth_file)
+        case _:
+            print(__doc__, file=sys.stderr)
+            return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
