@@ -58,7 +58,7 @@ def test_bench_measures_compares_and_draws(capsys, folder):
     assert set(os.listdir()) == {"cache", "one.json", "two.json", *plot[1:]}
 
 
-def test_truth_of_a_file_is_taken_with_its_size(capsys):
+def test_truth_from_a_file_sets_the_size(capsys):
     shows = [f"--show={name}" for name in ("radiance", "direct", "indirect", "standard_error", "depth")]
     assert (
         main(

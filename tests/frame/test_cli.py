@@ -85,7 +85,7 @@ def test_seed_makes_the_picture():
     assert not np.array_equal(picture("--seed", "7"), picture("--seed", "8"))
 
 
-def test_without_bounces_is_without_gi():
+def test_path_tracer_without_bounces_equals_direct_light():
     """Both have direct light alone; that of one lamp the path tracer finds without noise."""
     arguments = ("cornell-point", "--diffuse", "--set", "camera.jitter=false")
     traced, deferred = picture("--bounces", "0", *arguments), picture("--gi", "none", *arguments)
@@ -128,7 +128,7 @@ def test_plan_timings_and_check_print(capsys):
     assert printed.splitlines()[-1].startswith("out.png: 32x18")
 
 
-def test_info_tells_what_will_be_used(capsys):
+def test_info_names_the_adapter_in_use(capsys):
     assert main(["info"]) == 0
     printed = capsys.readouterr().out
     for words in ("will be used", "wgpu 0.32", "features: ", "limits: ", "missing"):
@@ -219,7 +219,7 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(arguments, words, caps
     assert sorted(os.listdir(folder)) == before
 
 
-def test_light_that_is_no_number_is_refused():
+def test_light_with_nan_is_refused():
     import wgpu_gi as gi
 
     scene = gi.load("cornell-point")

@@ -45,7 +45,7 @@ def assert_same_files(one: Path, other: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gi", [*TECHNIQUES, "temporal", "motion"])
-def test_parts_are_the_whole(gi, folder, monkeypatch):
+def test_shards_and_resumed_runs_equal_one_run(gi, folder, monkeypatch):
     monkeypatch.setattr(cli_frames, "BLOCK", 2)
     monkeypatch.setattr(cli_frames, "WARM_UP", 2)
     arguments = ["--gi", gi, *SMALL_LIGHTS]
@@ -66,7 +66,7 @@ def test_parts_are_the_whole(gi, folder, monkeypatch):
     assert len({picture.tobytes() for picture in pictures}) == 7
 
 
-def test_frame_of_a_technique_without_memory_is_a_picture():
+def test_frame_without_history_equals_a_single_picture():
     Path("path.json").write_text(json.dumps([{"frame": 0, "position": [0, 1, 3], "target": [0, 1, 0]}]))
     Path("one.json").write_text(json.dumps({"position": [0, 1, 3], "target": [0, 1, 0]}))
     command = ["render", "cornell", *TINY, "--gi", "none"]
@@ -99,7 +99,7 @@ def test_layers_cameras_and_motion():
     assert np.allclose(np.linalg.norm(view, axis=1), motion[seen][:, 2], rtol=1e-4)
 
 
-def test_other_command_does_not_mix(capsys):
+def test_another_command_is_refused(capsys):
     assert frames("--gi", "none", range_="0:2") == 0
     before = Path("f_001.npy").read_bytes()
     assert frames("--gi", "none", "--seed", "3", range_="0:2") == 2
@@ -191,7 +191,7 @@ def test_exposure_of_the_first_frame_is_that_of_all(capsys, folder):
         (["-o", "{frame}.bmp", "--frames", "0:3"], ".bmp"),
     ],
 )
-def test_what_cannot_be_is_said_in_one_sentence(arguments, message, capsys, folder):
+def test_bad_arguments_are_one_sentence(arguments, message, capsys, folder):
     assert main(["render", "cornell", "--size", "16x16", *arguments]) == 2
     error = capsys.readouterr().err
     assert error.startswith("wgpu-gi: error:")

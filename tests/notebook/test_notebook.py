@@ -69,7 +69,7 @@ def test_example_runs_and_keeps_its_pictures():
 
 
 @pytest.mark.slow
-def test_page_made_of_the_notebook_shows_its_pictures():
+def test_page_exported_from_the_notebook_has_its_pictures():
     exporter = pytest.importorskip("nbconvert").HTMLExporter()
     book = nbformat.read(EXAMPLE, 4)
     NotebookClient(book, timeout=150, kernel_name="python3").execute()
@@ -83,7 +83,7 @@ def test_page_made_of_the_notebook_shows_its_pictures():
 
 
 @pytest.mark.slow
-def test_cell_run_twenty_times_does_not_grow():
+def test_memory_does_not_grow_when_a_cell_runs_twenty_times():
     show = f"import wgpu_gi as gi; gi.show('cornell-point', size={SIZE}, gi='none')"
     count = """
 import gc, ipywidgets, wgpu
@@ -152,7 +152,7 @@ def test_every_setting_has_a_control(view):
             assert not view.session.error, row.name
 
 
-def test_wrong_value_is_told_below_the_canvas(view):
+def test_bad_value_is_an_error_below_the_canvas(view):
     before = view.session.settings.camera.frames
     view.controls.setting.value = "camera.frames"
     view.controls.value.children[0].value = "0"
@@ -160,7 +160,7 @@ def test_wrong_value_is_told_below_the_canvas(view):
     assert view.session.settings.camera.frames == before
 
 
-def test_closing_frees_what_it_took(view):
+def test_closing_frees_all_memory(view):
     import ipywidgets
 
     before = set(ipywidgets.widgets.widget._instances)
@@ -173,7 +173,7 @@ def test_closing_frees_what_it_took(view):
     assert other.session.renderer._upload is None
 
 
-def test_pictures_show_themselves():
+def test_pictures_are_displayed_by_the_notebook():
     picture = gi.render(gi.load("cornell-point"), size=SIZE, gi="none")
     shown = np.asarray(Image.open(io.BytesIO(picture._repr_png_())))
     assert shown.shape == (*SIZE[::-1], 3)

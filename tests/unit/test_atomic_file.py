@@ -19,7 +19,7 @@ def test_file_appears_at_the_end(tmp_path):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
-def test_interruption_keeps_what_was_there(tmp_path, error):
+def test_interruption_keeps_the_old_file(tmp_path, error):
     (tmp_path / "a.txt").write_text("before")
     with pytest.raises(error), atomic_file(tmp_path / "a.txt") as temporary:
         temporary.write_text("half")

@@ -103,7 +103,7 @@ def test_still_frames_run_nothing(renderer):
     assert not any(moved or forced for moved, forced, _ in renderer.frames)
 
 
-def test_moving_camera_runs_what_sees_it(renderer):
+def test_moving_camera_runs_passes_that_depend_on_it(renderer):
     at_rest = renderer.camera
     case = measure_case(renderer, "camera", FRAMES, lambda fraction: None)
     assert (case.passes_run, list(case.passes)) == (1, ["shade"])
@@ -111,7 +111,7 @@ def test_moving_camera_runs_what_sees_it(renderer):
     assert all(moved and not forced for moved, forced, _ in renderer.frames)
 
 
-def test_all_moving_forces_and_the_warm_up_does_not_count(renderer):
+def test_all_moving_forces_every_pass_and_skips_the_warm_up(renderer):
     fractions = []
     case = measure_case(renderer, "all", FRAMES, fractions.append)
     assert case.passes_run == 2
@@ -126,7 +126,7 @@ def test_all_moving_forces_and_the_warm_up_does_not_count(renderer):
     assert fractions == sorted(fractions)
 
 
-def test_orbit_moves_a_little_and_comes_back():
+def test_orbit_is_small_and_closed():
     camera = gi.Camera.look_at((1, 2, 3), (0, 0, 0))
     places = [orbit(camera, 0.1, k / 8) for k in range(9)]
     for place in places:
@@ -145,7 +145,7 @@ def test_bounces_of_the_truth():
     assert truth_bounces(Settings(gi="none", bounces=2)) == 2
 
 
-def test_errors_are_of_surfaces_and_of_what_is_known():
+def test_errors_are_of_surfaces_and_known_layers():
     t = truth(indirect=0.0, noise=0.1)
     del t.layers["direct"]
     t.surface[0] = False
@@ -196,7 +196,7 @@ def test_scene_measures_each_candidate_and_the_path_tracer():
     assert FakeRenderer.alive == 0
 
 
-def test_path_tracer_stops_where_it_is_as_good_as_the_truth():
+def test_path_tracer_stops_at_the_noise_of_the_truth():
     _, references = measured([Candidate("none", "low", Settings(gi="none"))], lambda _: truth(noise=1.0))
     assert [p.spp for p in references[0].curve] == [1, 2, 4]
 

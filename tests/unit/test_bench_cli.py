@@ -47,7 +47,7 @@ def test_defaults(stand_ins, capsys):
     assert not os.listdir()
 
 
-def test_everything_is_passed_on(stand_ins):
+def test_arguments_reach_the_renderer(stand_ins):
     arguments = "bench cornell corridor --gi none,path --quality low,high --size 32x18 --frames 3 --diffuse --env 1,2,3"
     lights = ("--light", "point 0,1,0 3", "--relight", "env=2,2,2")
     assert main([*arguments.split(), *lights, "--set", "seed=5", "--set", "bounces=1"]) == 0
@@ -63,7 +63,7 @@ def test_everything_is_passed_on(stand_ins):
         assert candidates[2].settings.spp == candidates[2].settings.path.samples_per_run
 
 
-def test_sweeps_are_measured_one_by_one(stand_ins):
+def test_sweep_measures_every_combination(stand_ins):
     arguments = "bench --gi many-light --sweep vpl.count=64,2048 --sweep gather.rays=1,4"
     assert main(arguments.split()) == 0
     ((_, _, _, candidates, _, _),) = stand_ins
@@ -75,7 +75,7 @@ def test_sweeps_are_measured_one_by_one(stand_ins):
     ]
 
 
-def test_truth_by_path_is_asked_for_as_said(stand_ins, monkeypatch):
+def test_truth_by_path_gets_the_arguments(stand_ins, monkeypatch):
     asked = {}
     monkeypatch.setattr(cli_bench, "truth_by_path", lambda *_, **options: asked.update(options))
     assert main(["bench", "--truth-spp", "32", "--diffuse", "--set", "path.visible_only=true"]) == 0

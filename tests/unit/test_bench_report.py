@@ -88,7 +88,7 @@ def test_settled_pictures_have_rows_of_their_own():
     assert "16 frames" not in text_of(*(part for titled in tables(report()) for part in titled))
 
 
-def test_ratios_are_now_to_then():
+def test_ratios_are_new_over_old():
     old = report(scene_report(measurement(ms=4.0, relmse=0.2), measurement("gone")))
     new = report(scene_report(measurement(ms=2.0, relmse=0.3), measurement("ism")))
     rows = ratios(old, new)
@@ -106,7 +106,7 @@ def test_ratios_are_now_to_then():
 
 
 @pytest.mark.parametrize("other", [{"scene": "corridor"}, {"size": (32, 18)}])
-def test_only_the_same_is_compared(other):
+def test_only_equal_measurements_are_compared(other):
     assert ratios(report(scene_report(**other)), report()) == {}
     assert len(ratios(report(scene_report(**other), scene_report()), report())) == 1
 
@@ -116,7 +116,7 @@ def test_error_below_the_noise_has_no_ratio():
     assert row["relMSE full"] is None
 
 
-def test_another_machine_is_told():
+def test_another_machine_is_named():
     assert different_machine(report(), MACHINE) is None
     assert different_machine(report(cores=8), MACHINE) is None  # of a GPU, whatever the rest
     assert "across machines mean nothing" in different_machine(report(adapter="Fake 2"), MACHINE)
@@ -135,7 +135,7 @@ def test_plot_is_a_picture(tmp_path):
     assert os.listdir(tmp_path) == ["a.png"]
 
 
-def test_frontier_is_what_no_other_beats():
+def test_frontier_is_the_pareto_front():
     points = [(None, x, y) for x, y in ((3, 1), (1, 5), (2, 5), (2, 2), (4, 1), (5, 0.5))]
     assert [p[1:] for p in frontier(points)] == [(1, 5), (2, 2), (3, 1), (5, 0.5)]
 
@@ -148,7 +148,7 @@ def test_plot_of_swept_settings(tmp_path):
 
 
 @needs_matplotlib
-def test_plot_without_anything_to_show(tmp_path):
+def test_plot_of_a_black_truth(tmp_path):
     lost = scene_report(measurement(relmse=-1.0))
     save_plot(tmp_path / "a.svg", report(replace(lost, references=[])))
     assert (tmp_path / "a.svg").read_text().startswith("<?xml")

@@ -58,7 +58,7 @@ def key(scene, camera=None, size=SIZE, **changed):
     return truth_key(scene, camera or scene.cameras[0], size, **{**OPTIONS, **changed})
 
 
-def test_key_is_the_same_for_the_same(scene):
+def test_key_is_equal_for_equal_scenes(scene):
     again = gi.load("cornell-point")
     again.name, again.notes, again.instances[0].name = "another", ["a remark"], "renamed"
     assert key(scene) == key(again)
@@ -92,13 +92,13 @@ def change_texture(scene):
 @pytest.mark.parametrize(
     "change", [change_vertex, change_place, change_material, change_light, change_environment, change_texture]
 )
-def test_key_knows_the_scene(scene, change):
+def test_key_depends_on_the_scene(scene, change):
     before = key(scene)
     change(scene)
     assert key(scene) != before
 
 
-def test_key_knows_the_pixels_of_a_texture(scene):
+def test_key_depends_on_the_pixels_of_a_texture(scene):
     change_texture(scene)
     before = key(scene)
     scene.materials[0].base_color_texture.image.pixels[1, 1, 0] = 1
@@ -109,11 +109,11 @@ def test_key_knows_the_pixels_of_a_texture(scene):
     "changed",
     [{"size": (3, 4)}, {"spp": 9}, {"bounces": 0}, {"bounces": 1}, {"diffuse": True}, {"visible_only": True}],
 )
-def test_key_knows_the_settings(scene, changed):
+def test_key_depends_on_the_settings(scene, changed):
     assert key(scene, **changed) != key(scene)
 
 
-def test_key_knows_the_camera_and_the_tracer(scene, monkeypatch):
+def test_key_depends_on_the_camera_and_the_tracer(scene, monkeypatch):
     before = key(scene)
     assert key(scene, gi.Camera(scene.cameras[0].world_from_view, 0.5)) != before
     real = truth_cache.load
@@ -133,7 +133,7 @@ def test_truth_is_the_mean_and_its_noise_half_the_difference(scene):
     assert seen == [0.5, 1.0]
 
 
-def test_truth_is_rendered_once(scene, cache):
+def test_truth_is_cached(scene, cache):
     first = truth_by_path(scene, scene.cameras[0], SIZE, **OPTIONS)
     again = truth_by_path(gi.load("cornell-point"), scene.cameras[0], SIZE, **OPTIONS)
     assert FakeRenderer.runs == 2  # the two halves of the first
@@ -143,7 +143,7 @@ def test_truth_is_rendered_once(scene, cache):
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "flipped", "other"])
-def test_damaged_entries_are_made_anew(scene, cache, damage):
+def test_damaged_entries_are_rendered_again(scene, cache, damage):
     expected = truth_by_path(scene, scene.cameras[0], SIZE, **OPTIONS)
     (file,) = cache.iterdir()
     data = bytearray(file.read_bytes())

@@ -84,7 +84,7 @@ def test_defaults(capsys, tmp_path):
     assert (tmp_path / "out.png").stat().st_size > 0
 
 
-def test_everything_is_passed_on(capsys):
+def test_arguments_reach_the_renderer(capsys):
     arguments = "render s.glb -o o.exr --size 32x18 --camera front --gi none --bounces 3 --spp 2 --env 1,2,3 --seed 9"
     more = ["--light", "sun 0,-1,0 1,1,1", "--light", "sun 1,-1,0 1,1,1", "--show", "radiance", "--show", "depth"]
     flags = "--set camera.jitter=false --adapter lavapipe --plan --timings --check --diffuse --exposure -1.5"
@@ -125,7 +125,7 @@ def test_everything_is_passed_on(capsys):
         ("--set vpl.count=512 --seed 3 --set exposure=1", []),
     ],
 )
-def test_what_changes_nothing_is_noted(arguments, words, capsys):
+def test_settings_without_effect_are_noted(arguments, words, capsys):
     assert main(["render", *arguments.split()]) == 0
     notes = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")]
     assert notes == ["note: a remark", *(f"note: {text}" for text in words)]
@@ -184,14 +184,14 @@ def test_bad_arguments_are_one_sentence_and_exit_code_2(arguments, words, capsys
         (KeyboardInterrupt, 130, "interrupted; no file was left half-written"),
     ],
 )
-def test_trouble_while_rendering_leaves_no_file(error, code, words, monkeypatch, capsys, tmp_path):
+def test_failure_while_rendering_leaves_no_file(error, code, words, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(FakeRenderer, "interrupt", error)
     assert main(["render", "--size", "8x8"]) == code
     assert words in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
-def test_a_bug_shows_itself(monkeypatch):
+def test_programming_errors_are_not_caught(monkeypatch):
     monkeypatch.setattr(FakeRenderer, "interrupt", ZeroDivisionError)
     with pytest.raises(ZeroDivisionError):
         main(["render", "--size", "8x8"])
@@ -214,7 +214,7 @@ def test_help(arguments, capsys):
     assert "wgpu" in capsys.readouterr().out
 
 
-def test_exposure_is_of_displayed_light_only(capsys):
+def test_exposure_applies_to_displayed_light_only(capsys):
     for arguments, words, text in (
         ("-o a.png", "exposure -1.5 EV (automatic)", "-1.5 EV (automatic)"),
         ("-o a.png --exposure automatic", "exposure -1.5 EV (automatic)", "-1.5 EV (automatic)"),
@@ -245,7 +245,7 @@ def test_quiet_and_verbose(capsys):
     assert main(["render", "-q", "-v"]) == 2
 
 
-def test_progress_appears_on_a_terminal_only_when_it_takes_long(monkeypatch, capsys):
+def test_progress_bar_appears_only_on_a_terminal_and_after_a_delay(monkeypatch, capsys):
     with Messages().progress("rendering") as report:
         report(0.5)
     assert capsys.readouterr().err == ""
@@ -280,7 +280,7 @@ def test_time_left(seconds, fraction, words):
     assert cli_messages._time_left(seconds, fraction) == words
 
 
-def test_reader_that_leaves_ends_the_command_quietly():
+def test_closed_pipe_ends_the_command_quietly():
     process = subprocess.Popen(
         [sys.executable, "-m", "wgpu_gi", "render", "--set", "help=all"],
         stdout=subprocess.PIPE,
@@ -291,7 +291,7 @@ def test_reader_that_leaves_ends_the_command_quietly():
     assert process.stderr.read() == b""
 
 
-def test_an_interrupt_that_got_lost_is_told_again(monkeypatch):
+def test_interrupt_swallowed_by_a_callback_is_raised_again(monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     with pytest.raises(KeyboardInterrupt), Messages().progress("rendering") as report:
         with suppress(KeyboardInterrupt):
@@ -329,7 +329,7 @@ def test_info_without_adapter_says_what_to_install(adapters, monkeypatch, capsys
     assert "apt-get install mesa-vulkan-drivers libvulkan1" in " ".join(capsys.readouterr().out.split())
 
 
-def test_import_and_help_load_nothing_heavy():
+def test_import_and_help_load_no_heavy_module():
     code = (
         "import sys, wgpu_gi, wgpu_gi.__main__ as m\n"
         "m.build_parser().format_help()\n"

@@ -88,7 +88,7 @@ def test_equal_pictures(capsys):
     assert "noise floor" not in row
 
 
-def test_error_within_the_noise_is_remarked(capsys):
+def test_error_within_the_noise_has_a_note(capsys):
     assert main(["compare", "b.npz", "b.npz", "--noise", "b.npz:se"]) == 0
     assert "within the noise of the truth in: whole picture" in capsys.readouterr().out
 
@@ -105,7 +105,7 @@ def test_json(capsys):
     assert report["whole"]["floor"] is None and list(report["regions"]) == ["0", "7"]
 
 
-def test_flip_missing_is_told_and_does_not_fail(capsys, monkeypatch):
+def test_missing_flip_has_a_note(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
     assert main(["compare", "a.npz", "b.npz"]) == 0
     printed = capsys.readouterr().out
@@ -170,7 +170,7 @@ def test_mask_of_a_linear_file(capsys, suffix):
     assert list(table(capsys.readouterr().out)) == ["whole picture", "region 0", "region 7"]
 
 
-def test_masks_in_png_are_taken_as_stored(capsys):
+def test_png_masks_are_not_decoded(capsys):
     palette = Image.fromarray(LABELS).convert("P")
     palette.putpalette([255, 0, 0] * 256)
     colors = Image.fromarray(np.stack([LABELS, LABELS, LABELS * 0], -1))

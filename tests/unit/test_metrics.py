@@ -51,7 +51,7 @@ def test_mask_selects_pixels():
         assert error(image, TRUTH, mask=mask) == 0 and error(image, TRUTH) > 0
 
 
-def test_noise_of_the_truth_is_taken_off():
+def test_noise_of_the_truth_is_subtracted():
     rng = np.random.default_rng(3)
     truth = np.full((200, 200, 3), 2.0)
     noise = np.full(truth.shape, 0.1)
@@ -116,14 +116,14 @@ def test_flip_takes_linear_values_and_its_own_extremes():
     assert flip(np.full_like(truth, 1e9), truth) > flip(truth * 2, truth) > flip(truth * 1.1, truth) > 0
 
 
-def test_mean_luminance_is_shown_as_middle_grey():
+def test_mean_luminance_is_displayed_as_middle_grey():
     assert (TRUTH * display_scale(TRUTH) @ REC709_LUMINANCE).mean() == pytest.approx(0.18)
     assert display_scale(np.full((2, 3), 4.0)) == pytest.approx(0.18 / 4)
     with pytest.raises(GiError, match="black"):
         display_scale(np.zeros((2, 3)))
 
 
-def test_relative_error_is_what_the_percentile_is_of():
+def test_percentile_is_of_the_relative_error():
     image = TRUTH[..., 0] * np.random.default_rng(4).uniform(0.5, 2, TRUTH.shape[:2])
     error = relative_error(image, TRUTH[..., 0])
     assert error.shape == TRUTH.shape[:2]

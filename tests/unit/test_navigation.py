@@ -36,7 +36,7 @@ def test_orbit_keeps_the_pivot_where_it_is():
     assert_rigid(turned)
 
 
-def test_orbit_turns_the_scene_under_the_hand():
+def test_orbit_turns_the_scene_with_the_drag():
     front = PIVOT + (CAMERA.position - PIVOT) / 4
     right, down = place_of(navigation.orbit(CAMERA, PIVOT, 0.1, 0.1), front) - place_of(CAMERA, front)
     assert right > 0
@@ -53,7 +53,7 @@ def test_turns_never_roll_nor_pass_the_poles():
     assert camera.position[1] > PIVOT[1] + 5  # as far up as it goes
 
 
-def test_camera_beyond_the_pole_turns_back_only():
+def test_camera_beyond_the_pole_can_only_turn_back():
     down = Camera.look_at((0, 5, 0), (0, 0, 0))
     assert np.allclose(navigation.look(down, 0.0, 0.3).world_from_view, down.world_from_view)
     assert navigation.look(down, 0.0, -0.3).world_from_view[1, 2] < 1 - 1e-3
@@ -68,7 +68,7 @@ def test_look_turns_on_the_spot():
     assert down < 0
 
 
-def test_pan_moves_the_pivot_with_the_hand():
+def test_pan_moves_the_pivot_with_the_drag():
     moved, pivot = navigation.pan(CAMERA, PIVOT, 0.2, -0.1)
     assert np.allclose(place_of(moved, pivot), place_of(CAMERA, PIVOT))
     assert np.allclose(place_of(moved, PIVOT) - place_of(CAMERA, PIVOT), (0.2, -0.1))

@@ -133,7 +133,7 @@ class WithPresets:
 @pytest.mark.parametrize(
     ("quality", "expected"), [("low", (256, "box")), ("medium", (512, "box")), ("high", (1024, "tent"))]
 )
-def test_quality_sets_what_has_presets_and_nothing_else(quality, expected):
+def test_quality_sets_only_settings_with_presets(quality, expected):
     settings = WithPresets("none", Maps(17, "tent", 9.0))
     apply_quality(settings, quality)
     assert (settings.maps.resolution, settings.maps.filter) == expected
@@ -176,7 +176,7 @@ def test_every_preset_of_the_renderer_is_allowed(quality):
         ("nonsense=1", "did you mean "),
     ],
 )
-def test_of_many_names_the_nearest_three_are_told(text, words):
+def test_unknown_name_lists_the_nearest_three(text, words):
     with pytest.raises(GiError) as error:
         assign(Settings(), text)
     assert words in str(error.value)

@@ -163,7 +163,7 @@ def test_mouse_and_keys_move_the_view(viewer):
     assert np.abs(viewer.picture() - start).mean() < 1
 
 
-def test_at_rest_the_processor_is_too(viewer):
+def test_view_at_rest_uses_no_cpu(viewer):
     viewer.move(*FREE)
     viewer.rest()
     before = viewer.cpu()
@@ -171,7 +171,7 @@ def test_at_rest_the_processor_is_too(viewer):
     assert viewer.cpu() - before < 0.2
 
 
-def test_pixel_under_the_mouse_is_told(viewer):
+def test_probe_shows_the_pixel_under_the_mouse(viewer):
     # Before any test that leaves a message above.
     def panel() -> np.ndarray:
         return viewer.screen()[200:240, :380]
@@ -185,7 +185,7 @@ def test_pixel_under_the_mouse_is_told(viewer):
     viewer.xdotool("mousemove", *HEADER, "click", 1)
 
 
-def test_double_click_puts_the_pivot_on_the_surface(viewer):
+def test_double_click_sets_the_pivot(viewer):
     viewer.xdotool("mousemove", *FREE, "click", "--repeat", 2, "--delay", 100, 1)
     viewer.rest()
     at = viewer.picture()
@@ -194,7 +194,7 @@ def test_double_click_puts_the_pivot_on_the_surface(viewer):
     assert np.abs(viewer.picture() - at).mean() > 1
 
 
-def test_saved_picture_is_the_one_on_the_screen_and_the_command_makes_it(viewer, tmp_path, monkeypatch):
+def test_saved_picture_equals_the_screen_and_the_copied_command(viewer, tmp_path, monkeypatch):
     viewer.drag(1, FREE, (530, 124))
     viewer.rest()
     viewer.xdotool("key", "s")
@@ -211,7 +211,7 @@ def test_saved_picture_is_the_one_on_the_screen_and_the_command_makes_it(viewer,
     assert (np.abs(saved - again).max(-1) <= 2).mean() > 0.99
 
 
-def test_panel_and_help_come_and_go(viewer):
+def test_panel_and_help_toggle(viewer):
     before = viewer.screen()
     viewer.xdotool("key", "Tab")
     viewer.until(lambda: np.abs(viewer.screen() - before)[:, :380].mean() > 10)
@@ -232,7 +232,7 @@ def test_window_of_any_size(viewer):
     viewer.until(lambda: np.abs(viewer.picture() - before).mean() < 1)
 
 
-def test_five_hundred_frames_of_orbit_do_not_grow(viewer):
+def test_memory_does_not_grow_over_five_hundred_frames(viewer):
     def orbit(count: int) -> None:
         viewer.move(*FREE)
         viewer.xdotool("mousedown", 1)

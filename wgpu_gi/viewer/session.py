@@ -29,7 +29,7 @@ REST_SECONDS = 0.25  # after the last move the view is at rest: longer than a ha
 SHARED_FRAMES = 8  # frames of temporal accumulation while the camera moves: a third of a second at 25 per second
 TIMING_SECONDS = 0.25  # between measurements of the passes while moving: measuring costs time, and nobody reads faster
 REFINEMENT = 4  # levels of resolution that a step at rest rises: from the coarsest to full in three steps
-WATCH_SECONDS = 0.4  # between checks of the shader files, which take 1.4 ms
+WATCH_SECONDS = 0.4  # between checks of the shader files
 DISPLAY = "display"
 
 
