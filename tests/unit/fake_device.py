@@ -29,18 +29,23 @@ class FakeTexture(FakeObject):
 
 
 class FakePass:
-    """A pass encoder; a dispatch or draw is noted with the label of bind group 1, which is the pass of the graph."""
+    """A pass encoder; a dispatch or draw is noted with the label of bind group 1, which is the pass of the graph.
+
+    As in WebGPU, each group of the pipeline's layout that has entries must be set by then.
+    """
 
     def __init__(self, log):
-        self.log, self.groups, self.open = log, {}, True
+        self.log, self.pipeline, self.groups, self.open = log, None, {}, True
 
     @property
     def label(self):
         assert self.open
+        for index, layout in enumerate(self.pipeline.layout.bind_group_layouts):
+            assert not layout.entries or self.groups[index].layout is layout
         return self.groups[1].label
 
     def set_pipeline(self, pipeline):
-        assert pipeline is not None
+        self.pipeline = pipeline
 
     def set_bind_group(self, index, group):
         self.groups[index] = group

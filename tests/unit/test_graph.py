@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import wgpu
-from unit.fake_device import fake_device
+from unit.fake_device import FakePass, fake_device
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.describe import table
@@ -534,6 +534,26 @@ def test_passes_with_the_same_uniforms_share_a_bind_group(graph):
     graph.compile([c])
     graph.run()
     assert made(graph, "create_bind_group") == ["fill a", "uniforms", "b", "c"]
+
+
+def test_uniforms_are_set_where_they_differ_from_the_dispatch_before(graph, monkeypatch):
+    graph.uniform("view_second", np.zeros((), VIEW))
+    graph.begin((16, 16))
+    a = fill(graph)
+    b = read(graph, a, "b")
+    c = read(graph, b, "c", "copy")  # without uniforms
+    d = read(graph, c, "d")
+    e = read(graph, d, "e", uniforms={"view": "view_second"})
+    graph.compile([e])
+    set_groups, plain = [], FakePass.set_bind_group
+
+    def noting(self, index, group):
+        set_groups.append(group.label)
+        plain(self, index, group)
+
+    monkeypatch.setattr(FakePass, "set_bind_group", noting)
+    graph.run()
+    assert set_groups == ["fill a", "uniforms", "b", "c", "d", "uniforms", "e"]
 
 
 def test_params_buffers_go_with_their_passes(graph):

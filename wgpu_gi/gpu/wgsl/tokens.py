@@ -16,7 +16,7 @@ PRECEDENCE = ({"<<", ">>"}, {"+", "-"}, {"*", "/", "%"})
 
 
 class ParseError(Exception):
-    """Something that is not WGSL as we know it, at a line of the pasted text."""
+    """Text that this reader does not know as WGSL, at a line of the pasted text."""
 
     def __init__(self, message: str, line: int) -> None:
         super().__init__(message)
