@@ -14,8 +14,8 @@ from wgpu_gi.settings import assign
 from wgpu_gi.techniques.ssil.ssil import MOST_BOUNCES
 
 SHOW = ("radiance",)
-SURFELS = {"ssil/first", "ssil/vote_1", "ssil/vote_3"}
-VOXELS = {"voxels/bounds", "voxels/opaque", "voxels/fill"}
+SURFELS = {"ssil/surfels", "ssil/vote_1", "ssil/vote_3"}
+VOXELS = {"voxels/depth_range", "voxels/opaque", "voxels/fill"}
 LIGHT = {"ssil/light", "ssil/gather_1", "ssil/gather_3", "ssil/combine_1", "ssil/indirect"}
 
 
@@ -91,9 +91,9 @@ def test_every_kind_of_visibility(visibility):
     "texts",
     [
         ("ssil.start=full", "ssil.levels=6"),
-        ("ssil.start=quarter", "ssil.levels=3", "voxels.coarser=2", "voxels.bits=1024"),
-        ("ssil.samples=1", "ssil.radius=1", "voxels.bits=32", "voxels.step=8", "voxels.finer=6"),
-        ("ssil.form_factor=plain", "ssil.bounces=4", "ssil.visible_bounces=all", "temporal.frames=8"),
+        ("ssil.start=quarter", "ssil.levels=3", "voxels.coarser=2", "voxels.slices=1024"),
+        ("ssil.samples=1", "ssil.radius=1", "voxels.slices=32", "voxels.step=8", "voxels.finer=6"),
+        ("ssil.form_factor=differential", "ssil.bounces=4", "ssil.visibility_bounces=all", "temporal.frames=8"),
     ],
 )
 @pytest.mark.parametrize("size", [(1, 1), (3, 40), (37, 21)])
@@ -106,7 +106,7 @@ def test_settings_at_their_ends(texts, size):
 def test_a_dim_bounce_is_left_out():
     """The second bounce is dimmer than what counts: the picture is that of one."""
     one = make(SCENES["cornell-point"](), diffuse=True)
-    dim = make(SCENES["cornell-point"](), "ssil.least_light=1", bounces=2, diffuse=True)
+    dim = make(SCENES["cornell-point"](), "ssil.bounce_threshold=1", bounces=2, diffuse=True)
     two = make(SCENES["cornell-point"](), bounces=2, diffuse=True)
     for each in (one, dim, two):
         each.run()
@@ -215,7 +215,7 @@ def settled(*texts, **fields):
 
 def test_amortised_bounces_are_those_of_one_frame():
     """Light goes round before the frames that count, and each pixel of the picture comes to rest at the same."""
-    all_at_once, steps = settled("ssil.bounces=12", "ssil.visible_bounces=all", "ssil.least_light=0")
+    all_at_once, steps = settled("ssil.bounces=12", "ssil.visibility_bounces=all", "ssil.bounce_threshold=0")
     amortised, more_steps = settled("ssil.amortised=true")
     assert amortised.mean() == pytest.approx(all_at_once.mean(), rel=0.01)
     assert np.abs(amortised - all_at_once).mean() <= 0.02 * all_at_once.mean()
@@ -226,7 +226,7 @@ def test_amortised_bounces_while_the_camera_turns():
     """Once light has gone round, every frame has it."""
     shown = {}
     for name, texts in (
-        ("apart", ("ssil.bounces=12", "ssil.visible_bounces=all")),
+        ("apart", ("ssil.bounces=12", "ssil.visibility_bounces=all")),
         ("amortised", ("ssil.amortised=1",)),
     ):
         renderer = make(SCENES["cornell-point"](), *texts, bounces=None, diffuse=True, size=(96, 54))

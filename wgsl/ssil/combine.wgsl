@@ -1,6 +1,9 @@
-// One invocation adds up a pixel's irradiance: of its disc at the first level; of the ring of the next coarser level,
-// smoothed, since each pixel takes a part of its samples; and of all coarser levels. In: surfels, irradiance, W/m2. Out:
-// irradiance, and the distance of its surface, metres, 0 where there is none.
+// One invocation combines the irradiance of a pixel: the disc of the first level, the ring of the next coarser level,
+// filtered over 3x3 pixels since each takes a quarter of the samples, and the upsampled sum of the levels above.
+//
+// E = E_disc + sum_j w_j E_ring,j / sum_j w_j + up(E_coarse) (section 4, "Continuous combination of all levels"). In:
+// surfels; irradiance, W/m2. Out: irradiance, and in w the distance of the surface, metres, 0 where there is none. Errs
+// by blurring over a coarse pixel.
 #import "ssil/guide_surface.wgsl"
 #import "shared/upsample/once.wgsl"
 
@@ -15,7 +18,7 @@ override HAS_COARSE: bool = true;
 @group(1) @binding(17) var<storage, read> before: array<vec4f>;
 @group(1) @binding(18) var<storage, read_write> total: array<vec4f>;
 
-// Returns the mean of the ring's light over 3x3 pixels, where they are of one surface.
+// Returns the mean irradiance of the ring over 3x3 pixels of the same surface.
 fn smoothed(pixel: vec2u, own: GuideSurface) -> vec3f {
     let size = vec2i(textureDimensions(surfels));
     let per_metre = pixels_per_metre(own.position) * f32(size.x) / f32(view.size.x);
@@ -25,7 +28,7 @@ fn smoothed(pixel: vec2u, own: GuideSurface) -> vec3f {
         let step = vec2i(k % 3, k / 3) - 1;
         let at = clamp(vec2i(pixel) + step, vec2i(0), size - 1);
         let other = surfel_guide_surface(textureLoad(surfels, vec2u(at)));
-        // A tent: each of the four parts of the samples counts as much as the others.
+        // A tent filter: each quarter of the samples gets the same total weight.
         let share = f32((2 - abs(step.x)) * (2 - abs(step.y)));
         let weight = share * similarity(own, other, per_metre);
         sum += weight * ring[at.y * size.x + at.x].rgb;
@@ -65,7 +68,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-// Also adds the bounces before.
+// The same, and the sum with the bounces before.
 @compute @workgroup_size(8, 8)
 fn with_total(@builtin(global_invocation_id) id: vec3u) {
     let size = textureDimensions(surfels);

@@ -5,8 +5,8 @@
 // at another distance get a small weight instead of 0: wrong light is better than none where all are. E_previous is at
 // most that of a hemisphere of the brightest light, so that a feedback above 1, by light that passes through walls for
 // want of visibility, stays finite. In: codes of `common/light_code.wgsl`, surfels, motion, previous irradiance, W/m2,
-// with the distance, m, in w. Out: codes, W/sr, and the brightest radiance, W/(m2 sr). Errs late where light or the view
-// changes, by a frame for each bounce.
+// with the distance, m, in w. Out: codes, W/sr, and the brightest radiance, W/(m2 sr). Errs late where light or the
+// view changes, by a frame for each bounce.
 #import "scene/sequence.wgsl"
 #import "ssil/surfel.wgsl"
 #import "ssil/light_levels.wgsl"

@@ -1,22 +1,24 @@
-// The gathering of light with visibility by a march through the depths of the picture, which knows nothing of what is
-// behind the nearest surfaces: these are taken to be THICKNESS of their depth thick. Errs dark behind thinner ones, and
-// bright where something hidden hides.
+// One invocation gathers light with visibility by a march through the picture's depths. Surfaces behind the nearest
+// ones are unknown; these count as THICKNESS of their depth thick. Errs dark behind thinner ones, bright behind thicker
+// ones and where a hidden surface occludes.
 #import "ssil/gather.wgsl"
 
 const STEPS: u32 = 8u;
 
-// Both chosen: share of the depth; cells.
+// Thickness of every surface, share of its depth. tools/README.md, "Constants".
 const THICKNESS: f32 = 0.1;
-const END_CELLS: f32 = 1.5;
-// Of the depth, what a ray must be behind a surface to be hidden. Chosen.
+// Depth by which a ray must pass behind a surface to be occluded, share of the depth: above the slope of surfaces
+// within a pixel. tools/README.md, "Constants".
 const BEHIND: f32 = 0.02;
+// Pixels left out at each end: those that rounding may take for the end itself, 0.5, and their neighbours.
+const END_PIXELS: f32 = 1.5;
 
-fn prepare(start: Place) {}
+fn prepare(start: Endpoint) {}
 
-fn visibility(start: Place, end: Place, number: u32) -> f32 {
+fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {
     let jitter = fract(f32(number) * 0.618034);
     let reach = vec2f(abs(end.pixel - start.pixel));
-    let gap = END_CELLS / max(max(reach.x, reach.y), 2.0 * END_CELLS);
+    let gap = END_PIXELS / max(max(reach.x, reach.y), 2.0 * END_PIXELS);
     let parallel = view.orthographic != 0u;
     let depths = vec2f(dot(start.position, view.forward), dot(end.position, view.forward));
     let along = select(1.0 / depths, depths, parallel);

@@ -1,14 +1,14 @@
-// The gathering of light with a ray to each sample.
+// One invocation gathers light with a ray to each sample. Errs as `gather.wgsl` does.
 #import "ssil/gather.wgsl"
 #import "scene/surface.wgsl"
 #import "scene/trace.wgsl"
 
-fn prepare(start: Place) {}
+fn prepare(start: Endpoint) {}
 
-fn visibility(start: Place, end: Place, number: u32) -> f32 {
+fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {
     let way = end.position - start.position;
-    // Surfels have no geometric normal, so both ends move along the way: by 64 offsets, enough down to 1 degree above the
-    // surface. Errs bright: blockers within that are missed.
+    // Surfels have no geometric normal, so both ends move along the way: by 64 offsets, enough down to 1 degree above
+    // the surface. Errs bright: blockers within that are missed.
     let gap = normalize_or(way, vec3f(0.0)) * (64.0 * pixel_ray_offset(length(start.position)));
     let shadow = Ray(view.position + start.position + gap, way - 2.0 * gap);
     return select(1.0, 0.0, trace_shadow(shadow, 1.0).occluded_a);

@@ -1,9 +1,9 @@
-// The gathering of light without visibility. Errs bright where something stands between.
+// One invocation gathers light without visibility. Errs bright behind occluders.
 #import "ssil/gather.wgsl"
 
-fn prepare(start: Place) {}
+fn prepare(start: Endpoint) {}
 
-fn visibility(start: Place, end: Place, number: u32) -> f32 {
+fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {
     return 1.0;
 }
 

@@ -1,6 +1,6 @@
-// The gathering of light with visibility by voxels.
+// One invocation gathers light with visibility by voxels. Errs as `gather.wgsl` and `voxels/march.wgsl` do.
 #import "ssil/gather.wgsl"
-#import "ssil/through_voxels.wgsl"
+#import "ssil/voxel_visibility.wgsl"
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {

@@ -1,16 +1,17 @@
 // One invocation gathers from one level what the coat of a pixel of the first level reflects (the last bounce only).
-// Who imports this defines fn prepare(start: Place) and fn visibility(start: Place, end: Place, number: u32) -> f32.
+// Who imports this defines fn prepare(start: Endpoint) and fn visibility(start: Endpoint, end: Endpoint, number: u32)
+// -> f32.
 //
-// L = sum_i Phi_i cos_i cos'_i F D V_i / (d_i^2 + R_i^2) / p_i. Samples lie in the disc or the ring as those of
-// `gather.wgsl`, but their angles about the pixel follow the projected lobe: f = 0.1 + exp(-s x^2 / 2 pi), x the angle
-// from the mirrored direction's projection (section 4). Departure: Phong's exponent is that of a GGX lobe of the same
-// width at its peak, s = 2 / alpha^2 - 2 (Walter et al. 2007), and lobes are widened by what samples span. In:
+// L = sum_i Phi_i cos_i cos'_i F D V_i / (d_i^2 + R_i^2) / p_i. Samples lie in the disc or ring as those of
+// `gather.wgsl`; their angles about the pixel follow the projected lobe, f = 0.1 + exp(-s x^2 / 2 pi), where x is the
+// angle from the projected mirror direction (section 4). Departures: s = 2 / alpha^2 - 2, the Phong exponent of a GGX
+// lobe of the same width at its peak (Walter et al. 2007); lobes are widened by the solid angle of samples. In:
 // G-buffer, surfels and light of the level. Out: radiance over coat_tint(), added to that of other levels. Errs noisy,
-// and dark where the mirrored direction leaves the picture.
+// and dark where the mirror direction leaves the picture.
 #import "scene/sequence.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "common/coat.wgsl"
-#import "ssil/place.wgsl"
+#import "ssil/endpoint.wgsl"
 #import "ssil/surfel.wgsl"
 #import "common/light_code.wgsl"
 #import "common/random.wgsl"
@@ -25,43 +26,43 @@ override FINEST: bool = true;   // the disc, else the ring
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
-    grid_size: vec2u,  // of the voxels, if any: cells,
-    cell: f32,         // pixels of the picture along the side of a cell,
-    step: f32,         // and cells between two steps of a march
-    light_offset: u32, // where the level begins in `light`
-    shift: u32,        // levels above the first
-    size: vec2u,       // of the first level
-    radius: f32,       // r, pixels of the level
+    grid_size: vec2u,   // cells of the voxel grid, if any
+    cell: f32,          // pixels of the picture along the side of a cell
+    step: f32,          // of a march, cells
+    light_offset: u32,  // where the level begins in `light`
+    shift: u32,         // levels above the first
+    size: vec2u,        // pixels of the first level
+    radius: f32,        // r, pixels of the level
     seed: u32,
 }
 
 const LEAST_DENSITY: f32 = 0.1;  // alpha of section 4
 const ROOT_TWO_PI: f32 = 2.5066283;
 
-struct Turn {
-    angle: f32,   // from the lobe's
-    weight: f32,  // of a uniform angle's density over its own
+struct AngleSample {
+    angle: f32,   // from the lobe
+    weight: f32,  // uniform density over its own
 }
 
-// Draws an angle in proportion to f.
-fn draw_turn(alpha: f32, choice: f32, u: vec2f) -> Turn {
+// Samples an angle in proportion to f.
+fn sample_angle(alpha: f32, choice: f32, u: vec2f) -> AngleSample {
     let exponent = max(2.0 / (alpha * alpha) - 2.0, 0.5);
     let width = sqrt(PI / exponent);
     let uniform_mass = LEAST_DENSITY * TWO_PI;
     let lobe_mass = width * ROOT_TWO_PI;
     let is_uniform = choice * (uniform_mass + lobe_mass) < uniform_mass;
     let normal = width * sqrt(-2.0 * log(max(1.0 - u.x, 1e-7))) * cos(TWO_PI * u.y);
-    let drawn = select(normal, TWO_PI * u.x, is_uniform);
-    let angle = drawn - TWO_PI * round(drawn / TWO_PI);
-    // Wide lobes go round.
+    let unwrapped = select(normal, TWO_PI * u.x, is_uniform);
+    let angle = unwrapped - TWO_PI * round(unwrapped / TWO_PI);
+    // A wide lobe wraps around the circle.
     let x = vec3f(angle - TWO_PI, angle, angle + TWO_PI) / width;
     let lobe = exp(-0.5 * x * x);
     let density = (LEAST_DENSITY + lobe.x + lobe.y + lobe.z) / (uniform_mass + lobe_mass);
-    return Turn(angle, 1.0 / (TWO_PI * density));
+    return AngleSample(angle, 1.0 / (TWO_PI * density));
 }
 
-// Returns the direction over the picture, pixels right and down, in which a direction leads away from a point.
-fn projected(position: vec3f, direction: vec3f) -> vec2f {
+// Returns a direction at a point, projected to the picture: pixels right and down, of any length.
+fn project_direction(position: vec3f, direction: vec3f) -> vec2f {
     let step = direction * (0.01 * length(position));
     let half = vec2f(dot(view.right, view.right), dot(view.up, view.up));
     let a = vec3f(dot(position, view.right), dot(position, view.up), dot(position, view.forward));
@@ -71,22 +72,22 @@ fn projected(position: vec3f, direction: vec3f) -> vec2f {
     return moved * vec2f(view.size) * vec2f(1.0, -1.0);
 }
 
-struct Drawn {
+struct LobeSample {
     offset: vec2i,  // pixels
-    count: f32,     // pixels that it stands for
+    count: f32,     // pixels that it represents
 }
 
-// Draws where a sample lies about a pixel, given the direction of the lobe over the picture.
-fn draw_sample(number: u32, pixel_seed: u32, alpha: f32, forward: vec2f) -> Drawn {
+// Returns a sample around a pixel; `forward`: the lobe's direction in the picture, unit.
+fn lobe_sample(number: u32, pixel_seed: u32, alpha: f32, forward: vec2f) -> LobeSample {
     let u = sobol_2d(number, pixel_seed);
-    let turn = draw_turn(alpha, u.y, sobol_2d(number, ~pixel_seed));
+    let lobe_angle = sample_angle(alpha, u.y, sobol_2d(number, ~pixel_seed));
     let r = params.radius;
     let radius = r * select(sqrt(0.25 + 0.75 * u.x), u.x, FINEST);
     let area = PI * r * select(0.75 * r, 2.0 * radius, FINEST) / f32(SAMPLES);
-    let c = cos(turn.angle);
-    let s = sin(turn.angle);
+    let c = cos(lobe_angle.angle);
+    let s = sin(lobe_angle.angle);
     let offset = radius * vec2f(c * forward.x - s * forward.y, s * forward.x + c * forward.y);
-    return Drawn(vec2i(round(offset)), area * turn.weight);
+    return LobeSample(vec2i(round(offset)), area * lobe_angle.weight);
 }
 
 fn gather_glossy(id: vec3u) {
@@ -95,35 +96,36 @@ fn gather_glossy(id: vec3u) {
     }
     let index = id.y * params.size.x + id.x;
     let pixel = min(id.xy * SQUARE + SQUARE / 2u, view.size - 1u);
-    let seen = load_distance(pixel);
+    let hit_distance = load_distance(pixel);
     let surface = load_surface(pixel);
     let brdf = gbuffer_brdf(surface);
-    if (seen <= 0.0 || (surface.flags & GBUFFER_UNLIT) != 0u || !brdf.glossy) {
+    if (hit_distance <= 0.0 || (surface.flags & GBUFFER_UNLIT) != 0u || !brdf.glossy) {
         glossy[index] = select(glossy[index], vec4f(0.0), FINEST);
         return;
     }
     let ray = pixel_ray(pixel);
     let size = vec2i(textureDimensions(surfels));
-    let start = Place(vec2i(id.xy >> vec2u(params.shift)), ray.origin - view.position + ray.direction * seen, surface.normal);
+    let position = ray.origin - view.position + ray.direction * hit_distance;
+    let start = Endpoint(vec2i(id.xy >> vec2u(params.shift)), position, surface.normal);
     prepare(start);
     let normal = surface.normal;
     let to_eye = -ray.direction;
-    let mirrored = projected(start.position, reflect(ray.direction, normal));
+    let mirrored = project_direction(start.position, reflect(ray.direction, normal));
     let forward = mirrored * inverseSqrt(max(dot(mirrored, mirrored), 1e-30));
     let pixel_seed = hash2(id.x, hash2(id.y, params.seed ^ params.shift));
     let pixel_side = facing_side();
     var sum = vec3f(0.0);
     for (var k = 0u; k < SAMPLES; k += 1u) {
         let number = sequence.index * SAMPLES + k;
-        let drawn = draw_sample(number, pixel_seed, brdf.alpha, forward);
-        let place = start.pixel + drawn.offset;
+        let chosen = lobe_sample(number, pixel_seed, brdf.alpha, forward);
+        let place = start.pixel + chosen.offset;
         let inside = all(place >= vec2i(0)) && all(place < size);
         let code = light[params.light_offset + u32(select(0, place.y * size.x + place.x, inside))];
         if (!inside || (code.x | (code.y & 0xffffu)) == 0u) {
             continue;
         }
         let texel = textureLoad(surfels, vec2u(place));
-        let end = Place(place, surfel_position(texel), surfel_normal(texel));
+        let end = Endpoint(place, surfel_position(texel), surfel_normal(texel));
         let way = end.position - start.position;
         let squared = dot(way, way);
         let arriving = max(dot(normal, way), 0.0);
@@ -131,10 +133,10 @@ fn gather_glossy(id: vec3u) {
         if (arriving * leaving <= 0.0) {
             continue;
         }
-        let facing = leaving * inverseSqrt(squared) * drawn.count * surfel_area(texel, pixel_side);
+        let facing = leaving * inverseSqrt(squared) * chosen.count * surfel_area(texel, pixel_side);
         let reach = squared + facing * INV_PI;
         let shine = shine_of(brdf, normal, to_eye, way, reach, facing);
-        let term = drawn.count * arriving * leaving / max(squared * reach, 1e-37) * shine.lobe;
+        let term = chosen.count * arriving * leaving / max(squared * reach, 1e-37) * shine.lobe;
         sum += unpack_light(code) * shine.fresnel * (term * visibility(start, end, number));
     }
     let added = select(glossy[index].rgb, vec3f(0.0), FINEST);

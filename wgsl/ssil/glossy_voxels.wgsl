@@ -1,6 +1,6 @@
-// What coats reflect, with visibility by voxels.
+// One invocation gathers what a coat reflects, with visibility by voxels. Errs as `glossy.wgsl` does.
 #import "ssil/glossy.wgsl"
-#import "ssil/through_voxels.wgsl"
+#import "ssil/voxel_visibility.wgsl"
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {

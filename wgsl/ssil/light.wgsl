@@ -1,8 +1,8 @@
 // One invocation finds the light that 2x2 pixels of the first level send, and its workgroup that of coarser levels.
 //
-// Phi = sum_j L_j ds_j (eq. 3), W/sr on a surface that faces the receiver, over the pixels j of the picture in a pixel's
-// square: no energy is lost or found where surfaces do not survive the vote. With HAS_REFLECTORS also
-// sum_j rho_j / pi ds_j, m2/sr, which turns an irradiance into the light of the next bounce. In: G-buffer, direct light,
+// Phi = sum_j L_j ds_j (eq. 3), W/sr on a surface that faces the receiver, over the pixels j of the picture in a
+// pixel's square: no energy is lost or found where surfaces do not survive the vote. With HAS_REFLECTORS also sum_j
+// rho_j / pi ds_j, m2/sr, which turns an irradiance into the light of the next bounce. In: G-buffer, direct light,
 // W/(m2 sr). Out: codes of `common/light_code.wgsl`; the brightest of the first level.
 #import "ssil/pixel_surfel.wgsl"
 #import "ssil/light_levels.wgsl"
@@ -27,14 +27,14 @@ fn sent_by(pixel: vec2u, facing: vec4f) -> Sent {
         if (any(fine >= view.size)) {
             continue;
         }
-        let seen = load_distance(fine);
+        let hit_distance = load_distance(fine);
         let radiance = direct[fine.y * view.size.x + fine.x].rgb;
         // The area of a black surface matters only if it reflects.
-        if (seen <= 0.0 || (!HAS_REFLECTORS && max3(radiance) <= 0.0)) {
+        if (hit_distance <= 0.0 || (!HAS_REFLECTORS && max3(radiance) <= 0.0)) {
             continue;
         }
         let surface = load_surface(fine);
-        let area = pixel_surfel(fine, surface, seen, facing).area;
+        let area = pixel_surfel(fine, surface, hit_distance, facing).area;
         sum.light += radiance * area;
         if (HAS_REFLECTORS) {
             let is_lit = (surface.flags & GBUFFER_UNLIT) == 0u;

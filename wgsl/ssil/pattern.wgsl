@@ -1,18 +1,17 @@
-// One invocation places one sample of a pattern: where it lies about the pixel, and the area it stands for.
+// One invocation places one sample of a pattern: its offset from the pixel, and the area it represents.
 //
-// The finest level takes the disc of radius r, the others the ring between r/2 and r (section 4). Each class of pixels
-// has its own points; those of all 16 are one well-distributed set. Departure: in the disc the radius, not its square,
-// is spread evenly, so that near samples, which matter most, stand for small areas. Out: offsets, pixels; areas,
-// pixels.
+// The first level samples the disc of radius r, the others the ring from r/2 to r (section 4). The 16 patterns together
+// are one Sobol sequence. Departure: in the disc the radius, not its square, is uniform, so that near samples, which
+// matter most, represent small areas. Out: offsets, pixels of the level, 16 bits each; areas, pixels.
 #import "scene/sequence.wgsl"
-#import "ssil/classes.wgsl"
+#import "ssil/interleaving.wgsl"
 #import "common/math.wgsl"
 #import "common/random.wgsl"
 
 struct Params {
     radius: f32,  // r, pixels of a level
     seed: u32,
-    samples: u32,  // of each class in each shape
+    samples: u32,  // of a pattern in each shape
 }
 
 @group(1) @binding(11) var<storage, read_write> pattern: array<vec2u>;
@@ -20,12 +19,12 @@ struct Params {
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let per_shape = CLASSES * params.samples;
+    let per_shape = PATTERNS * params.samples;
     if (id.x >= 2u * per_shape) {
         return;
     }
     let is_ring = id.x >= per_shape;
-    let number = id.x % per_shape + sequence.index / CLASSES * per_shape;
+    let number = id.x % per_shape + sequence.index / PATTERNS * per_shape;
     let u = sobol_2d(number, params.seed ^ select(0u, RING_SEED, is_ring));
     let r = params.radius;
     let radius = r * select(u.x, sqrt(0.25 + 0.75 * u.x), is_ring);

@@ -1,15 +1,16 @@
-// A pixel of the picture as a surfel of the finest level.
+// A pixel of the picture as a surfel of level 0.
 #import "shared/gbuffer/load.wgsl"
 #import "ssil/surfel.wgsl"
 
-// Surfaces count as turned by at most this cosine away from the camera: their pixels' areas would grow without bound.
+// Least cosine between a surface and the view ray: bounds the area that a pixel shows of it, and so its light.
 const LEAST_COSINE: f32 = 0.001;
 
-// Returns the surfel of a pixel that shows something: eq. 2, z^2 cos(alpha) / cos(beta) times the facing pixel's area.
-fn pixel_surfel(pixel: vec2u, surface: GbufferSurface, seen: f32, facing: vec4f) -> Surfel {
+// Returns the surfel of a pixel with a surface: eq. 2, z^2 cos(alpha) / cos(beta) times the area of a pixel that faces
+// the camera at unit depth.
+fn pixel_surfel(pixel: vec2u, surface: GbufferSurface, hit_distance: f32, facing: vec4f) -> Surfel {
     let ray = pixel_ray(pixel);
-    let position = ray.origin - view.position + ray.direction * seen;
-    let along = dot(ray.direction, view.forward);
-    let slope = max(abs(dot(surface.geometric_normal, ray.direction)), LEAST_COSINE);
-    return Surfel(position, surface.normal, facing_area(position, facing) * along / slope);
+    let position = ray.origin - view.position + ray.direction * hit_distance;
+    let cos_alpha = dot(ray.direction, view.forward);
+    let cos_beta = max(abs(dot(surface.geometric_normal, ray.direction)), LEAST_COSINE);
+    return Surfel(position, surface.normal, facing_area(position, facing) * cos_alpha / cos_beta);
 }

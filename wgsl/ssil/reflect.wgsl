@@ -10,7 +10,7 @@ override ADDED: bool = false;
 
 struct Params {
     size: vec2u,       // pixels of the first level
-    least_light: f32,  // share of the brightest light of the first bounce that counts as none
+    bounce_threshold: f32,  // share of the brightest light of the first bounce that counts as none
 }
 
 @group(1) @binding(11) var<storage, read> reflectors: array<vec2u>;
@@ -42,6 +42,6 @@ fn main(
     store_coarser(group.xy, local.xy, params.size, sum);
     raise_peak(brightest);
     if (all(id.xy == vec2u(0u))) {
-        atomicStore(&peak[1], bitcast<u32>(params.least_light * bitcast<f32>(first_peak[0])));
+        atomicStore(&peak[1], bitcast<u32>(params.bounce_threshold * bitcast<f32>(first_peak[0])));
     }
 }

@@ -1,4 +1,4 @@
-// A pixel of a level: the surface that it stands for, in 16 bytes.
+// A pixel of a level: the surface that it represents, packed into 16 bytes.
 #import "scene/info.wgsl"
 #import "common/math.wgsl"
 
@@ -6,26 +6,26 @@ const AREA_ONE: u32 = 0x3f800000u;   // the bits of 1.0
 const AREA_STEP: u32 = 0x00100000u;  // between floats with 3 bits of mantissa
 
 struct Surfel {
-    position: vec3f,  // metres from the camera, along the axes of the world
+    position: vec3f,  // metres from the camera, world axes
     normal: vec3f,    // unit, shading, towards the viewer
-    area: f32,        // of all surfaces that the pixel shows, m2
+    area: f32,        // of all surfaces in the pixel's square, m2
 }
 
-// Returns what gives the side of a pixel of the whole picture on a plane that faces the camera, metres: times a
-// position, plus w. Loads in loops are dear: call this before them.
+// Returns v such that dot(position, v.xyz) + v.w is the side, metres, of a pixel of the picture on a plane that faces
+// the camera. Call it before loops: it loads from the view.
 fn facing_side() -> vec4f {
     let side = sqrt(4.0 * length(view.right) * length(view.up) / f32(view.size.x * view.size.y));
     return side * select(vec4f(view.forward, 0.0), vec4f(0.0, 0.0, 0.0, 1.0), view.orthographic != 0u);
 }
 
-// Returns the area of such a pixel, m2.
+// Returns the area of such a pixel, m2; `facing`: facing_side().
 fn facing_area(position: vec3f, facing: vec4f) -> f32 {
     let side = dot(position, facing.xyz) + facing.w;
     return side * side;
 }
 
-// Normals take 12 bits for each octahedral coordinate, 0 and 1 exactly. Areas are floats in 8 bits, of the facing
-// pixel's: they are off by 6 % at most, which only moves the bound of near light.
+// Normals take 12 bits for each octahedral coordinate, with 0 and 1 exact. Areas take 8 bits, as a float with 3 bits of
+// mantissa relative to the facing pixel: off by 6 % at most, which only moves the bound of near light.
 fn pack_surfel(s: Surfel, facing: vec4f) -> vec4u {
     let normal = vec2u(round(octahedral_encode(s.normal) * 2047.0) + 2048.0);
     let share = clamp(s.area / max(facing_area(s.position, facing), 1e-37), 1.0, 3e9);

@@ -1,11 +1,11 @@
-// One invocation chooses which of a pixel's four finer pixels it stands for: position and normal of the one with the
-// largest score survive, nothing is averaged but the area, which is the sum.
+// One invocation chooses the surfel of a pixel among its four finer pixels: position and normal of the largest score
+// survive; areas are added up. Nothing is averaged.
 //
-// s(i) = sum_j g1(|p_i - p_j|) g2(1 - n_i . n_j) g3(d_ij) over the pixels j within one step of i (eq. 5). Departure:
-// d_ij is the distance from the tangent plane of i in widths of a pixel, not a difference of depths, so that floors
-// seen at a glancing angle are one surface. Equal scores, the rule on flat walls, are decided for one corner, and at
-// the next level for the one opposite, so that what survives is never far from the middle. In: surfels. Out:
-// surfels of the next level. Errs by leaving out what is thinner than a pixel.
+// s(i) = sum_j g1(|p_i - p_j|) g2(1 - n_i . n_j) g3(d_ij) over the pixels j at most one step from i (eq. 5). Departure:
+// d_ij is the distance from the tangent plane of i in pixel widths, not a difference of depths, so that floors at a
+// glancing angle are one surface. Ties, the rule on flat walls, go to one corner, and at the next level to the opposite
+// one, so that samples stay close to the centre. In: surfels. Out: surfels of the next level. Errs by leaving out what
+// is thinner than a pixel.
 #import "ssil/surfel.wgsl"
 
 @group(1) @binding(11) var finer: texture_storage_2d<rgba32uint, read>;
@@ -13,17 +13,18 @@
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
-    corner: i32,  // the pixel that is ahead, 0 or 3
+    corner: i32,  // the preferred one, 0 or 3
 }
 
-// Widths of the Gaussians, all chosen: pixels, cosines, widths of a pixel.
+// Standard deviations of g1, pixels; g2, cosines; g3, pixel widths. tools/README.md, "Constants".
 const STEP_WIDTH: f32 = 1.0;
 const NORMAL_WIDTH: f32 = 0.1;
 const PLANE_WIDTH: f32 = 1.0;
-// What the corner is ahead. Chosen: above the rounding of scores, below what any other surface takes away.
-const AHEAD: f32 = 1e-3;
+// Added to the score of the preferred corner: above the rounding of scores of at most 5, 3e-7, and far below the vote
+// of a neighbour.
+const TIE_BREAK: f32 = 1e-3;
 
-// Returns what a neighbour adds to the score of a surfel.
+// Returns the vote of a neighbour for a surfel, 0 to 1.
 fn vote(position: vec3f, normal: vec3f, per_width: f32, other: vec4u) -> f32 {
     let turned = (1.0 - dot(normal, surfel_normal(other))) / NORMAL_WIDTH;
     let off = dot(normal, surfel_position(other) - position) * per_width / PLANE_WIDTH;
@@ -62,7 +63,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             + vote(position, normal, per_width, load(pixel + vec2i(1, 0)))
             + vote(position, normal, per_width, load(pixel - vec2i(0, 1)))
             + vote(position, normal, per_width, load(pixel + vec2i(0, 1)));
-        let score = 1.0 + near * sides + select(0.0, AHEAD, k == params.corner);
+        let score = 1.0 + near * sides + select(0.0, TIE_BREAK, k == params.corner);
         if (score > best_score) {
             best_score = score;
             best = own;

@@ -1,7 +1,8 @@
-"""What coats reflect of the light in the picture: the last bounce of SSIL, by importance sampling over the picture.
+"""Reflections of coats: the last bounce of SSIL, by importance sampling in screen space.
 
-Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departure: gathered
-for the pixels of the first level alone, from all levels, so that reflections stay sharp.
+Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4, "Screen-space
+importance sampling". Departure: pixels of the first level gather from every level, so that reflections of far light
+stay sharp.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ def declare_glossy(
     radius: float,
     seed: int,
 ) -> Buffer | None:
-    """Declare what coats reflect at the first level, radiance over their tint; None where nothing is coated.
+    """Declare what coats reflect at the first level, W/(m2 sr) over their tint; None where nothing is coated.
 
-    `light` is of all levels that are gathered at, `samples` for each of them within `radius` pixels.
+    `light`: of all levels. `samples`: of a pixel at each level, within `radius` pixels of the level.
     """
     if not scene.features["HAS_COATS"] or not samples:
         graph.skip("ssil/glossy", "every material is Lambert" if samples else "ssil.glossy_samples is 0")

@@ -1,4 +1,4 @@
-"""The levels of the picture that SSIL works on: surfels chosen by vote.
+"""Mip levels of the picture's surfaces: surfels, chosen by vote.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4, eq. 5. Departures:
 those of `wgsl/ssil/vote.wgsl`.
@@ -16,9 +16,9 @@ from ..shared.scene_inputs import SceneInputs
 
 @dataclass
 class Levels:
-    """`surfels` of each level, the whole picture first; level k has a pixel for each square of 2^k pixels.
+    """`surfels`: a texture for each level k from 0, with a pixel for each square of 2^k pixels of the picture.
 
-    Texels are as `wgsl/ssil/surfel.wgsl` packs them. Light is gathered at the levels from `first` on.
+    `wgsl/ssil/surfel.wgsl` packs the texels. The levels from `first` on gather light.
     """
 
     surfels: list[Texture]
@@ -26,32 +26,32 @@ class Levels:
 
     @property
     def gathered(self) -> range:
-        """The levels that light is gathered at."""
+        """The levels that gather."""
         return range(self.first, len(self.surfels))
 
     @property
     def size(self) -> tuple[int, int]:
-        """Pixels of the first level that light is gathered at."""
+        """The (width, height) of the first level that gathers."""
         return self.surfels[self.first].size
 
     def pixels_before(self, level: int) -> int:
-        """Return the pixels of the levels from the first on, up to `level`: where it begins in buffers of all."""
+        """Return where `level` begins in a buffer of all levels from `first` on: the pixels of those before it."""
         return sum(texture.size[0] * texture.size[1] for texture in self.surfels[self.first : level])
 
 
 def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
-    """Return the pixels of a level: enough to cover all of the picture."""
+    """Return (width, height) of a level of a picture of `size`, rounded up."""
     return -(-size[0] >> level), -(-size[1] >> level)
 
 
 def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: int, count: int) -> Levels:
-    """Declare the surfels of all levels up to the last of the `count` from `first` on."""
+    """Declare the surfels of levels 0 to first + count - 1."""
     surfels = [
         graph.texture(f"ssil/surfels_{k}", "rgba32uint", size=level_size(graph.size, k)) for k in range(first + count)
     ]
-    shader = "ssil/first.wgsl"
+    shader = "ssil/make_surfels.wgsl"
     graph.compute(
-        "ssil/first",
+        "ssil/surfels",
         shader,
         over=surfels[0],
         reads={"surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
@@ -71,6 +71,6 @@ def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: in
 
 
 def level_buffer(graph: Graph, name: str, size: tuple[int, int], history: bool = False) -> Buffer:
-    """Declare four floats for each pixel of a level."""
+    """Declare a buffer of four floats for each pixel of a level of `size`."""
     count = size[0] * size[1]
     return graph.buffer(name, dtype=FOUR_FLOATS, count=count, width=size[0], nonnegative=True, history=history)

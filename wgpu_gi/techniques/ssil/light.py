@@ -64,13 +64,13 @@ def declare_reflected_light(
     reflectors: Buffer,
     irradiance: Buffer,
     first_peak: Buffer,
-    least_light: float,
+    bounce_threshold: float,
     suffix: str,
     before: Buffer | None = None,
 ) -> SentLight:
     """Declare the light that surfaces send of the `irradiance` of a bounce; with `before`, that light is added.
 
-    It counts as none where the brightest is at most the share `least_light` of the brightest of the first bounce.
+    It counts as none where the brightest is at most the share `bounce_threshold` of the brightest of the first bounce.
     """
     light = _light(graph, levels, suffix, history=False)
     graph.compute(
@@ -84,7 +84,7 @@ def declare_reflected_light(
             "first_peak": first_peak,
         },
         writes={"light": light.codes, "peak": light.peak},
-        params={"size": levels.size, "least_light": least_light},
+        params={"size": levels.size, "bounce_threshold": bounce_threshold},
         constants={**_constants(levels), "ADDED": before is not None},
         clear=[light.peak],
     )

@@ -1,7 +1,9 @@
-// One invocation fills a cell: where an odd number of surfaces of closed meshes lies before a slice, or in slices that
-// other surfaces pass. In: cells, crossings first, then shells. Out: the grid of the first level.
+// One invocation fills a cell: slices behind an odd number of solid boundaries, and slices that other surfaces pass.
+//
+// In: cells of `voxelize.wgsl`, boundaries first. Out: the finest grid. Errs where a mesh is not closed: its parity is
+// that of what lies before the cell.
 
-override BITS: u32 = 128u;
+override SLICES: u32 = 128u;
 override HAS_SOLIDS: bool = true;
 override HAS_SHELLS: bool = true;
 
@@ -12,7 +14,7 @@ const ROW: u32 = 4096u;  // threads along x: fine grids need more workgroups tha
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let words = BITS / 32u;
+    let words = SLICES / 32u;
     let first = (id.y * ROW + id.x) * words;
     if (first >= arrayLength(&voxels)) {
         return;
@@ -21,7 +23,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     for (var word = first; word < first + words; word += 1u) {
         var bits = 0u;
         if (HAS_SOLIDS) {
-            // Each bit becomes the parity of all up to it.
+            // Replace each bit by the parity of all bits up to it.
             bits = cells[word];
             bits ^= bits << 1u;
             bits ^= bits << 2u;

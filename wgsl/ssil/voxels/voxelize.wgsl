@@ -1,22 +1,22 @@
-// One invocation enters a triangle into the cells that it passes; a workgroup shares large ones.
+// One invocation voxelizes a triangle; a workgroup shares large ones.
 //
-// Triangles of closed meshes flip the bit of the slice that they begin at, under the cell's centre; `fill.wgsl` makes
-// solids of that by parity. Others set all slices that they pass within the cell. Edges are lines in homogeneous
-// coordinates, so that nothing need be clipped (Olano and Greer 1997, "Triangle Scan Conversion Using 2D Homogeneous
-// Coordinates"). In: the scene, its closed triangles, the range. Out: cells, of crossings first, then of shells. Errs
-// by leaving out solids thinner than a slice or a cell, and by making shells up to a cell wider than they are.
+// A triangle of a solid flips the bit of the slice that it passes under the centre of a cell; `fill.wgsl` makes solids
+// of these by parity. A triangle of a shell sets all slices that it passes within a cell. Edges are lines in
+// homogeneous coordinates, so nothing is clipped (Olano and Greer 1997, "Triangle Scan Conversion Using 2D Homogeneous
+// Coordinates"). In: the scene, its solid triangles, the depth range. Out: cells, boundaries of solids first, then
+// shells. Errs by leaving out solids thinner than a slice or a cell, and by making shells up to a cell wider.
 #import "shared/gbuffer/vertices.wgsl"
-#import "ssil/voxels/range.wgsl"
+#import "ssil/voxels/slices.wgsl"
 
 override HAS_SOLIDS: bool = true;
 override HAS_SHELLS: bool = true;
-override HAS_CUTS: bool = false;  // parts of the triangles may be cut out
+override HAS_CUTS: bool = false;  // alpha-masked materials
 
 struct Params {
     size: vec2u,     // cells
     cell: f32,       // pixels of the picture along the side of a cell
-    shells: u32,     // where the words of shells begin
-    first: u32,      // of the triangles: entry of the index buffer
+    shells: u32,     // the first word of shells
+    first: u32,      // entry of the index buffer
     triangles: u32,
     slot: u32,       // of the first instance
     count: u32,      // triangles of all instances
@@ -30,15 +30,16 @@ struct Params {
 
 const ROW: u32 = 4096u;   // threads along x: large scenes need more workgroups than a dispatch has along one axis
 const GROUP: u32 = 64u;
-const LARGE: u32 = 200u;   // cells of a triangle that is shared. Chosen
-// How far beyond its edges a shell counts, cells along the axis that is nearer to an edge's normal: with half of one,
-// no row or column that it passes is left out, and a little more for rounding.
-const WIDER: f32 = 0.501;
-// Smaller than this share of the terms that it is the sum of, an area is rounding: the triangle is edge-on, or so small
-// that it may take all of its depth in each cell. Chosen.
-const LEAST_AREA: f32 = 1e-5;
-// Of the nearest depth that the picture shows: nothing nearer is entered. Chosen.
-const LEAST_DEPTH: f32 = 0.5;
+const LARGE: u32 = 200u;  // cells of a triangle that the workgroup shares. tools/README.md, "Constants"
+// Margin of a shell beyond its edges, cells along the axis closer to the edge's normal: with 0.5 no row or column that
+// it passes is left out; 0.001 is for rounding.
+const SHELL_MARGIN: f32 = 0.501;
+// Least area, as a share of the terms it is the sum of. Rounding makes up 1e-7 of them, so below 1e-5 slopes are off by
+// over 1 %: the triangle is edge-on or tiny, and fills its whole depth range in each cell.
+const MIN_RELATIVE_AREA: f32 = 1e-5;
+// Depth in front of which nothing is voxelized, share of the nearest visible one: no segment between visible surfaces
+// comes nearer than that; half of it leaves room for rounding.
+const MIN_RELATIVE_DEPTH: f32 = 0.5;
 
 var<workgroup> large: array<u32, GROUP>;
 var<workgroup> large_count: atomic<u32>;
@@ -58,7 +59,7 @@ fn corner_of(entry: u32, slot: u32) -> Corner {
     return Corner(vec3f((ndc + w) * vec2f(view.size) * (0.5 / params.cell), w), depth, vertex.triangle);
 }
 
-// A line through two corners: the same numbers, with the other sign, from both of its sides.
+// A line through two corners; both triangles of an edge get the same numbers with opposite signs.
 struct Edge {
     line: vec3f,
     swapped: bool,
@@ -70,13 +71,13 @@ fn edge_of(a: vec3f, b: vec3f) -> Edge {
     return Edge(select(line, -line, swapped), swapped);
 }
 
-// The cells that a triangle may pass: `low` to `high`, not included.
+// Cells that a triangle may pass: from `low` to before `high`.
 struct Bounds {
     low: vec2f,
     high: vec2f,
 }
 
-// Adds the part of an edge that lies behind the nearest depth.
+// Adds the part of an edge beyond the nearest depth.
 fn add_edge(bounds: Bounds, a: vec3f, b: vec3f, nearest: f32) -> Bounds {
     if (max(a.z, b.z) < nearest) {
         return bounds;
@@ -93,30 +94,30 @@ fn bounds_of(a: vec3f, b: vec3f, c: vec3f, nearest: f32) -> Bounds {
     return add_edge(add_edge(add_edge(none, a, b, nearest), b, c, nearest), c, a, nearest);
 }
 
-// Sets the slices from `ends.x` to `ends.y`, those that there are.
+// Sets the slices from `ends.x` to `ends.y`, clamped to the grid.
 fn set_slices(cell: u32, ends: vec2f) {
-    if (ends.y < 0.0 || ends.x >= f32(BITS)) {
+    if (ends.y < 0.0 || ends.x >= f32(SLICES)) {
         return;
     }
     let low = u32(max(ends.x, 0.0));
-    let high = u32(min(ends.y, f32(BITS) - 1.0));
-    let first = params.shells + cell * (BITS / 32u);
+    let high = u32(min(ends.y, f32(SLICES) - 1.0));
+    let first = params.shells + cell * (SLICES / 32u);
     for (var word = low / 32u; word <= high / 32u; word += 1u) {
         let l = max(low, 32u * word) & 31u;
         let h = min(high, 32u * word + 31u) & 31u;
         let mask = (0xffffffffu << l) & (0xffffffffu >> (31u - h));
-        // Reading first is cheaper where they are set.
+        // A load is cheaper than an atomic where all are set.
         if ((mask & ~atomicLoad(&cells[first + word])) != 0u) {
             atomicOr(&cells[first + word], mask);
         }
     }
 }
 
-// Flips the first slice whose middle lies behind.
+// Flips the first slice whose middle lies behind `at`.
 fn flip_slice(cell: u32, at: f32) {
-    let bit = u32(clamp(round(at), 0.0, f32(BITS)));
-    if (bit < BITS) {
-        atomicXor(&cells[cell * (BITS / 32u) + bit / 32u], 1u << (bit & 31u));
+    let bit = u32(clamp(round(at), 0.0, f32(SLICES)));
+    if (bit < SLICES) {
+        atomicXor(&cells[cell * (SLICES / 32u) + bit / 32u], 1u << (bit & 31u));
     }
 }
 
@@ -124,14 +125,15 @@ fn is_solid(triangle: u32) -> bool {
     return HAS_SOLIDS && (!HAS_SHELLS || ((solid_triangles[triangle / 32u] >> (triangle & 31u)) & 1u) != 0u);
 }
 
-// Returns whether a triangle is cut out at a point, by what it is off the three edges.
+// Returns whether a masked triangle is cut out at a point; `off`: its signed distances from the three edges, scaled.
 fn is_hole(triangle: u32, off: vec3f) -> bool {
     let shares = max(off, vec3f(0.0));
     return is_cut_out(load_triangle(triangle), shares.yz / max(shares.x + shares.y + shares.z, 1e-37));
 }
 
-// Enters the cells of a triangle from `lane` on, each `lanes`-th, if it has at most so many; returns how many it has.
-fn enter(number: u32, lane: u32, lanes: u32, most: u32) -> u32 {
+// Voxelizes every `lanes`-th cell of a triangle from `lane` on, unless it has more than `most`; returns how many it
+// has.
+fn voxelize(number: u32, lane: u32, lanes: u32, most: u32) -> u32 {
     let slot = params.slot + number / params.triangles;
     let entry = params.first + 3u * (number % params.triangles);
     let a = corner_of(entry, slot);
@@ -139,13 +141,13 @@ fn enter(number: u32, lane: u32, lanes: u32, most: u32) -> u32 {
     let c = corner_of(entry + 2u, slot);
     let slices = slices_of(range[0], range[1]);
     let parallel = view.orthographic != 0u;
-    let bounds = bounds_of(a.place, b.place, c.place, select(LEAST_DEPTH * slices.near, 1.0, parallel));
+    let bounds = bounds_of(a.place, b.place, c.place, select(MIN_RELATIVE_DEPTH * slices.near, 1.0, parallel));
     let low = vec2i(clamp(floor(bounds.low), vec2f(0.0), vec2f(params.size)));
     let high = vec2i(clamp(floor(bounds.high) + 1.0, vec2f(0.0), vec2f(params.size)));
     let size = vec2u(max(high - low, vec2i(0)));
     let depths = vec2f(min(min(a.depth, b.depth), c.depth), max(max(a.depth, b.depth), c.depth));
     let ends = vec2f(slice_at(slices, depths.x), slice_at(slices, depths.y));
-    let count = select(0u, size.x * size.y, ends.x < f32(BITS));
+    let count = select(0u, size.x * size.y, ends.x < f32(SLICES));
     if (count > most) {
         return count;
     }
@@ -155,10 +157,10 @@ fn enter(number: u32, lane: u32, lanes: u32, most: u32) -> u32 {
     let swapped = vec3<bool>(edges[0].swapped, edges[1].swapped, edges[2].swapped);
     let lines = mat3x3f(side * edges[0].line, side * edges[1].line, side * edges[2].line);
     let slopes = transpose(lines);
-    let wider = WIDER * max(abs(slopes[0]), abs(slopes[1]));
-    // 1 / depth is linear over the picture; under parallel rays depth is.
+    let wider = SHELL_MARGIN * max(abs(slopes[0]), abs(slopes[1]));
+    // 1 / depth is linear in the picture; under parallel rays depth is.
     let plane = lines * select(vec3f(1.0), vec3f(a.depth, b.depth, c.depth), parallel) / max(abs(area), 1e-37);
-    let thin = abs(area) <= LEAST_AREA * dot(abs(a.place), abs(edges[0].line));
+    let thin = abs(area) <= MIN_RELATIVE_AREA * dot(abs(a.place), abs(edges[0].line));
     let reach = 0.5 * (abs(plane.x) + abs(plane.y));
     let solid = is_solid(a.triangle);
     for (var k = lane; k < count; k += lanes) {
@@ -169,7 +171,7 @@ fn enter(number: u32, lane: u32, lanes: u32, most: u32) -> u32 {
         let middle = dot(plane, centre);
         if (solid) {
             let depth = clamp(select(1.0 / max(middle, 1e-37), middle, parallel), depths.x, depths.y);
-            // What lies on an edge belongs to one of its sides.
+            // A centre on an edge belongs to one of its two triangles.
             if (all((off > vec3f(0.0)) | ((off == vec3f(0.0)) & (swapped != vec3<bool>(side < 0.0))))) {
                 flip_slice(cell, slice_at(slices, depth));
             }
@@ -193,12 +195,12 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     }
     workgroupBarrier();
     let number = id.y * ROW + id.x;
-    if (number < params.count && enter(number, 0u, 1u, LARGE) > LARGE) {
+    if (number < params.count && voxelize(number, 0u, 1u, LARGE) > LARGE) {
         large[atomicAdd(&large_count, 1u)] = number;
     }
     workgroupBarrier();
     let shared_count = atomicLoad(&large_count);
     for (var k = 0u; k < shared_count; k += 1u) {
-        enter(large[k], thread, GROUP, 0xffffffffu);
+        voxelize(large[k], thread, GROUP, 0xffffffffu);
     }
 }

@@ -1,8 +1,8 @@
-"""The end of SSIL: light of the first level that it gathers at, brought to all pixels of the picture and reflected.
+"""The indirect radiance of the picture: irradiance of the first level, upsampled, filtered over frames, and reflected.
 
-Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: pixels
-that no pixel of the first level represents gather at full resolution; what coats reflect is not averaged over frames,
-since it changes with the view: the factor of eq. 6 is 0 for them.
+Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures:
+unrepresented pixels have an irradiance of their own; what coats reflect depends on the view and is not averaged over
+frames: a = 0 in eq. 6.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def declare_fine(graph: Graph, levels: Levels, unrepresented: bool) -> Fine | No
     return Fine(guide, irradiance)
 
 
-def declare_last(
+def declare_shading(
     graph: Graph,
     temporal: TemporalSettings,
     scene: SceneInputs,
@@ -56,7 +56,10 @@ def declare_last(
     glossy: Buffer | None,
     fine: Fine | None,
 ) -> Buffer:
-    """Declare the light that pixels of the picture reflect: of the irradiance, and of `glossy`, of the first level."""
+    """Declare the radiance, W/(m2 sr), that pixels of the picture reflect of `irradiance` and of `glossy`, if any.
+
+    Both are of the first level.
+    """
     if temporal.frames == 1:
         graph.skip("temporal/accumulate", "temporal.frames is 1")
         return _declare_full(graph, scene, gbuffer, levels, irradiance, "indirect", glossy, fine, {})
@@ -76,10 +79,10 @@ def _declare_full(
     fine: Fine | None,
     variant: dict[str, bool],
 ) -> Buffer:
-    """Declare what pixels of the picture get, or reflect, of the light of the first level."""
+    """Declare the irradiance or the radiance of the picture, of `coarse` irradiance; `variant`: constants."""
     width, height = graph.size
     full = graph.buffer(f"ssil/{name}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
-    shader = "ssil/last.wgsl"
+    shader = "ssil/shade.wgsl"
     reads = {
         "surfaces": gbuffer.surfaces,
         "distance": gbuffer.distance,

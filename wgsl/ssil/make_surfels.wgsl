@@ -1,6 +1,6 @@
-// One invocation turns a pixel of the G-buffer into a surfel of the finest level.
+// One invocation turns a pixel of the G-buffer into a surfel of level 0.
 //
-// In: G-buffer. Out: surfels, 0 where nothing is seen.
+// In: G-buffer. Out: surfels, 0 where there is no surface.
 #import "ssil/pixel_surfel.wgsl"
 
 @group(1) @binding(11) var surfels: texture_storage_2d<rgba32uint, write>;
@@ -10,11 +10,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(id.xy >= view.size)) {
         return;
     }
-    let seen = load_distance(id.xy);
+    let hit_distance = load_distance(id.xy);
     var texel = vec4u(0u);
-    if (seen > 0.0) {
+    if (hit_distance > 0.0) {
         let facing = facing_side();
-        texel = pack_surfel(pixel_surfel(id.xy, load_surface(id.xy), seen, facing), facing);
+        texel = pack_surfel(pixel_surfel(id.xy, load_surface(id.xy), hit_distance, facing), facing);
     }
     textureStore(surfels, id.xy, texel);
 }

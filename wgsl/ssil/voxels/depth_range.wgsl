@@ -1,5 +1,5 @@
-// One workgroup finds the nearest and the farthest surface of its pixels. In: surfels. Out: the range, as bits of
-// positive floats: largest 1 / depth, largest depth.
+// One workgroup finds the depth range of its surfels. In: surfels. Out: the largest 1 / depth, 1/m, and the largest
+// depth, m, as bits of positive floats.
 #import "ssil/surfel.wgsl"
 
 @group(1) @binding(11) var surfels: texture_storage_2d<rgba32uint, read>;

@@ -1,7 +1,7 @@
-// One invocation makes a cell of the next level: what all four finer cells have in common, slice by slice. In, out:
-// voxels. Errs by leaving out what is thinner than a cell, never by blocking what is free.
+// One invocation makes a cell of the next level: the AND of four finer cells, slice by slice (section 4). In, out:
+// voxels. Errs bright: leaves out occluders thinner than a cell, and never blocks free space.
 
-override BITS: u32 = 128u;
+override SLICES: u32 = 128u;
 
 struct Params {
     finer_size: vec2u,  // cells
@@ -17,7 +17,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(id.xy >= params.size)) {
         return;
     }
-    let words = BITS / 32u;
+    let words = SLICES / 32u;
     let index = (id.y * params.size.x + id.x) * words;
     for (var word = 0u; word < words; word += 1u) {
         var common_bits = 0xffffffffu;

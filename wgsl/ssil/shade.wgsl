@@ -1,6 +1,9 @@
-// One invocation brings irradiance to a pixel of the picture, and with REFLECTED turns it into indirect = rho / pi E,
-// W/(m2 sr). In: G-buffer; irradiance of the level that the gathering starts at, its upsampling guide, irradiance of
-// unrepresented pixels.
+// One invocation finds the irradiance of a pixel of the picture, and with REFLECTED the indirect radiance,
+// L = rho / pi E (1 - F) + L_coat, W/(m2 sr).
+//
+// In: G-buffer; irradiance of the first level and its upsampling guide, or with UPSAMPLED that of the picture;
+// irradiance of unrepresented pixels; reflections of coats over their tint. Errs as `shared/upsample/weights.wgsl`
+// does.
 #import "shared/gbuffer/load.wgsl"
 #import "common/coat.wgsl"
 #import "shared/upsample/read.wgsl"
@@ -14,7 +17,7 @@ override REFLECTED: bool = true;
 @group(1) @binding(14) var<storage, read_write> full: array<vec4f>;
 @group(1) @binding(15) var<storage, read> unrepresented_irradiance: array<vec4f>;
 
-// Returns what coats reflect at a pixel, over their tint.
+// Returns the upsampled reflection of the coat, over its tint.
 fn glossy_at(pixel: vec2u, weights: vec4f) -> vec3f {
     if (!HAS_GLOSSY) {
         return vec3f(0.0);
@@ -26,14 +29,15 @@ fn glossy_at(pixel: vec2u, weights: vec4f) -> vec3f {
     return light * weights;
 }
 
-// Returns what a pixel gets, or reflects.
+// Returns the irradiance of a pixel, or the radiance that it reflects.
 fn lit(pixel: vec2u, surface: GbufferSurface, irradiance: vec3f, glossy: vec3f) -> vec4f {
     var light = irradiance;
     if (REFLECTED) {
         let brdf = gbuffer_brdf(surface);
         light *= brdf.diffuse * INV_PI;
         if (HAS_COATS) {
-            // What the coat lets through: Schlick's term in the mean over the hemisphere, by the cosine, is 1 / 21.
+            // The coat transmits 1 - F: the cosine-weighted mean of Schlick's (1 - cos)^5 over the hemisphere is 1 /
+            // 21.
             light *= select(vec3f(1.0), (1.0 - brdf.f0) * (20.0 / 21.0), brdf.glossy);
             let tint = coat_tint(brdf, surface.normal, -pixel_ray(pixel).direction);
             light += select(vec3f(0.0), glossy * tint, brdf.glossy);
@@ -66,7 +70,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     full[index] = lit(id.xy, surface, irradiance, glossy_at(id.xy, weights));
 }
 
-// For each unrepresented pixel.
+// The same for the list of unrepresented pixels.
 @compute @workgroup_size(LIST_GROUP)
 fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let count = unrepresented_count();

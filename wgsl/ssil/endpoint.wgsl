@@ -1,0 +1,7 @@
+// One end of a segment that light travels: receiver or sample.
+
+struct Endpoint {
+    pixel: vec2i,     // of the level
+    position: vec3f,  // metres from the camera, world axes
+    normal: vec3f,    // unit, towards the viewer
+}

@@ -1,0 +1,36 @@
+// Interleaved sampling: which of 16 sample patterns a pixel takes, and which quarter of it.
+//
+// Pixels 4 apart along rows and columns share a pattern, so that threads of a workgroup read neighbouring texels and
+// skip together (Segovia et al. 2006, "Non-interleaved Deferred Shading of Interleaved Sample Patterns"). In a still
+// picture patterns move from frame to frame. In the first frame, over the pixels of a 4x4 block, x to the right:
+//
+//     pattern   0  2  8 10      quarter   0  2  2  0
+//               3  1 11  9                3  1  1  3
+//              12 14  4  6                3  1  1  3
+//              15 13  7  5                0  2  2  0
+
+const INTERLEAVE: u32 = 4u;  // pixels along the side of a block
+const PATTERNS: u32 = INTERLEAVE * INTERLEAVE;
+const RING_SEED: u32 = 0x68bc21ebu;
+
+// Returns a pixel's number among 2x2: 0 2 / 3 1.
+fn number_in_square(pixel: vec2u) -> u32 {
+    return ((pixel.x ^ pixel.y) & 1u) * 2u + (pixel.y & 1u);
+}
+
+// Returns the number of a pixel's 2x2 square among those of its block, in the same order.
+fn number_of_square(pixel: vec2u) -> u32 {
+    return number_in_square(pixel >> vec2u(1u));
+}
+
+// Returns the pattern of a pixel. In 4 frames 2x2 pixels take all 16 patterns, in 16 frames each pixel does. Over 8
+// frames pixels beside or above each other take different patterns, so that no rows or columns show.
+fn pattern_of(pixel: vec2u, frame: u32) -> u32 {
+    return ((number_of_square(pixel) ^ frame) & 3u) * 4u + ((number_in_square(pixel) ^ (frame >> 2u)) & 3u);
+}
+
+// Returns the quarter of its pattern that a pixel takes in a frame. Whenever a pattern returns, four frames later, the
+// 2x2 pixels take its quarters in the same arrangement, so a filter over 2x2 leaves the same error everywhere.
+fn quarter_of(pixel: vec2u, frame: u32) -> u32 {
+    return number_in_square(pixel) ^ number_of_square(pixel) ^ (frame & 3u);
+}
