@@ -12,7 +12,7 @@ from .techniques import deferred, many_light, reference, ssao, ssdo, ssil
 from .techniques.deferred.direct import DirectSettings
 from .techniques.deferred.environment import EnvironmentSettings
 from .techniques.deferred.shadow_views import ShadowSettings
-from .techniques.many_light.filters import DenoiseSettings
+from .techniques.many_light.denoise import DenoiseSettings
 from .techniques.many_light.gather import GatherSettings
 from .techniques.many_light.ism import IsmSettings
 from .techniques.many_light.rsm import RsmSettings

@@ -9,7 +9,7 @@ from helpers.vpls import Gatherer
 
 from wgpu_gi.scene.built_in.scenes import plane_point
 from wgpu_gi.techniques.many_light.clusters import Clusters
-from wgpu_gi.techniques.many_light.filters import declare_temporal
+from wgpu_gi.techniques.many_light.denoise import declare_temporal
 from wgpu_gi.techniques.many_light.gather import Gathered
 from wgpu_gi.techniques.shared.gbuffer import declare_gbuffer
 from wgpu_gi.techniques.shared.scene_inputs import share_raster

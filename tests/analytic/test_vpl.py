@@ -50,7 +50,7 @@ def test_every_bounce_in_a_closed_box():
     """rho + rho^2 + ... of the light; paths end after 32 bounces here."""
     scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])
     for bounces, expected in ((1, 0.5), (2, 0.75), (3, 0.875), (None, 1.0)):
-        _, flux, _ = drawn(scene, bounces, vertices=32, paths=16384)
+        _, flux, _ = drawn(scene, bounces, max_bounces=32, paths=16384)
         assert flux.sum(0) == pytest.approx([4 * math.pi * 3.0 * expected] * 3, rel=0.02)
 
 

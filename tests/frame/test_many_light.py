@@ -12,8 +12,8 @@ from wgpu_gi.errors import GiError
 from wgpu_gi.renderer import Renderer
 
 SHOW = ("radiance",)
-LIGHT = {"rsm", "vpl/walk", "vpl/weigh", "vpl/total", "vpl/select", "ism/rays", "ism/fill"}
-VIEW = {"gbuffer/resolve", "direct/light", "gather/bounds", "gather/lists", "gather", "denoise/columns"}
+LIGHT = {"rsm", "vpl/light_paths", "vpl/weights", "vpl/prefix_sum", "vpl/resample", "ism/rays", "ism/fill"}
+VIEW = {"gbuffer/resolve", "direct/light", "gather/cluster_bounds", "gather/light_lists", "gather", "denoise/columns"}
 
 
 def passes(renderer):
@@ -53,14 +53,18 @@ def test_lights_for_the_view_follow_it(renderer):
     passes(renderer)
     move_camera(renderer)
     ran, kept = passes(renderer)
-    assert ran >= VIEW | {"vpl/view_points", "vpl/select", "ism/rays"} and kept >= {"points", "rsm", "vpl/walk"}
+    assert ran >= VIEW | {"vpl/view_samples", "vpl/resample", "ism/rays"} and kept >= {
+        "points",
+        "rsm",
+        "vpl/light_paths",
+    }
 
 
 def test_a_light_move_keeps_points_and_the_view(renderer):
     renderer.scene.lights[0].position = np.array((2.0, 4.0, 2.0))
     ran, kept = passes(renderer)
     assert ran >= LIGHT | {"shadow/opaque", "direct/light", "gather", "denoise/columns"}
-    assert kept >= {"points", "gbuffer/resolve", "gather/bounds"}
+    assert kept >= {"points", "gbuffer/resolve", "gather/cluster_bounds"}
 
 
 def test_a_moved_mesh_keeps_nothing(renderer):

@@ -11,7 +11,7 @@ from wgpu_gi.gpu.graph import Graph
 from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.scene.scene import Scene
 from wgpu_gi.techniques.many_light.compensation import declare_compensation
-from wgpu_gi.techniques.many_light.filters import DenoiseSettings, declare_denoise
+from wgpu_gi.techniques.many_light.denoise import DenoiseSettings, declare_denoise
 from wgpu_gi.techniques.many_light.gather import GatherSettings, declare_gather
 from wgpu_gi.techniques.many_light.vpl import Vpls
 from wgpu_gi.techniques.shared.gbuffer import declare_gbuffer

@@ -20,7 +20,7 @@ FINE = (
     "denoise.radius=2",
     "vpl.count=2048",
     "vpl.paths=32768",
-    "vpl.vertices=32",
+    "vpl.max_bounces=32",
 )
 # The most bias and relMSE of light of one bounce and of all: what was measured, and little more. The bound of near
 # lights takes the most where lights stand for large areas, as those of the sky do: from corners.

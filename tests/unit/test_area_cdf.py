@@ -10,8 +10,9 @@ from helpers.scene_dtypes import DTYPES
 from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import Instance
+from wgpu_gi.techniques.many_light.update import check_light_order
 from wgpu_gi.upload.area_cdf import AreaCdf
-from wgpu_gi.upload.light_table import KIND_SPOT, KIND_SUN, KIND_TRIANGLE
+from wgpu_gi.upload.light_table import KIND_ENVIRONMENT, KIND_SPOT, KIND_SUN, KIND_TRIANGLE
 from wgpu_gi.upload.mesh_data import NONE
 from wgpu_gi.upload.rsm_layout import rsm_layout
 from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
@@ -68,6 +69,15 @@ def test_rsm_texels_are_proportional_to_probability():
     )
     assert records["level"].tolist() == [5, 6]  # of 3277 and 13107 texels: 32 x 32 and 64 x 64
     assert records["first"].tolist() == [0, 1024] and texels == 1024 + 4096
+
+
+def test_the_order_of_lights_is_checked():
+    """Punctual lights first and the environment last, as shaders of many-light index them."""
+    for kinds in ([], [KIND_SUN, KIND_SPOT], [KIND_SPOT, KIND_TRIANGLE, KIND_TRIANGLE, KIND_ENVIRONMENT]):
+        check_light_order(light_table(kinds, [1.0] * len(kinds)), len(kinds))
+    for kinds in ([KIND_TRIANGLE, KIND_SPOT], [KIND_SPOT, KIND_ENVIRONMENT, KIND_TRIANGLE]):
+        with pytest.raises(AssertionError, match="environment last"):
+            check_light_order(light_table(kinds, [1.0] * len(kinds)), len(kinds))
 
 
 def test_every_light_gets_an_rsm():

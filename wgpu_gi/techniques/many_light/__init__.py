@@ -13,11 +13,11 @@ from ..deferred.direct import declare_direct
 from ..deferred.sky import declare_sky_occlusion
 from ..shared.technique import Light, Technique
 from .compensation import declare_compensation
-from .filters import declare_denoise, declare_temporal
+from .denoise import declare_denoise, declare_temporal
 from .gather import declare_gather
 from .inputs import ManyLightInputs
 from .ism import declare_ism
-from .near import declare_near, declare_near_shares
+from .near_field import declare_near_field, declare_near_shares
 from .points import declare_points
 from .rsm import declare_rsm
 from .update import ManyLightOptions, many_light_inputs
@@ -28,15 +28,15 @@ from .views import (
     declare_rsm_views,
     declare_vpl_view,
 )
-from .vpl import declare_vpls, declare_walk
+from .vpl import declare_light_paths, declare_vpls
 
-POINTS = 1 << 17  # on all surfaces; chosen
+POINTS = 1 << 17  # on all surfaces; tools/README.md, "Constants"
 
 NO_RSM = "there is no reflective shadow map, because no point, spot or directional light is reflected"
 NO_ISM = "there are no imperfect shadow maps; they need --set gather.visibility=ism and light that is reflected"
 
 TECHNIQUE = Technique(
-    sentence="virtual point lights, with a ray each or imperfect shadow maps",
+    sentence="virtual point lights, with shadow rays or imperfect shadow maps",
     bounces=None,
     is_random=True,
     options=ManyLightOptions,
@@ -48,8 +48,8 @@ TECHNIQUE = Technique(
         "vpl/flux": "there are no virtual point lights, because no light is reflected",
         "ism/atlas": NO_ISM,
         "ism/samples": NO_ISM,
-        "gather/lists": "there are no lists of lights; they need --set gather.culling=tiled or clustered and light to"
-        " reflect",
+        "gather/lists": "there are no light lists; they need --set gather.culling=tiled or clustered and light that is"
+        " reflected",
         "temporal/rejected": "no history is kept; it needs --set temporal.frames=2 or more and light that is reflected",
     },
 )
@@ -77,18 +77,18 @@ def _declare_indirect(
 ) -> Buffer | None:
     """Declare light from virtual point lights and add its debug views; return None where no light is reflected."""
     gbuffer, ambient, seed = base.gbuffer, base.ambient, settings.seed
-    # Place virtual point lights on reflective shadow maps, and along paths of light for emitters and further bounces.
+    # Place virtual point lights on reflective shadow maps, and along light paths for emitters and further bounces.
     albedo = ambient.reads["ambient_albedo"]
     points = declare_points(graph, scene, POINTS, albedo)
     rsm = declare_rsm(graph, settings.rsm, scene, albedo, seed)
-    walk = declare_walk(graph, settings.vpl, scene, points, albedo, settings.bounces, seed)
-    if rsm is None and walk is None:
+    light_paths = declare_light_paths(graph, settings.vpl, scene, points, albedo, settings.bounces, seed)
+    if rsm is None and light_paths is None:
         return None
-    vpls = declare_vpls(graph, settings.vpl, rsm, walk, gbuffer, seed)
+    vpls = declare_vpls(graph, settings.vpl, rsm, light_paths, gbuffer, seed)
     # Gather from them, with rays or imperfect shadow maps.
     ism = declare_ism(graph, settings.ism, scene, points, vpls) if settings.gather.visibility == "ism" else None
-    near = declare_near_shares(graph, settings.ssdo, gbuffer, vpls)
-    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, seed, near)
+    near_field = declare_near_shares(graph, settings.ssdo, gbuffer, vpls)
+    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, seed, near_field)
     views |= declare_vpl_view(graph, vpls) | declare_list_view(graph, settings.gather, gbuffer, gathered.clusters, vpls)
     if rsm is not None:
         views |= declare_rsm_views(graph, scene, rsm)
@@ -96,8 +96,10 @@ def _declare_indirect(
         views |= declare_ism_views(graph, ism)
     # Add what the bound on near lights takes, and the near field in screen space.
     gathered = declare_compensation(graph, scene, gbuffer, direct, gathered, settings.bounces, seed)
-    if near is not None:
-        gathered = declare_near(graph, settings.ssdo, scene, gbuffer, ambient, direct, gathered, settings.bounces, seed)
+    if near_field is not None:
+        gathered = declare_near_field(
+            graph, settings.ssdo, scene, gbuffer, ambient, direct, gathered, settings.bounces, seed
+        )
     # Average over frames and neighbours.
     if settings.temporal.frames > 1:
         accumulated = declare_temporal(graph, settings.temporal, scene, gbuffer, base.motion, gathered)

@@ -1,8 +1,9 @@
-"""Which VPLs can light which pixels: lists for tiles of the picture, or for clusters of them by distance.
+"""Light lists of clusters: which VPLs can light which tiles of the picture, or ranges of distances within them.
 
-Olsson, Billeter and Assarsson 2012, "Clustered Deferred and Forward Shading". Departures: the bounds are the boxes of
-what the pixels show; lists are bits in the order of slots, so that light is summed in the
-same order as without them.
+Olsson, Billeter and Assarsson 2012, "Clustered Deferred and Forward Shading"; Linke 2016, sections 3.5 and 4.6.
+Departures: bounds are the boxes of the positions that pixels show, as Olsson proposes; slices divide the range of
+distances of each tile; lists are bit masks in the order of slots, so that light is summed in the same order as without
+culling.
 """
 
 from __future__ import annotations
@@ -19,25 +20,26 @@ from .vpl import Vpls
 
 _TILE = tuple(int(load("many_light/gather/clusters.wgsl").constants[name]) for name in ("TILE_X", "TILE_Y"))
 _SLICES = int(load("many_light/gather/clusters.wgsl").constants["MAX_SLICES"])
-_ROWS = int(load("many_light/gather/bounds.wgsl").constants["ROWS"])
-_CLUSTERS = int(load("many_light/gather/lists.wgsl").constants["CLUSTERS"])
+_ROWS = int(load("many_light/gather/cluster_bounds.wgsl").constants["ROWS"])
+_CLUSTERS = int(load("many_light/gather/light_lists.wgsl").constants["CLUSTERS"])
 
 
 @dataclass
 class Clusters:
-    """What `wgsl/many_light/gather/gather.wgsl` reads of them, by its names, and its constants."""
+    """The light lists as `wgsl/many_light/gather/common.wgsl` reads them: bindings and constants, by name."""
 
     reads: dict[str, Buffer | Shared]
     constants: dict[str, float]
 
 
 def declare_clusters(graph: Graph, culling: str, gbuffer: Gbuffer, vpls: Vpls, interleave: int) -> Clusters:
-    """Declare the lists; `culling` is "none", "tiled" or "clustered"."""
+    """Declare the light lists of all VPLs; `culling` is "none", "tiled" or "clustered"."""
     if culling == "none":
-        for name in ("bounds", "lists"):
+        for name in ("cluster_bounds", "light_lists"):
             graph.skip(f"gather/{name}", "gather.culling is none")
         neutral = graph.neutral("buffer")
         return Clusters({"lists": neutral}, {"CULLED": False})
+    # Lay out the clusters and their lists: a word for every 32 VPLs of a class.
     width, height = graph.size
     columns, rows = -(-width // _TILE[0]), -(-height // _TILE[1])
     slices = _SLICES if culling == "clustered" else 1
@@ -47,17 +49,18 @@ def declare_clusters(graph: Graph, culling: str, gbuffer: Gbuffer, vpls: Vpls, i
     lists = graph.buffer(
         "gather/lists", dtype=np.uint32, count=count * words + (2 * columns * rows if slices > 1 else 0)
     )
+    # Bound the clusters, and test the VPLs against their boxes.
     graph.compute(
-        "gather/bounds",
-        "many_light/gather/bounds.wgsl",
+        "gather/cluster_bounds",
+        "many_light/gather/cluster_bounds.wgsl",
         over=(_TILE[0] * columns, _ROWS * rows),
         reads={"distance": gbuffer.distance},
         writes={"bounds": bounds},
         constants={"SLICES": slices},
     )
     graph.compute(
-        "gather/lists",
-        "many_light/gather/lists.wgsl",
+        "gather/light_lists",
+        "many_light/gather/light_lists.wgsl",
         over=(words, -(-count // _CLUSTERS)),
         reads={"bounds": bounds, "vpl_table": vpls.table},
         writes={"lists": lists},

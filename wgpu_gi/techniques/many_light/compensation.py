@@ -1,10 +1,9 @@
-"""The light that the bound of near virtual point lights takes, found again by what is near in the picture.
+"""Bias compensation: the light that the bound of near virtual point lights takes, from near surfaces in screen space.
 
 Novak, Engelhardt and Dachsbacher 2011, "Screen-Space Bias Compensation for Interactive High-Quality Global Illumination
-with Virtual Point Lights". Departures: a few pixels are drawn about each, by what they may give, instead of a hierarchy
-of pictures; the bound is that of the lights themselves, averaged by each pixel as it gathers, so that what is added is
-what was taken. A density of lights estimated from the light at each pixel would do without that mean, but does not know
-lights of several bounces, nor those of the sky.
+with Virtual Point Lights". Departures: few pixels are sampled around each, by the light they may give, instead of a
+hierarchy of pictures; the bound is the mean of the bounds of the VPLs that light the pixel, found while gathering, so
+that what is added is what was taken.
 """
 
 from __future__ import annotations
@@ -15,10 +14,10 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
 from ..shared.scene_inputs import SceneInputs
-from .gather import Gathered, near_reach
+from .gather import Gathered, near_radius
 
 SHADER = "many_light/gather/compensate.wgsl"
-SIDE = 4  # of the squares whose pixels share a set of others; as blurs have it at least
+SIDE = 4  # of the squares of pixels that share a set of samples; no more than the blur averages by default
 
 
 def declare_compensation(
@@ -30,9 +29,9 @@ def declare_compensation(
     bounces: int | None,
     seed: int,
 ) -> Gathered:
-    """Declare the irradiance with what its bound took; `direct` is the light scattered once, (r, g, b, -) per pixel."""
+    """Declare the irradiance and what its bound took; `direct` is the light scattered once, (r, g, b, -), W/(m2 sr)."""
     if gathered.bound_sums is None:
-        graph.skip("gather/compensate", "gather.compensation is off, or nothing is bounded")
+        graph.skip("gather/compensate", "gather.compensation is off, or gather.clamping is none")
         return gathered
     width, height = graph.size
     irradiance = graph.buffer(
@@ -50,12 +49,12 @@ def declare_compensation(
             "bound_sums": gathered.bound_sums,
         },
         writes={"irradiance": irradiance},
-        params={"seed": seed, "near_reach": near_reach(gathered.near)},
+        params={"seed": seed, "near_radius": near_radius(gathered.near_field)},
         constants={
             **scene.constants(SHADER),
             "INTERLEAVE": SIDE,
-            "FURTHER": bounces != 1,
-            "NEAR": gathered.near is not None,
+            "MULTIPLE_BOUNCES": bounces != 1,
+            "NEAR_FIELD": gathered.near_field is not None,
         },
     )
     return replace(gathered, irradiance=irradiance)

@@ -1,8 +1,11 @@
-"""The gathering of light from VPLs, interleaved: each pixel sees those of its class.
+"""Final gathering: the irradiance of each pixel from the virtual point lights of its class (interleaved sampling).
 
-Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination", sections 3.4
-and 4.5. Departures: fall-off 1/d^2, bounded by the VPL's area; each workgroup finds its pixels by index arithmetic,
-nothing is split or merged.
+Linke 2016, sections 3.4 and 4.5, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global
+Illumination". Departures:
+
+* Light falls off with 1/d^2 and is bounded by the area of its VPL; Linke's falls off with 1/d^4, with a constant bound.
+* Visibility by default comes from shadow rays to VPLs drawn by their light (Talbot et al. 2005); imperfect shadow maps
+  are an option.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer, Texture
+from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
 from ...settings import setting
 from ..shared.gbuffer import FOUR_FLOATS, TWO_FLOATS, Gbuffer
@@ -35,44 +38,47 @@ class GatherSettings:
     )
     culling: str = setting(
         "tiled",
-        "Leave out VPLs that cannot light a tile of the picture, or a cluster of its pixels by distance.",
+        "Skip VPLs that cannot light a tile of the picture (tiled), or its pixels in a range of distances (clustered).",
         choices=("none", "tiled", "clustered"),
     )
     visibility: str = setting(
         "sampled",
-        "What tells whether a pixel sees a VPL: rays to a few VPLs drawn by their light, imperfect shadow maps, a ray"
-        " to each VPL, or nothing.",
+        "Visibility of VPLs: rays to a few VPLs drawn by their light (sampled), imperfect shadow maps (ism), a ray to"
+        " each VPL (exact), or all visible (none).",
         choices=("sampled", "ism", "exact", "none"),
     )
-    rays: int = setting(1, "Rays of each pixel, of visibility `sampled`.", "rays", range=(1, 8), presets={"high": 4})
+    rays: int = setting(1, "Rays of each pixel with visibility `sampled`.", "rays", range=(1, 8), presets={"high": 4})
     clamping: str = setting(
         "disc", "Bound of the light of near VPLs: that of a disc of their area, or none.", choices=("disc", "none")
     )
-    compensation: bool = setting(False, "Find the light that the bound takes by what is near in the picture.")
+    compensation: bool = setting(False, "Add the light that the bound takes, from near surfaces in screen space.")
 
 
 @dataclass
-class Near:
-    """What a near field finds by itself: of each VPL that `shares` of its light, within so many heights' reach."""
+class NearField:
+    """The part of the light that is found in screen space and left out of gathering.
+
+    shares: of each VPL's light at distance 0, in rows as the table's. radius: r_max, heights of the picture.
+    """
 
     shares: Texture
-    reach: float
+    radius: float
 
 
-def near_reach(near: Near | None) -> float:
-    """Return the reach of the near field; without one, nothing reads it."""
-    return near.reach if near is not None else 0.0
+def near_radius(near_field: NearField | None) -> float:
+    """Return r_max of the near field, heights of the picture; without a near field, no shader uses it."""
+    return near_field.radius if near_field is not None else 0.0
 
 
 @dataclass
 class Gathered:
-    """What VPLs give to each pixel, each class from its own ones. Clear where there is nothing to light.
+    """The light of VPLs at each pixel, from those of its class; 0 where there is no lit surface.
 
-    irradiance: (r, g, b) in W/m2 and the depth as `shared/denoise/plane.wgsl` has it, 0 where there is nothing.
-    normals: packed as there. glossy: the light that coats reflect, W/(m2 sr), over `coat_tint` of
-    `common/coat.wgsl`; None if no material is coated. interleave: the side of the
-    squares whose pixels use different VPLs. clusters: the lists of VPLs. bound_sums: sums of the bounds on near VPLs,
-    as in `many_light/gather/common.wgsl`; None without compensation. near: the near field that is left out.
+    irradiance: (r, g, b) in W/m2, and the depth of `shared/denoise/plane.wgsl`, 0 without a surface.
+    normals: packed as there. glossy: the radiance of coats, W/(m2 sr), over `coat_tint` of `common/coat.wgsl`; None
+    without coated materials. interleave: side of the squares of pixels that share the VPLs. clusters: the light lists.
+    bound_sums: sums of the bounds of near VPLs, as in `many_light/gather/common.wgsl`; None without compensation.
+    near_field: what is left out of it.
     """
 
     irradiance: Buffer
@@ -81,7 +87,7 @@ class Gathered:
     interleave: int
     clusters: Clusters
     bound_sums: Buffer | None = None
-    near: Near | None = None
+    near_field: NearField | None = None
 
 
 def declare_gather(
@@ -92,19 +98,17 @@ def declare_gather(
     vpls: Vpls,
     ism: Ism | None,
     seed: int,
-    near: Near | None = None,
+    near_field: NearField | None = None,
 ) -> Gathered:
-    """Declare the irradiance by VPLs, but for what is `near`; `ism` is there if `settings.visibility` is "ism"."""
-    n = settings.interleave
+    """Declare the light of VPLs at each pixel; `ism` is there if `settings.visibility` is "ism"."""
+    n, exact = settings.interleave, settings.visibility == "exact"
     coated = scene.features["HAS_COATS"]
     compensated = settings.compensation and settings.clamping != "none"
     layers = _layers(graph, coated, compensated)
     clusters = declare_clusters(graph, settings.culling, gbuffer, vpls, n)
     shader = f"many_light/gather/{settings.visibility}.wgsl"
-    exact = settings.visibility == "exact"
-    sampled = settings.visibility == "sampled"
-    maps = ism if settings.visibility == "ism" else None
-    assert maps is not None or settings.visibility != "ism"
+    visibility, constants = _visibility(settings, scene, ism)
+    # Rays to all VPLs take a pass for each word of a class' light list, as `gather/exact.wgsl` says.
     words = -(-vpls.count // (32 * n * n))
     for first in range(words if exact else 1):
         graph.compute(
@@ -116,53 +120,52 @@ def declare_gather(
                 "distance": gbuffer.distance,
                 "vpl_table": vpls.table,
                 **clusters.reads,
-                "near_shares": near.shares if near is not None else graph.neutral("texture_2d"),
-                **(scene.surfaces if exact or sampled else {}),
-                **(maps.reads if maps is not None else {}),
+                "near_shares": near_field.shares if near_field is not None else graph.neutral("texture_2d"),
+                **visibility,
             },
             writes=layers,
-            params={
-                "vpl_count": vpls.count,
-                "first_word": first,
-                "seed": seed,
-                "near_reach": near_reach(near),
-            },
+            params={"vpl_count": vpls.count, "first_word": first, "seed": seed, "near_radius": near_radius(near_field)},
             constants={
                 **scene.constants(shader),
                 **clusters.constants,
-                **(maps.constants if maps is not None else {}),
+                **constants,
                 "INTERLEAVE": n,
                 "ADDED": exact,
                 "BOUNDED": settings.clamping == "disc",
                 "COMPENSATED": compensated,
-                **({"RAYS": settings.rays} if sampled else {}),
-                "NEAR": near is not None,
+                "NEAR_FIELD": near_field is not None,
             },
             clear=[layers[name] for name in ("irradiance", "glossy", "bound_sums")] if exact and not first else (),
         )
-    return Gathered(
-        layers["irradiance"],
-        layers["glossy"] if coated else None,
-        layers["normals"],
-        n,
-        clusters,
-        layers["bound_sums"] if compensated else None,
-        near,
-    )
+    glossy = layers["glossy"] if coated else None
+    bound_sums = layers["bound_sums"] if compensated else None
+    return Gathered(layers["irradiance"], glossy, layers["normals"], n, clusters, bound_sums, near_field)
+
+
+def _visibility(
+    settings: GatherSettings, scene: SceneInputs, ism: Ism | None
+) -> tuple[dict[str, Handle], dict[str, float]]:
+    """Return what tells the visibility of VPLs: bindings and constants, by name."""
+    if settings.visibility == "ism":
+        assert ism is not None
+        return ism.reads, ism.constants
+    if settings.visibility == "none":
+        return {}, {}
+    return {**scene.surfaces}, {"RAYS": settings.rays} if settings.visibility == "sampled" else {}
 
 
 def _threads(size: tuple[int, int], interleave: int) -> tuple[int, int]:
-    """Return the threads that gather: whole workgroups of each class."""
+    """Return the number of threads along x and y: whole workgroups for each class."""
     block = (_GROUP[0] * interleave, _GROUP[1] * _PIXELS * interleave)
     return -(-size[0] // block[0]) * _GROUP[0], -(-size[1] // block[1]) * interleave**2 * _GROUP[1]
 
 
 def _layers(graph: Graph, coated: bool, compensated: bool) -> dict[str, Buffer]:
-    """Return what gathering writes, by the names of `Gathered`; of what is not asked for a stand-in."""
+    """Return the buffers that gathering writes, by their names in `Gathered`; one element if a layer is not needed."""
     width, height = graph.size
 
-    def layer(name: str, dtype: DTypeLike, asked: bool = True, nonnegative: bool = False) -> Buffer:
-        count = width * height if asked else 1
+    def layer(name: str, dtype: DTypeLike, needed: bool = True, nonnegative: bool = False) -> Buffer:
+        count = width * height if needed else 1
         return graph.buffer(f"gather/{name}", dtype=dtype, count=count, width=width, nonnegative=nonnegative)
 
     return {

@@ -1,4 +1,8 @@
-"""Points on all surfaces, in proportion to their area, for what is sought or drawn all over the scene."""
+"""Points on all surfaces in proportion to their area, for imperfect shadow maps and for light paths from the sky.
+
+Ritschel et al. 2008, "Imperfect Shadow Maps for Efficient Computation of Indirect Illumination". Departure: points are
+a low-discrepancy sequence over the area, made by the GPU when geometry or materials change.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +14,20 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
 from .inputs import ManyLightInputs
 
-POINT = np.dtype((np.uint32, 4))  # two of them
+WORD = np.dtype((np.uint32, 4))  # a point is two of them
 
 
 @dataclass
 class Points:
-    """Points as `many_light/points/table.wgsl` has them; every prefix of `count` is spread evenly over the area."""
+    """Points as `many_light/points/table.wgsl` has them; every prefix is spread evenly over the area."""
 
     buffer: Buffer
     count: int
 
 
 def declare_points(graph: Graph, scene: ManyLightInputs, count: int, albedo: Handle) -> Points:
-    """Declare `count` points on the scene's surfaces; they are kept while geometry and materials are still."""
-    buffer = graph.buffer("points", dtype=POINT, count=2 * count)
+    """Declare `count` points on the scene's surfaces; `albedo` is the reflectance of coated surfaces."""
+    buffer = graph.buffer("points", dtype=WORD, count=2 * count)
     shader = "many_light/points/sample.wgsl"
     row = 1 << 15
     graph.compute(

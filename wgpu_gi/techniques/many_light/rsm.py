@@ -1,7 +1,7 @@
-"""Reflective shadow maps: what point, spot and sun lights see, and how much of their light it reflects.
+"""Reflective shadow maps (RSMs): the surfaces that point, spot and directional lights see, and the flux they reflect.
 
-Dachsbacher and Stamminger 2005, "Reflective Shadow Maps". Departure: texels are traced, not rasterised, see
-`wgsl/many_light/rsm/trace.wgsl`.
+Dachsbacher and Stamminger 2005, "Reflective Shadow Maps"; Linke 2016, section 3.2. Departure: rays through the texels
+instead of rasterisation, see `wgsl/many_light/rsm/trace.wgsl`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ...gpu.handles import Buffer, Handle
 from ...settings import setting
 from .inputs import ManyLightInputs
 
-CANDIDATE = np.dtype((np.uint32, 4))  # two of them
+CANDIDATE = np.dtype((np.uint32, 4))  # a candidate for a virtual point light is two of them
 
 
 @dataclass
@@ -24,12 +24,12 @@ class RsmSettings:
 
     texels: int = setting(
         16384,
-        "Texels of all reflective shadow maps together; each light has a power of two of them a side.",
+        "Texels of all reflective shadow maps together; each map has a power of two on a side.",
         "texels",
         range=(64, 1 << 18),
         presets={"low": 4096, "high": 65536},
     )
-    jitter: bool = setting(True, "See through a random point of each texel, another one in each frame of a picture.")
+    jitter: bool = setting(True, "Trace through a random point of each texel, a different one in each frame.")
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Rsm:
 
 
 def declare_rsm(graph: Graph, settings: RsmSettings, scene: ManyLightInputs, albedo: Handle, seed: int) -> Rsm | None:
-    """Declare the maps of all punctual lights, or none where there is no such light; `albedo` is of coated surfaces."""
+    """Declare the maps of all punctual lights; return None if there is none. `albedo` is that of coated surfaces."""
     count = scene.vpl.rsm_texels
     if count == 0:
         graph.skip("rsm", "no point, spot or sun light")

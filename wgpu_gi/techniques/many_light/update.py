@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...gpu.wgsl.load import load
 from ...upload.area_cdf import AreaCdf
+from ...upload.light_table import KIND_ENVIRONMENT, KIND_SUN
 from ...upload.rsm_layout import rsm_layout
 from ..deferred.update import DeferredOptions, deferred_inputs
 from ..shared.technique import Shot
 from ..shared.temporal import TemporalSettings
 from ..ssdo.settings import SsdoSettings
-from .filters import DenoiseSettings
+from .denoise import DenoiseSettings
 from .gather import GatherSettings
 from .inputs import ManyLightInputs, VplInputs
 from .ism import IsmSettings
@@ -35,26 +39,44 @@ class ManyLightOptions(DeferredOptions, Protocol):
     ssdo: SsdoSettings
 
 
-class AreaState:
-    """The table of areas, and the geometry that it was made of."""
+class ManyLightState:
+    """The table of areas and the layout of reflective shadow maps, and what they were made of."""
 
     def __init__(self) -> None:
-        self.table = AreaCdf(load("many_light/points/sample.wgsl").struct_dtype("AreaInstance"))
-        self.rsm_light = load("many_light/rsm/trace.wgsl").struct_dtype("RsmLight")
+        self.areas = AreaCdf(load("many_light/points/sample.wgsl").struct_dtype("AreaInstance"))
         self.geometry = -1
+        self.rsm_light = load("many_light/rsm/trace.wgsl").struct_dtype("RsmLight")
+        self.lights: NDArray[np.void] | None = None
+        self.texels = 0  # that the maps share
+        self.rsm_texels = 0  # that they have
+
+
+def check_light_order(lights: NDArray[np.void], count: int) -> None:
+    """Assert the order of the light table that shaders rely on: punctual lights first, the environment last.
+
+    Reflective shadow maps index the first lights; light paths leave the environment out by scaling the random number
+    that picks a light (`wgsl/many_light/vpl/light_paths.wgsl`).
+    """
+    kinds = lights["kind"][:count]
+    order = (kinds > KIND_SUN).astype(np.int8) + (kinds == KIND_ENVIRONMENT)
+    assert (np.diff(order) >= 0).all(), "the light table must have punctual lights first and the environment last"
 
 
 def many_light_inputs(shot: Shot, settings: ManyLightOptions) -> ManyLightInputs:
     """Bring areas and the layout of reflective shadow maps up to date; return what passes read."""
     deferred = deferred_inputs(shot, settings)
-    upload, state = shot.upload, shot.kept(AreaState)
+    upload, state = shot.upload, shot.kept(ManyLightState)
     # Another kind of materials has another upload, which has no areas yet.
     if state.geometry != upload.geometry or RESOURCES[0] not in upload.resources:
         state.geometry = upload.geometry
-        upload.update_areas(shot.scene, state.table)
-        upload.resources.records("area_instances", state.table.instances)
-        upload.resources.buffer("area_cdf", state.table.cdf)
-    layout, texels = rsm_layout(*upload.light_table, settings.rsm.texels, state.rsm_light)
-    upload.resources.records("rsm_lights", layout)
-    instances, cdf, lights = (shot.graph.share(f"scene/{name}", *upload.resources[name]) for name in RESOURCES)
-    return ManyLightInputs(**vars(deferred), vpl=VplInputs(instances, cdf, lights, texels))
+        upload.update_areas(shot.scene, state.areas)
+        upload.resources.records("area_instances", state.areas.instances)
+        upload.resources.buffer("area_cdf", state.areas.cdf)
+    lights, count = upload.light_table
+    if state.lights is not lights or state.texels != settings.rsm.texels or RESOURCES[2] not in upload.resources:
+        check_light_order(lights, count)
+        state.lights, state.texels = lights, settings.rsm.texels
+        layout, state.rsm_texels = rsm_layout(lights, count, settings.rsm.texels, state.rsm_light)
+        upload.resources.records("rsm_lights", layout)
+    instances, cdf, rsm_lights = (shot.graph.share(f"scene/{name}", *upload.resources[name]) for name in RESOURCES)
+    return ManyLightInputs(**vars(deferred), vpl=VplInputs(instances, cdf, rsm_lights, state.rsm_texels))

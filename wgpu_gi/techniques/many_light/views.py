@@ -1,4 +1,4 @@
-"""Pictures of what many-light works with: each is made only when it is shown."""
+"""Debug views of many-light: a pass each, which runs only if the view is shown."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _picture(graph: Graph, name: str) -> Buffer:
 
 
 def declare_rsm_views(graph: Graph, scene: ManyLightInputs, rsm: Rsm) -> dict[str, Buffer]:
-    """Declare the maps of all lights side by side: metres relative to the scene's origin, unit normals, W."""
+    """Declare the maps of all lights side by side: position in m relative to the scene's origin, normal, flux in W."""
     views = {}
     for number, kind in enumerate(RSM_KINDS):
         picture = views[f"rsm/{kind}"] = _picture(graph, f"rsm_{kind}")
@@ -37,7 +37,7 @@ def declare_rsm_views(graph: Graph, scene: ManyLightInputs, rsm: Rsm) -> dict[st
 
 
 def declare_vpl_view(graph: Graph, vpls: Vpls) -> dict[str, Buffer]:
-    """Declare the virtual point lights as squares in the picture, W."""
+    """Declare the flux of the virtual point lights as squares in the picture, W."""
     picture = _picture(graph, "vpl_flux")
     graph.compute(
         "debug/vpl_flux",
@@ -54,7 +54,7 @@ def declare_vpl_view(graph: Graph, vpls: Vpls) -> dict[str, Buffer]:
 def declare_list_view(
     graph: Graph, settings: GatherSettings, gbuffer: Gbuffer, clusters: Clusters, vpls: Vpls
 ) -> dict[str, Buffer]:
-    """Declare how many lights each pixel goes through; nothing without culling."""
+    """Declare the number of lights in each pixel's list; nothing without culling."""
     if not clusters.constants["CULLED"]:
         return {}
     picture = _picture(graph, "gather_lists")
@@ -87,7 +87,7 @@ def declare_ism_views(graph: Graph, ism: Ism) -> dict[str, Buffer]:
 
 
 def declare_rejected_view(graph: Graph, rejected: Buffer) -> dict[str, Buffer]:
-    """Declare the share of each pixel's history that the mean over frames left out."""
+    """Declare the share of each pixel's history that was rejected."""
     picture = _picture(graph, "temporal_rejected")
     graph.compute(
         "debug/temporal_rejected",

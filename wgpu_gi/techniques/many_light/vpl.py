@@ -1,15 +1,17 @@
-"""Virtual point lights: drawn from all places where light was found to be reflected, by how much it may matter.
+"""Virtual point lights (VPLs): resampled from all candidates by their contribution to the view.
 
-Keller 1997, "Instant Radiosity"; Linke 2016, section 3.2. Departures: lights are drawn by flux and by what they may
-give to the view, instead of from a regular grid, so none is spent on an empty texel; paths give the light of emitters,
-of the environment, and of further bounces.
+Keller 1997, "Instant Radiosity"; Linke 2016, sections 3.2 and 4.3; importance resampling as Talbot et al. 2005.
+Departures:
+
+* VPLs are drawn by flux and by an estimate of their contribution to the view instead of on a regular grid of the
+  reflective shadow map, so none falls on an empty texel.
+* Light paths add candidates for the light of emitters and of the environment, and for further bounces.
+* Each VPL knows the area that it stands for, which bounds its light; Linke's bound is a constant.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
@@ -20,10 +22,10 @@ from .inputs import ManyLightInputs
 from .points import Points
 from .rsm import CANDIDATE, Rsm
 
-VIEW_POINTS = 64  # pixels that stand for the view; chosen
+VIEW_SAMPLES = 64  # pixels that stand for the view; tools/README.md, "Constants"
+DENSITY_VPLS = 512  # VPLs at most that the area of each is estimated from; tools/README.md, "Constants"
 TABLE_WIDTH = int(load("many_light/vpl/table.wgsl").constants["VPL_TABLE_WIDTH"])
-OVERLAP_LIGHTS = 512  # that each light is compared with at most; chosen
-BLOCK = int(load("many_light/vpl/weigh.wgsl").constants["BLOCK"])
+BLOCK = int(load("many_light/vpl/candidates.wgsl").constants["BLOCK"])
 
 
 @dataclass
@@ -33,29 +35,37 @@ class VplSettings:
     count: int = setting(2048, "Virtual point lights.", "lights", range=(64, 16384), presets={"low": 512, "high": 4096})
     importance: str = setting(
         "view",
-        "Draw lights by flux, so that they stay while the camera moves, also by what they may give to the view, or from"
-        " all places alike (grid).",
+        "Draw lights by their flux and contribution to the view (view), by flux alone, so that they stay while the"
+        " camera moves (flux), or evenly (grid).",
         choices=("view", "flux", "grid"),
     )
     paths: int = setting(
         8192,
-        "Paths that light walks from emitters and the environment, and for more than one bounce.",
+        "Light paths, for emitters, the environment and more than one bounce.",
         "paths",
         range=(64, 1 << 16),
         presets={"low": 2048, "high": 32768},
     )
-    vertices: int = setting(12, "Bounces that a path of light has at most.", "bounces", range=(1, 32))
+    max_bounces: int = setting(12, "Most bounces of a light path.", "bounces", range=(1, 32))
+
+
+@dataclass
+class LightPaths:
+    """Candidates at the vertices of light paths, packed as in `wgsl/many_light/vpl/vpl.wgsl`; `count` of them."""
+
+    buffer: Buffer
+    count: int
 
 
 @dataclass
 class Vpls:
-    """The table of virtual point lights as `wgsl/many_light/vpl/table.wgsl` has it, and how many slots it has."""
+    """The table of VPLs as `wgsl/many_light/vpl/table.wgsl` reads it, and its number of slots."""
 
     table: Texture
     count: int
 
 
-def declare_walk(
+def declare_light_paths(
     graph: Graph,
     settings: VplSettings,
     scene: ManyLightInputs,
@@ -63,87 +73,107 @@ def declare_walk(
     albedo: Handle,
     bounces: int | None,
     seed: int,
-) -> tuple[Buffer, int] | None:
-    """Declare the paths of light; return their candidates and how many there are, or None if none is needed."""
-    vertices = min(settings.vertices, bounces or settings.vertices)
+) -> LightPaths | None:
+    """Declare the light paths for at most `bounces` bounces; return None if reflective shadow maps hold all light.
+
+    `albedo` is the reflectance of coated surfaces, `wgsl/deferred/environment/reflectance.wgsl`.
+    """
+    vertices = min(settings.max_bounces, bounces or settings.max_bounces)
     has_sky, has_emitters = scene.features["HAS_ENVIRONMENT"], scene.features["HAS_EMITTERS"]
     if not has_sky and not has_emitters and vertices == 1:
-        graph.skip("vpl/walk", "the reflective shadow maps hold all light of one bounce")
+        graph.skip("vpl/light_paths", "the reflective shadow maps hold all light of one bounce")
         return None
+    # Half of the paths carry the environment's light, or all if there is no other light for them.
     others = has_emitters or (scene.vpl.rsm_texels > 0 and vertices > 1)
     sky_paths = (settings.paths // 2 if others else settings.paths) if has_sky else 0
     count = settings.paths * vertices
-    walk = graph.buffer("vpl/walk", dtype=CANDIDATE, count=2 * count)
-    shader = "many_light/vpl/walk.wgsl"
+    light_paths = graph.buffer("vpl/light_paths", dtype=CANDIDATE, count=2 * count)
+    shader = "many_light/vpl/light_paths.wgsl"
     graph.compute(
-        "vpl/walk",
+        "vpl/light_paths",
         shader,
         over=settings.paths,
         reads={**scene.surfaces, **scene.lights, "points": points.buffer, "ambient_albedo": albedo},
-        writes={"walk": walk},
+        writes={"light_paths": light_paths},
         params={"paths": settings.paths, "sky_paths": sky_paths, "seed": seed},
         constants=scene.constants(shader),
     )
-    return walk, count
+    return LightPaths(light_paths, count)
 
 
 def declare_vpls(
     graph: Graph,
     settings: VplSettings,
     rsm: Rsm | None,
-    walk: tuple[Buffer, int] | None,
+    light_paths: LightPaths | None,
     gbuffer: Gbuffer,
     seed: int,
 ) -> Vpls:
-    """Declare the choice of virtual point lights among the texels of the maps and the vertices of the paths."""
+    """Declare the resampling of `settings.count` VPLs from the texels of the maps and the vertices of the paths."""
     count = settings.count
     texels = rsm.count if rsm is not None else 0
-    candidates = texels + (walk[1] if walk is not None else 0)
-    found = {
+    candidates = texels + (light_paths.count if light_paths is not None else 0)
+    found: dict[str, Handle] = {
         "rsm": rsm.buffer if rsm is not None else graph.neutral("buffer"),
-        "walk": walk[0] if walk is not None else graph.neutral("buffer"),
+        "light_paths": light_paths.buffer if light_paths is not None else graph.neutral("buffer"),
     }
-    by_view = settings.importance == "view"
-    if by_view:
-        view_points = graph.buffer("vpl/view_points", dtype=np.dtype((np.float32, 8)), count=VIEW_POINTS)
-        graph.compute(
-            "vpl/view_points",
-            "many_light/vpl/view_points.wgsl",
-            over=VIEW_POINTS,
-            reads={"surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
-            writes={"view_points": view_points},
-        )
-    else:
-        graph.skip("vpl/view_points", f"vpl.importance is {settings.importance}")
-    blocks = graph.buffer("vpl/blocks", count=-(-candidates // BLOCK))
-    cumulative = graph.buffer("vpl/cumulative", count=candidates)
-    graph.compute(
-        "vpl/weigh",
-        "many_light/vpl/weigh.wgsl",
-        over=candidates,
-        reads={**found, "view_points": view_points if by_view else graph.neutral("buffer")},
-        writes={"cumulative": cumulative, "blocks": blocks},
-        params={"texels": texels, "candidates": candidates},
-        constants={"VIEW": by_view, "GRID": settings.importance == "grid"},
-    )
-    totals = graph.buffer("vpl/totals", count=blocks.count)
-    graph.compute("vpl/total", "many_light/vpl/total.wgsl", over=1, reads={"blocks": blocks}, writes={"totals": totals})
+    cumulative, totals = _declare_weights(graph, settings, found, texels, candidates, gbuffer)
     size = (TABLE_WIDTH, -(-2 * count // TABLE_WIDTH))
-    drawn, table = (graph.texture(f"vpl/{name}", "rgba32uint", size=size) for name in ("drawn", "table"))
+    resampled, table = (graph.texture(f"vpl/{name}", "rgba32uint", size=size) for name in ("resampled", "table"))
     graph.compute(
-        "vpl/select",
-        "many_light/vpl/select.wgsl",
+        "vpl/resample",
+        "many_light/vpl/resample.wgsl",
         over=count,
         reads={**found, "cumulative": cumulative, "totals": totals},
-        writes={"vpls": drawn},
+        writes={"vpls": resampled},
         params={"texels": texels, "candidates": candidates, "count": count, "seed": seed},
     )
     graph.compute(
-        "vpl/overlap",
-        "many_light/vpl/overlap.wgsl",
+        "vpl/areas",
+        "many_light/vpl/areas.wgsl",
         over=count,
-        reads={"drawn": drawn},
+        reads={"resampled": resampled},
         writes={"vpls": table},
-        params={"count": count, "stride": -(-count // OVERLAP_LIGHTS)},
+        params={"count": count, "stride": -(-count // DENSITY_VPLS)},
     )
     return Vpls(table, count)
+
+
+def _declare_weights(
+    graph: Graph, settings: VplSettings, found: dict[str, Handle], texels: int, candidates: int, gbuffer: Gbuffer
+) -> tuple[Buffer, Buffer]:
+    """Declare the weights of all candidates; return them cumulative within blocks, and the blocks' cumulative sums."""
+    by_view = settings.importance == "view"
+    view_samples: Handle = graph.neutral("buffer")
+    if by_view:
+        dtype = load("many_light/vpl/view_samples.wgsl").struct_dtype("ViewSample")
+        view_samples = graph.buffer("vpl/view_samples", dtype=dtype, count=VIEW_SAMPLES)
+        graph.compute(
+            "vpl/view_samples",
+            "many_light/vpl/view_samples.wgsl",
+            over=VIEW_SAMPLES,
+            reads={"surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
+            writes={"view_samples": view_samples},
+        )
+    else:
+        graph.skip("vpl/view_samples", f"vpl.importance is {settings.importance}")
+    cumulative = graph.buffer("vpl/cumulative", count=candidates)
+    block_sums = graph.buffer("vpl/block_sums", count=-(-candidates // BLOCK))
+    graph.compute(
+        "vpl/weights",
+        "many_light/vpl/weights.wgsl",
+        over=candidates,
+        reads={**found, "view_samples": view_samples},
+        writes={"cumulative": cumulative, "block_sums": block_sums},
+        params={"texels": texels, "candidates": candidates},
+        constants={"VIEW": by_view, "GRID": settings.importance == "grid"},
+    )
+    totals = graph.buffer("vpl/totals", count=block_sums.count)
+    graph.compute(
+        "vpl/prefix_sum",
+        "many_light/vpl/prefix_sum.wgsl",
+        over=1,
+        reads={"block_sums": block_sums},
+        writes={"totals": totals},
+    )
+    return cumulative, totals

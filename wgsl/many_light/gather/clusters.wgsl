@@ -1,16 +1,17 @@
-// Clusters of pixels that share a list of VPLs: tiles of the picture, cut into slices of distance.
+// Clusters of pixels that share a light list: tiles of the picture (Linke 2016, section 4.6.2), or these cut into
+// slices of distance (section 4.6.1; Olsson et al. 2012).
 //
-// Slices are found by the bits of the distance as a float, which are close to its logarithm, so that each pass finds
-// the same one, bit for bit.
+// The slices of a tile are equal ranges of the bits of the distance as a float, from its least to its largest distance:
+// these bits grow nearly as the logarithm. Integer arithmetic puts a pixel into the same slice in every pass.
 
-override SLICES: u32 = 1u;  // of a tile; a power of two
+override SLICES: u32 = 1u;  // of a tile; a power of two; 1: tiled
 
 const MAX_SLICES: u32 = 8u;
 
 const TILE_X: u32 = 32u;  // pixels
 const TILE_Y: u32 = 16u;
 
-// The distances of a tile: the bits of the least, and how far to shift what lies above to find the slice.
+// How a tile is sliced: the bits of its least distance, and the shift from the bits above it to the slice.
 struct Slicing {
     least: u32,
     shift: u32,
@@ -18,7 +19,7 @@ struct Slicing {
 
 fn slicing(least: u32, largest: u32) -> Slicing {
     let range = largest - least;
-    // Bits of the range, less those that number the slices.
+    // Keep as many bits of the range as number the slices.
     let bits = 32u - countLeadingZeros(range);
     let kept = firstTrailingBit(SLICES);
     return Slicing(least, select(0u, bits - kept, bits > kept));
@@ -32,7 +33,7 @@ fn tile_of(pixel: vec2u, size: vec2u) -> u32 {
     return pixel.y / TILE_Y * ((size.x + TILE_X - 1u) / TILE_X) + pixel.x / TILE_X;
 }
 
-// Returns where lists begin in their buffer: after the slicings of all tiles, if there are any.
+// Returns where the lists begin in their buffer: after the slicings of all tiles, if there are slices.
 fn first_list(size: vec2u) -> u32 {
     let tiles = ((size.x + TILE_X - 1u) / TILE_X) * ((size.y + TILE_Y - 1u) / TILE_Y);
     return select(0u, 2u * tiles, SLICES > 1u);

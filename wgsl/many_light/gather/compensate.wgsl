@@ -1,20 +1,21 @@
-// One invocation adds to a pixel's irradiance what the bound of near VPLs takes, from the surfaces near it in the picture.
+// One invocation adds to a pixel's irradiance what the bound of near VPLs takes, from surfaces near it in screen space
+// (Novak et al. 2011, "Screen-Space Bias Compensation").
 //
-// E(x) = integral B(y) / pi cos_x cos_y / d^2 b / (d^2 + b) dA(y): the part of the geometry term that bounded VPLs lack
-// (Novak et al. 2011). b is the mean bound of the VPLs that light x. Pixels y are drawn about x with a density of
-// 1 / (r (r^2 + a)) over the picture, sqrt(a) being as long as sqrt(b) at x; pixels of a square share a stratified set
-// of them, which the blur averages. In: G-buffer, direct light W/(m2 sr), gathered irradiance W/m2, sums of bounds.
-// Out: irradiance, W/m2. Errs dark where what is near is not in the picture, bright where something stands between, and
-// as b differs from the bounds of single VPLs; dark in corners where sqrt(b) is few pixels long.
+// E(x) = integral B(y) / pi cos_x cos_y / d^2 b / (d^2 + b) dA(y): the part of the geometry term that bounded VPLs
+// lack, with the mean bound b of the VPLs that light x. Pixels y have the density 1 / (pi^2 R^2 r (r^2 + 1)) over the
+// picture, r = |y - x| / R, R = sqrt(b) in pixels at x. The pixels of a square share a stratified set of offsets, which
+// the blur averages. In: G-buffer, direct light, W/(m2 sr), gathered irradiance, W/m2, sums of bounds, m2. Out:
+// irradiance, W/m2. Errs dark where near surfaces are not in the picture and in corners where R is few pixels, bright
+// where something stands between x and y, either way as b differs from the bounds of single VPLs.
 #import "scene/sequence.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "shared/denoise/plane.wgsl"
 #import "many_light/gather/classes.wgsl"
 #import "common/coat.wgsl"
-#import "many_light/gather/near.wgsl"
+#import "many_light/gather/near_field.wgsl"
 #import "common/random.wgsl"
 
-override FURTHER: bool = true;  // light of more than one bounce is gathered: VPLs reflect indirect light, too
+override MULTIPLE_BOUNCES: bool = true;  // y reflects indirect light, too
 
 @group(1) @binding(11) var<storage, read> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read> gathered: array<vec4f>;     // with the depth of `shared/denoise/plane.wgsl`
@@ -25,28 +26,28 @@ override FURTHER: bool = true;  // light of more than one bounce is gathered: VP
 
 struct Params {
     seed: u32,
-    near_reach: f32,  // of the near field, heights of the picture
+    near_radius: f32,  // r_max of the near field, heights of the picture
 }
 
 const SQUARE: u32 = 16u;            // pixels that share a set: INTERLEAVE^2
-const SAMPLES: u32 = 4u;            // pixels y; chosen
-// Share of a pixel's area that bounds it in turn, as BOUND_SHARE of a VPL's does.
+const SAMPLES: u32 = 4u;            // pixels y; tools/README.md, "Constants"
+// Share of a pixel's area that bounds its light, as BOUND_SHARE of a VPL's does.
 const OWN_SHARE: f32 = 0.25;
 const COMPENSATION_PAIR: u32 = 7u;  // of random numbers
 
-// Offsets of the pixels of a square, over sqrt(a), and their length.
+// Offsets of the pixels of a square and their lengths r, over R.
 var<workgroup> offsets: array<vec3f, SQUARE * SAMPLES>;
 
-// A point of a surface in the camera's frame: right, up, forward.
-struct Seen {
+// The surface that a pixel shows, in the camera's frame: right, up, forward.
+struct PixelSurface {
     position: vec3f,
     normal: vec3f,
-    area: f32,       // that the pixel shows, m2
-    width: f32,      // of the pixel, across the view, m
+    area: f32,       // within the pixel, m2
+    width: f32,      // of the pixel at its depth, m
 }
 
-// Returns what a pixel shows whose depth is above zero.
-fn seen_at(pixel: vec2u, depth: f32) -> Seen {
+// Returns the surface of a pixel whose depth is above 0.
+fn surface_of_pixel(pixel: vec2u, depth: f32) -> PixelSurface {
     let half = vec2f(length(view.right), length(view.up));
     let size = vec2f(view.size);
     let place = ((vec2f(pixel) + view.offset) / size * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0)) * half;
@@ -55,45 +56,48 @@ fn seen_at(pixel: vec2u, depth: f32) -> Seen {
     let along = select(vec3f(place, 1.0), vec3f(0.0, 0.0, 1.0), parallel);
     let normal = unpack_view_normal(normals[pixel.y * view.size.x + pixel.x]);
     let widths = 2.0 * half / size * scale;
-    return Seen(
+    return PixelSurface(
         select(vec3f(place, 1.0) * scale, vec3f(place, depth), parallel), normal,
         widths.x * widths.y / max(abs(dot(along, normal)), 0.1), widths.x);
 }
 
-// Returns what a pixel y gives to x of its light that bounded VPLs lack, W/m2.
-fn lost_light(at: Seen, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
+// Returns the irradiance at x from the surface of a pixel y that bounded VPLs lack, W/m2.
+fn lost_light(at: PixelSurface, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
     let index = y.y * view.size.x + y.x;
     let light = gathered[index];
     if (light.w <= 0.0) {
         return vec3f(0.0);
     }
-    let other = seen_at(y, light.w);
+    let other = surface_of_pixel(y, light.w);
     let way = other.position - at.position;
     let squared = dot(way, way);
     let cosines = max(dot(way, at.normal), 0.0) * max(-dot(way, other.normal), 0.0);
     if (cosines <= 0.0) {
         return vec3f(0.0);
     }
+    // Bound the light of the pixel's area, as that of a VPL, and take the part that bounded VPLs lack.
     let own = squared + OWN_SHARE * INV_PI * other.area;
     var term = cosines * other.area * bound / max(squared * own * (squared + bound), 1e-37);
+    // Find the radiosity of y over pi, and what x's coat lets through.
     var reflected = direct[index].rgb;
-    if (FURTHER) {
+    if (MULTIPLE_BOUNCES) {
         reflected += light.rgb * gbuffer_brdf(load_surface(y)).diffuse * INV_PI;
     }
     if (HAS_COATS) {
         let to_eye = select(-normalize(at.position), vec3f(0.0, 0.0, -1.0), view.orthographic != 0u);
         reflected *= passed_share(brdf, way, to_eye);
     }
-    if (NEAR) {
-        let reach = search_radius_at_depth(at.position.z, params.near_reach);
-        term *= 1.0 - border_fade(vec2f(y) + 0.5, vec2f(view.size)) * distance_fade(reach, sqrt(squared));
+    // Leave out what the near field finds.
+    if (NEAR_FIELD) {
+        let radius = search_radius_at_depth(at.position.z, params.near_radius);
+        term *= 1.0 - border_fade(vec2f(y) + 0.5, vec2f(view.size)) * distance_fade(radius, sqrt(squared));
     }
     return reflected * term;
 }
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32) {
-    // As many threads as offsets: each makes one. Lengths have the distribution 2 / pi atan(r).
+    // Draw an offset per thread. Lengths have the distribution 2 / pi atan(r).
     let u = sobol_2d(sequence.index * SQUARE * SAMPLES + thread, hash2(COMPENSATION_PAIR, params.seed));
     let radius = tan(0.5 * PI * min(u.x, 0.999));
     offsets[thread] = vec3f(radius * cos(TWO_PI * u.y), radius * sin(TWO_PI * u.y), radius);
@@ -108,19 +112,19 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
         irradiance[index] = found;
         return;
     }
-    let at = seen_at(id.xy, found.w);
+    let at = surface_of_pixel(id.xy, found.w);
     let brdf = gbuffer_brdf(load_surface(id.xy));
     let bound = sums.x / sums.y;
-    // Not below a pixel, where there is nothing to find.
+    // R is at least a pixel: nearer surfaces cannot be found.
     let reach = max(sqrt(bound) / at.width, 1.0);
-    // From frame to frame another part of the set.
+    // Sum over the part of the set that this pixel has in this frame.
     let first = class_of(id.xy, sequence.index) * SAMPLES;
     var sum = vec3f(0.0);
     for (var k = 0u; k < SAMPLES; k += 1u) {
         let offset = offsets[first + k];
         let place = floor(vec2f(id.xy) + 0.5 + reach * offset.xy);
         if (all(place >= vec2f(0.0)) && all(place < vec2f(view.size))) {
-            // Over the density of pixels, that of the length over 2 pi r.
+            // 1 / density.
             let weight = PI * PI * reach * reach * offset.z * (offset.z * offset.z + 1.0);
             sum += lost_light(at, brdf, bound, vec2u(place)) * weight;
         }

@@ -1,11 +1,13 @@
-// One invocation sums up the light of its class' VPLs for four pixels by their imperfect shadow maps.
+// One invocation gathers for four pixels from all VPLs of their class: the equation of `gather.wgsl` with V by
+// imperfect shadow maps.
 //
-// In: G-buffer, VPLs, maps. Out: irradiance, W/m2, and what coats reflect. Errs as the maps do.
+// In: G-buffer, VPLs, atlas of maps. Out: irradiance, W/m2, and the coats' radiance, W/(m2 sr). Errs as
+// `ism/lookup.wgsl` does.
 #import "many_light/gather/gather.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "many_light/ism/lookup.wgsl"
 
-fn visibility(slot: u32, vpl: Vpl, at: Four) -> vec4f {
+fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> vec4f {
     let map = vpl_map(slot, vpl);
     return vec4f(
         map_visibility(map, at.a.position, at.a.normal), map_visibility(map, at.b.position, at.b.normal),

@@ -1,11 +1,10 @@
-// One invocation sums up the light of its class' VPLs for four pixels as if nothing stood between them.
+// One invocation gathers for four pixels from all VPLs of their class: the equation of `gather.wgsl` with V = 1.
 //
-// In: G-buffer, VPLs. Out: irradiance, W/m2, and what coats reflect. Errs bright where anything casts an indirect
-// shadow.
+// In: G-buffer, VPLs. Out: irradiance, W/m2, and the coats' radiance, W/(m2 sr). Errs bright in indirect shadows.
 #import "many_light/gather/gather.wgsl"
 #import "shared/gbuffer/load.wgsl"
 
-fn visibility(slot: u32, vpl: Vpl, at: Four) -> vec4f {
+fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> vec4f {
     return vec4f(1.0);
 }
 

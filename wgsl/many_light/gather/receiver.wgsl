@@ -1,28 +1,29 @@
-// The surface that a pixel shows, as light from VPLs meets it.
+// The surface that a pixel shows, as a receiver of light from VPLs.
 #import "shared/gbuffer/read.wgsl"
 #import "shared/denoise/plane.wgsl"
-#import "many_light/gather/near.wgsl"
+#import "many_light/gather/near_field.wgsl"
 
 struct Receiver {
     position: vec3f,
-    normal: vec3f,   // shading, towards the viewer; zero: there is nothing to light
+    normal: vec3f,            // shading, towards the viewer; 0 where the pixel shows no lit surface
     geometric_normal: vec3f,
-    depth: f32,      // as `shared/denoise/plane.wgsl` has it; 0 with the normal
+    depth: f32,               // as `shared/denoise/plane.wgsl` has it; 0 with the normal
     brdf: Brdf,
     to_eye: vec3f,
-    reach: f32,      // of the near field, metres
+    near_radius: f32,         // r_max of the near field, metres
 }
 
 // The pixels of a thread.
-struct Four {
+struct Receivers {
     a: Receiver,
     b: Receiver,
     c: Receiver,
     d: Receiver,
 }
 
-fn load_receiver(pixel: vec2u, near_reach: f32) -> Receiver {
-    // Beyond the picture: the last pixel, whose result is dropped.
+// Returns the receiver of a pixel; beyond the picture, that of the last pixel, whose results are not stored.
+// `near_radius` is r_max of the near field in heights of the picture.
+fn load_receiver(pixel: vec2u, near_radius: f32) -> Receiver {
     let inside = min(pixel, view.size - 1u);
     let surface = load_surface(inside);
     let seen = load_distance(inside);
@@ -31,5 +32,5 @@ fn load_receiver(pixel: vec2u, near_reach: f32) -> Receiver {
     return Receiver(
         ray.origin + ray.direction * seen, select(vec3f(0.0), surface.normal, lit), surface.geometric_normal,
         select(0.0, plane_depth(ray, seen), lit), gbuffer_brdf(surface), -ray.direction,
-        search_radius(ray, seen, near_reach));
+        search_radius(ray, seen, near_radius));
 }

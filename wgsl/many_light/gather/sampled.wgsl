@@ -1,20 +1,20 @@
-// One invocation finds the light of its class' VPLs for four pixels by few rays: each goes to a VPL drawn by what it
-// would give if nothing stood between (importance resampling, Talbot et al. 2005, "Importance Resampling for Global
-// Illumination").
+// One invocation gathers for four pixels with few shadow rays: each ray goes to a VPL drawn by its unshadowed light
+// (Talbot et al. 2005, "Importance Resampling for Global Illumination").
 //
-// L = W / K sum_k f_k V_k / w_k, W = sum_i w_i over the VPLs of the class, f_i what VPL i gives unshadowed, w_i its
-// luminance. The k-th of K rays goes to the VPL at (k + u) / K of all weight. Slots follow each other in space, and u is
-// a low-discrepancy sequence over the picture and the frames, so neighbours and frames share the VPLs out among them.
-// In: G-buffer, VPLs, scene. Out: irradiance, W/m2, and what coats reflect. Unbiased but for the bound of near VPLs;
-// noisy where few of the VPLs that face a surface reach it.
+// L = W / K sum_k f_k V_k / w_k, W = sum_i w_i over the VPLs i of the class: f_i is the light of VPL i unshadowed, w_i
+// its luminance. Ray k of K goes to the VPL at (k + u) / K of the cumulative weight. Consecutive slots are close in
+// space, and u is a low-discrepancy sequence over pixels and frames, so neighbours and frames draw different VPLs.
+//
+// In: G-buffer, VPLs, scene. Out: irradiance, W/m2, and the coats' radiance, W/(m2 sr). Unbiased but for the bound of
+// near VPLs (dark in corners); noisy where few of the VPLs that face a surface are visible.
 #import "many_light/gather/common.wgsl"
-#import "many_light/gather/sight.wgsl"
+#import "many_light/gather/shadow_rays.wgsl"
 #import "common/random.wgsl"
 
 override RAYS: u32 = 1u;  // K, of each pixel
 
-// The weights of a class are summed in so many runs of words at most: only one of them is gone through again to find
-// the VPL drawn. Chosen.
+// Weights are summed in so many runs of words. Drawing a VPL reads one run: more runs make it shorter, but take
+// registers. tools/README.md, "Constants".
 const RUNS: u32 = 16u;
 
 // Multiples of 2^32 that spread points over [0, 1): of pixels by Roberts 2018, "The Unreasonable Effectiveness of
@@ -23,40 +23,47 @@ const STEP_X: u32 = 3242174889u;
 const STEP_Y: u32 = 2447445414u;
 const STEP_FRAME: u32 = 2654435769u;
 
-// What a VPL gives to a pixel, unshadowed, without the factors that all VPLs share.
-struct Light {
+// The unshadowed light of a VPL at a receiver, without the factors that all VPLs share.
+struct VplLight {
     irradiance: vec3f,
-    glossy: vec3f,     // radiance
-    weight: f32,
+    glossy: vec3f,     // the coat's radiance
+    weight: f32,       // its luminance
     squared: f32,      // of the distance, m2
 }
 
-fn light_of(vpl: Vpl, near: f32, at: Receiver) -> Light {
+// Returns the light of a VPL; `near` is the share that the near field finds at distance 0.
+fn light_of(vpl: Vpl, near: f32, at: Receiver) -> VplLight {
+    // Compute the bounded geometry term. Both cosines are times d; the denominator stays above 0 where VPL and pixel
+    // meet.
     let way = at.position - vpl.position;
     let squared = dot(way, way);
     let reach = squared + bound_of(vpl);
     let leaving = max(dot(way, vpl.normal), 0.0);
     let arriving = max(-dot(way, at.normal), 0.0);
-    // Both cosines still have a length of d. Above zero, for 0 / 0 where VPL and pixel meet.
     let term = leaving * arriving / max(squared * reach, 1e-37);
     let flux = vpl.flux * term;
-    let far = far_share(near, squared, at.reach);
+    let far = far_field_share(near, squared, at.near_radius);
     if (!HAS_COATS) {
-        return Light(flux * far, vec3f(0.0), luminance(flux) * far, squared);
+        return VplLight(flux * far, vec3f(0.0), luminance(flux) * far, squared);
     }
+    // Split it between the coat and what lies below.
     let shine = shine_of(at.brdf, at.normal, at.to_eye, -way, reach, vpl.area);
     let passed = flux * (1.0 - shine.fresnel) * far;
     let coat = flux * shine.fresnel * shine.lobe;
-    // Black surfaces, too, share the light out: the blur averages irradiance.
+    // Black surfaces, too, need irradiance, because the blur averages it: their reflectance counts as 1 %.
     let weight = luminance(passed * max(at.brdf.diffuse, vec3f(0.01)) * INV_PI + coat);
-    return Light(passed, coat, weight, squared);
+    return VplLight(passed, coat, weight, squared);
 }
 
-// Returns the slot of a run that holds the place `wanted` in the sum of its weights.
-fn draw(at: Receiver, begin: u32, class_number: u32, run: u32, wanted: f32) -> u32 {
+fn words_per_run() -> u32 {
+    return (words_per_class(params.vpl_count) + RUNS - 1u) / RUNS;
+}
+
+// Returns the slot of the VPL that holds the place `wanted` in the cumulative weight of a run.
+fn draw_vpl(at: Receiver, begin: u32, class_number: u32, run: u32, wanted: f32) -> u32 {
     var sum = 0.0;
     var slot = class_number;
-    let words = run_words();
+    let words = words_per_run();
     let end = min((run + 1u) * words, words_per_class(params.vpl_count));
     for (var word = run * words; word < end && sum <= wanted; word += 1u) {
         var bits = slots_of_word(params.vpl_count, class_number, word);
@@ -74,25 +81,12 @@ fn draw(at: Receiver, begin: u32, class_number: u32, run: u32, wanted: f32) -> u
     return slot;
 }
 
-fn run_words() -> u32 {
-    return (words_per_class(params.vpl_count) + RUNS - 1u) / RUNS;
-}
-
-@compute @workgroup_size(GROUP_X, GROUP_Y)
-fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
-    let place = place_of(group, thread);
-    if (any(place.pixel >= view.size)) {
-        return;
-    }
-    let at = load_four(place.pixel);
-    let begin = lists_of(place);
-    let class_number = place.class_number;
-
-    // Sum up the weights of all VPLs, for the four pixels.
-    let words = run_words();
-    var sums: array<vec4f, RUNS>;
-    var total = vec4f(0.0);
-    var bounds = Bounds(vec4f(0.0), vec4f(0.0));
+// Sums the weights of all VPLs of the class, for the four pixels and for each run; returns the sums of bounds.
+fn sum_weights(
+    at: Receivers, begin: vec4u, class_number: u32, runs: ptr<function, array<vec4f, RUNS>>
+) -> BoundSums {
+    var bounds = BoundSums(vec4f(0.0), vec4f(0.0));
+    let words = words_per_run();
     for (var run = 0u; run < RUNS; run += 1u) {
         var sum = vec4f(0.0);
         let end = min((run + 1u) * words, words_per_class(params.vpl_count));
@@ -118,42 +112,81 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
                 }
             }
         }
-        sums[run] = sum;
-        total += sum;
+        (*runs)[run] = sum;
     }
+    return bounds;
+}
 
-    let first = place.pixel.x * STEP_X + place.pixel.y * STEP_Y + sequence.index * STEP_FRAME + hash(params.seed);
+// Where the wanted places of the four pixels lie: the run, and the weight before it.
+struct RunPlaces {
+    run: vec4u,
+    before: vec4f,
+}
+
+fn find_runs(wanted: vec4f, runs: ptr<function, array<vec4f, RUNS>>) -> RunPlaces {
+    var found = RunPlaces(vec4u(0u), vec4f(0.0));
+    var sum = vec4f(0.0);
+    for (var run = 0u; run < RUNS; run += 1u) {
+        let inside = ((*runs)[run] > vec4f(0.0)) & (sum <= wanted);
+        found.run = select(found.run, vec4u(run), inside);
+        found.before = select(found.before, sum, inside);
+        sum += (*runs)[run];
+    }
+    return found;
+}
+
+// Returns four numbers in [0, 1) for the pixels of a thread.
+fn random_numbers(pixel: vec2u) -> vec4f {
+    let first = pixel.x * STEP_X + pixel.y * STEP_Y + sequence.index * STEP_FRAME + hash(params.seed);
     let codes = first + vec4u(0u, 1u, 2u, 3u) * (INTERLEAVE * STEP_Y);
-    let u = vec4f(codes >> vec4u(8u)) / 16777216.0;
+    return vec4f(codes >> vec4u(8u)) / 16777216.0;
+}
+
+@compute @workgroup_size(GROUP_X, GROUP_Y)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
+    let place = place_of(group, thread);
+    if (any(place.pixel >= view.size)) {
+        return;
+    }
+    let at = load_receivers(place.pixel);
+    let begin = lists_of(place);
+    let class_number = place.class_number;
+    var runs: array<vec4f, RUNS>;
+    let bounds = sum_weights(at, begin, class_number, &runs);
+    var total = vec4f(0.0);
+    for (var run = 0u; run < RUNS; run += 1u) {
+        total += runs[run];
+    }
+    let u = random_numbers(place.pixel);
+
     var colors = mat4x3f();
     var coats = mat4x3f();
     for (var k = 0u; k < RAYS; k += 1u) {
-        // Find the run, then the VPL in it.
+        // Find the run of each pixel, then the VPL in it.
         let wanted = total * ((f32(k) + u) / f32(RAYS));
-        var chosen = vec4u(0u);
-        var before = vec4f(0.0);
-        var sum = vec4f(0.0);
-        for (var run = 0u; run < RUNS; run += 1u) {
-            let inside = (sums[run] > vec4f(0.0)) & (sum <= wanted);
-            chosen = select(chosen, vec4u(run), inside);
-            before = select(before, sum, inside);
-            sum += sums[run];
-        }
-        let rest = wanted - before;
+        let places = find_runs(wanted, &runs);
+        let left = wanted - places.before;
         let slots = vec4u(
-            draw(at.a, begin.x, class_number, chosen.x, rest.x), draw(at.b, begin.y, class_number, chosen.y, rest.y),
-            draw(at.c, begin.z, class_number, chosen.z, rest.z), draw(at.d, begin.w, class_number, chosen.w, rest.w));
+            draw_vpl(at.a, begin.x, class_number, places.run.x, left.x),
+            draw_vpl(at.b, begin.y, class_number, places.run.y, left.y),
+            draw_vpl(at.c, begin.z, class_number, places.run.z, left.z),
+            draw_vpl(at.d, begin.w, class_number, places.run.w, left.w));
+        // Trace the shadow rays.
         let a = load_vpl(slots.x);
         let b = load_vpl(slots.y);
         let c = load_vpl(slots.z);
         let d = load_vpl(slots.w);
-        let seen = vec4f(see_two(sight_of(at.a, a), sight_of(at.b, b)), see_two(sight_of(at.c, c), sight_of(at.d, d)));
+        let visibility = vec4f(
+            trace_shadow_rays(shadow_ray(at.a, a), shadow_ray(at.b, b)),
+            trace_shadow_rays(shadow_ray(at.c, c), shadow_ray(at.d, d)));
+        // Add the light of the VPLs over their probabilities.
         let light_a = light_of(a, load_near_share(slots.x), at.a);
         let light_b = light_of(b, load_near_share(slots.y), at.b);
         let light_c = light_of(c, load_near_share(slots.z), at.c);
         let light_d = light_of(d, load_near_share(slots.w), at.d);
-        let weights = vec4f(light_a.weight, light_b.weight, light_c.weight, light_d.weight);
-        let share = select(vec4f(0.0), seen * total / max(weights, vec4f(1e-37)), weights > vec4f(0.0));
+        let drawn = vec4f(light_a.weight, light_b.weight, light_c.weight, light_d.weight);
+        let inverse = visibility * total / max(drawn, vec4f(1e-37));
+        let share = select(vec4f(0.0), inverse, drawn > vec4f(0.0));
         colors[0] += light_a.irradiance * share.x;
         colors[1] += light_b.irradiance * share.y;
         colors[2] += light_c.irradiance * share.z;
@@ -165,11 +198,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
             coats[3] += light_d.glossy * share.w;
         }
     }
+    // Each class has 1 / n^2 of the VPLs.
     let scale = f32(class_count()) * INV_PI / f32(RAYS);
-    let step = vec2u(0u, INTERLEAVE);
-    let means = transpose(mat2x4f(bounds.bounds, bounds.weights));
-    store(place.pixel, colors[0] * scale, coats[0] * scale, means[0], at.a);
-    store(place.pixel + step, colors[1] * scale, coats[1] * scale, means[1], at.b);
-    store(place.pixel + 2u * step, colors[2] * scale, coats[2] * scale, means[2], at.c);
-    store(place.pixel + 3u * step, colors[3] * scale, coats[3] * scale, means[3], at.d);
+    store_results(place, colors * scale, coats * scale, bounds, at);
 }

@@ -1,4 +1,4 @@
-// One invocation splats one surface point into one imperfect shadow map (Ritschel et al. 2008, section 4): the texels
+// One invocation splats one surface point into one imperfect shadow map (Ritschel et al. 2008): the texels
 // of a disc, each with the plane of the disc and its distance.
 //
 // Map k takes the n points from k n on (modulo their number), and discs grow with the share that is left out:

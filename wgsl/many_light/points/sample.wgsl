@@ -1,30 +1,31 @@
-// One invocation puts a point on the scene's surfaces, in proportion to their area.
+// One invocation places a point on the scene's surfaces, in proportion to their area.
 //
-// In: cumulative areas of instances, and of the triangles of each mesh. Out: points as `many_light/points/table.wgsl` has them.
-// Under a transform that stretches a mesh unevenly, points go by the area before it, and each stands for as much area
-// after it as makes up for that.
+// Inverse transform sampling: first the instance, then the triangle of its mesh, by cumulative areas; a point of a
+// low-discrepancy sequence each. In: cumulative areas, scene. Out: points as `many_light/points/table.wgsl` reads them.
+// Exact: where a transform stretches a mesh unevenly, triangles are drawn by their area before it, and the area that
+// each point stands for corrects that.
 #import "scene/surface.wgsl"
 #import "common/random.wgsl"
 #import "deferred/environment/reflectance.wgsl"
 
 struct AreaInstance {
-    cumulative: f32,   // share of this instance and those before it of all area
-    share: f32,
-    first: u32,        // its mesh's triangles
-    count: u32,
-    instance: u32,     // scene instance that places the triangles; NONE: they lie in the world
-    local_area: f32,   // of the mesh as it is stored, m2
+    cumulative: f32,   // area of this instance and those before it, over that of all
+    share: f32,        // area of this instance over that of all
+    first: u32,        // triangle of its mesh
+    count: u32,        // of triangles
+    instance: u32,     // of the scene, which transforms the triangles; NONE: they are in world space
+    local_area: f32,   // of the mesh before the transform, m2
 }
 
 @group(1) @binding(11) var<storage, read> area_instances: array<AreaInstance>;
-@group(1) @binding(12) var<storage, read> area_cdf: array<f32>;  // by triangle, within its mesh
+@group(1) @binding(12) var<storage, read> area_cdf: array<f32>;  // by triangle, cumulative over its mesh
 @group(1) @binding(13) var<storage, read_write> points: array<vec4u>;
 
-// The index of a point is the same in all sequences; the seeds are arbitrary.
+// Scramble the sequences of triangles and of places in them; any two different numbers do.
 const PLACE_SEED: u32 = 0x5bd1e995u;
 const WEIGHTS_SEED: u32 = 0x1b873593u;
 
-// Light of all directions arrives at this cosine in the mean.
+// Mean cosine of the angle of incidence of light from all directions, weighted by that cosine.
 const MEAN_COSINE: f32 = 2.0 / 3.0;
 
 @compute @workgroup_size(64)
@@ -34,7 +35,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     if (index >= count) {
         return;
     }
-    // Find the instance, then the triangle.
+    // Find the instance.
     let choice = sobol_2d(index, PLACE_SEED).x;
     var low = 0u;
     var high = arrayLength(&area_instances) - 1u;
@@ -46,10 +47,11 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
             low = middle + 1u;
         }
     }
+    // Find the triangle of its mesh.
     let placed = area_instances[low];
     let inside = (choice - (placed.cumulative - placed.share)) / max(placed.share, 1e-30);
     low = placed.first;
-    // A scene without a triangle has one instance of none.
+    // A scene without triangles has one instance of 0 triangles.
     high = placed.first + max(placed.count, 1u) - 1u;
     while (low < high) {
         let middle = (low + high) / 2u;
@@ -59,10 +61,12 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
             low = middle + 1u;
         }
     }
+    // Draw a point of the triangle.
     let weights = sample_triangle(sobol_2d(index, WEIGHTS_SEED));
     let t = load_triangle(low);
     let stored_area = 0.5 * length(cross(t.edge1, t.edge2));
     let s = surface_at(Hit(0.0, low, placed.instance, weights), vec3f(0.0, 0.0, 1.0));
+    // Find the area that it stands for: area / (probability of the triangle * number of points).
     var edge1 = t.edge1;
     var edge2 = t.edge2;
     if (HAS_INSTANCES && t.instance == NONE) {
@@ -71,8 +75,8 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         edge2 = world_from_local * vec4f(edge2, 0.0);
     }
     let area = 0.5 * length(cross(edge1, edge2));
-    // area / (probability of the triangle * number of points)
     let share = area * placed.local_area / max(stored_area * placed.share * f32(count), 1e-37);
+    // Store it with its reflectance.
     let b = surface_brdf(s);
     let albedo = select(directional_reflectance(b, MEAN_COSINE), vec3f(0.0), (s.flags & UNLIT) != 0u);
     points[2u * index] = vec4u(bitcast<vec3u>(s.position), pack2x16snorm(octahedral_encode(s.geometric_normal)));

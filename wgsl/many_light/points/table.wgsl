@@ -1,16 +1,16 @@
-// Points on the scene's surfaces as passes read them.
+// Points on the scene's surfaces, in proportion to area.
 #import "common/math.wgsl"
 
 struct SurfacePoint {
     position: vec3f,  // metres relative to the scene's origin
-    normal: vec3f,    // unit, geometric, on the counter-clockwise side
-    radius: f32,      // of a disc of the area that the point stands for, metres
+    normal: vec3f,    // unit, geometric, of the side where corners run counter-clockwise
+    radius: f32,      // of a disc with the area that the point stands for, metres
     albedo: vec3f,    // hemispherical reflectance, 8 bits
     triangle: u32,
     instance: u32,
 }
 
-// Two texels of 16 bytes each; every prefix of the points is spread evenly over the area.
+// Two words each. The points are a low-discrepancy sequence: every prefix is spread evenly over the area.
 @group(1) @binding(44) var<storage, read> points: array<vec4u>;
 
 fn point_count() -> u32 {

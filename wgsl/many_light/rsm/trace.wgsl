@@ -1,10 +1,12 @@
-// One invocation finds what a texel of a reflective shadow map sees (Dachsbacher and Stamminger 2005, "Reflective Shadow
-// Maps"): position, normal and the flux that is reflected there, W.
+// One invocation finds the surface and the reflected flux of a texel of a reflective shadow map (Dachsbacher and
+// Stamminger 2005, "Reflective Shadow Maps"; Linke 2016, section 3.2).
 //
-// Departure: the texels' rays go through the scene's hierarchy instead of a rasterisation for each view, because few
-// texels are needed. So a point light has one map instead of six, and every texel of a light stands for an equal solid
-// angle, or for an equal area across a sun's rays: flux = power in the texel * reflectance. The numbers of texels run
-// along a Hilbert curve over the map, so that neighbours in the list are neighbours on the map.
+// flux = light's power in the texel * reflectance, W. Texels of point and spot lights have equal solid angles, those of
+// directional lights equal areas across the rays. In: scene, lights. Out: candidates as `vpl/vpl.wgsl` packs them, in
+// the order of `rsm/layout.wgsl`; black where a ray leaves the scene. Unbiased, if jittered, but for a bound on shading
+// normals (`vpl/reflect.wgsl`).
+//
+// Departure: rays instead of rasterisation. Few texels are needed, and a point light takes one map instead of six.
 #import "many_light/rsm/layout.wgsl"
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
@@ -17,7 +19,7 @@
 
 struct Params {
     texels: u32,
-    jitter: u32,  // 1: through a random point of each texel, else through its centre
+    jitter: u32,  // 1: rays go through a random point of their texel, else through its centre
     seed: u32,
 }
 
@@ -27,6 +29,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (texel >= params.texels) {
         return;
     }
+    // Find the light by binary search.
     var low = 0u;
     var high = arrayLength(&rsm_lights) - 1u;
     while (low < high) {
@@ -39,6 +42,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let map = rsm_lights[low];
     let light = lights[low];
+    // Trace the texel's ray.
     let random = sobol_2d(sequence.index, hash2(texel, params.seed));
     let inside = select(vec2f(0.5), random, params.jitter != 0u);
     let uv = (vec2f(texel_of_number(texel - map.first, map.level)) + inside) / f32(1u << map.level);
@@ -50,6 +54,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         rsm[2u * texel + 1u] = vec4u(0u);
         return;
     }
+    // The area is the inverse density of rays on the surface.
     let s = surface_at(hit, sent.ray.direction);
     let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
     let falloff = select(1.0 / (hit.distance * hit.distance), 1.0, sent.parallel);

@@ -15,7 +15,7 @@ fn inverse_distance(texel: u32) -> f32 {
     return select(0.0, 1.0 / code_distance(f32(texel >> 16u)), texel != 0u);
 }
 
-// Returns the same of a texel of the atlas, or of its samples.
+// Returns 1 / distance, 1/m, of a texel of the atlas or of its samples.
 fn nearness(at: vec2u, size: vec2u) -> f32 {
     if (!SAMPLES) {
         return inverse_distance(textureLoad(atlas, at).r);

@@ -1,4 +1,6 @@
-// One invocation counts the virtual point lights that a pixel goes through: those of its class in its tile's list.
+// One invocation shows how many virtual point lights a pixel gathers from: those of its class in its cluster's list.
+//
+// In: light lists, G-buffer. Out: a number.
 #import "many_light/gather/classes.wgsl"
 #import "many_light/gather/clusters.wgsl"
 #import "shared/gbuffer/load.wgsl"

@@ -1,6 +1,6 @@
 // One invocation shows a texel of a reflective shadow map: the maps of all lights side by side, over the whole picture.
 //
-// Out: position in metres relative to the scene's origin, normal, or reflected flux in W; 0 where the map saw nothing.
+// Out: position in metres relative to the scene's origin, normal, or reflected flux in W; 0 where no surface was hit.
 #import "many_light/rsm/layout.wgsl"
 #import "scene/info.wgsl"
 #import "many_light/vpl/vpl.wgsl"

@@ -1,5 +1,6 @@
-// One invocation draws a virtual point light into the picture, as a square of 3 pixels a side: its flux, W. Lights
-// behind surfaces are drawn, too; of several in one place, any.
+// One invocation shows the flux of a virtual point light as a square of 3 x 3 pixels, W.
+//
+// Lights behind surfaces are shown, too. Where several overlap, which of them is shown depends on the GPU.
 #import "scene/info.wgsl"
 #import "many_light/vpl/table.wgsl"
 

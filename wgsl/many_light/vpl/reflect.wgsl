@@ -1,14 +1,13 @@
-// What arrives at a surface and leaves it as the light of a virtual point light: what coats reflect, too, counts as
-// diffuse (errs: no caustics).
+// Light that arrives at a surface and leaves it as a VPL: all of it as diffuse. Errs: no caustics.
 #import "scene/surface.wgsl"
 #import "many_light/vpl/vpl.wgsl"
 #import "deferred/environment/reflectance.wgsl"
 
-// How much more light than by its geometric normal a surface may get by its shading normal. Chosen: bounds the brightest
-// lights; errs dark where light grazes what is finely shaded.
+// Bound of the irradiance by the shading normal over that by the geometric one. Errs dark where light grazes a surface
+// with a normal map, and bounds the brightest VPLs. tools/README.md, "Constants".
 const MAX_SHADING_RATIO: f32 = 4.0;
 
-// Returns the light that a surface reflects of a ray's flux, W. `density` is that of such rays where it hits, 1/m2.
+// Returns the VPL of a ray that carries `flux`, W, along `direction` and stands for `area`, m2, of the surface it hits.
 fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32) -> Vpl {
     let normal = select(-s.geometric_normal, s.geometric_normal, s.front);
     let geometric = max(-dot(normal, direction), 1e-6);

@@ -1,7 +1,7 @@
-// The table of virtual point lights as passes read it.
+// The table of virtual point lights, a slot each. It is a texture, because loops over it are fastest so on CPUs.
 #import "many_light/vpl/vpl.wgsl"
 
-// Texels in rows of VPL_TABLE_WIDTH, 2 for each.
+// Two texels per slot, in rows of VPL_TABLE_WIDTH texels.
 @group(1) @binding(40) var vpl_table: texture_storage_2d<rgba32uint, read>;
 
 const VPL_TABLE_WIDTH: u32 = 2048u;

@@ -1,15 +1,15 @@
-// A virtual point light: a small diffuse emitter that stands for light which a surface reflects (Keller 1997, "Instant
-// Radiosity").
+// A virtual point light (VPL): a point of a surface whose reflected light leaves it as from a diffuse emitter (Keller
+// 1997, "Instant Radiosity").
 #import "common/math.wgsl"
 
 struct Vpl {
     position: vec3f,  // metres relative to the scene's origin
-    normal: vec3f,    // unit, geometric, of the side that it shines to
+    normal: vec3f,    // unit, geometric, of the side that it lights
     flux: vec3f,      // W; intensity in a direction w is flux / pi * max(dot(normal, w), 0)
-    area: f32,        // m2 of surface that it stands for
+    area: f32,        // m2, of the surface that it stands for
 }
 
-// Two texels of 16 bytes.
+// A VPL is two vec4u: position and normal, flux and area.
 fn unpack_vpl(a: vec4u, b: vec4u) -> Vpl {
     return Vpl(
         bitcast<vec3f>(a.xyz), octahedral_decode(unpack2x16snorm(a.w)), bitcast<vec3f>(b.xyz), bitcast<f32>(b.w));

@@ -1,7 +1,7 @@
-// One invocation finds the share of a VPL's light that the near field may take over: 1 if the picture shows the VPL's
-// surface, fading to 0 at the picture's border, and 0 if it does not.
+// One invocation finds the share of a VPL's light that the near field finds at distance 0: 1 if the picture shows the
+// VPL's surface, fading to 0 at the picture's border (`border_fade`), 0 if it does not.
 //
-// In: VPLs, G-buffer. Out: the share of each VPL, in the rows of their table. Errs at silhouettes, by a pixel.
+// In: VPLs, G-buffer. Out: a share for each slot, in rows as the table's. Errs at silhouettes, by a pixel.
 #import "many_light/vpl/table.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "ssdo/search_radius.wgsl"
@@ -13,12 +13,12 @@ struct Params {
     count: u32,  // of VPLs
 }
 
-// A pixel shows a VPL's surface if the VPL is off the pixel's tangent plane and off its point by no more than these
-// widths of a pixel, tools/README.md, "Constants",
-const OFF_PLANE: f32 = 1.0;
-const OFF_POINT: f32 = 16.0;
-// and if the cosine of the normals is no less than this, since curved surfaces turn within a pixel.
-const FACING: f32 = 0.5;
+// A VPL lies on a pixel's surface if it is at most so many widths of the pixel off its tangent plane and off its point:
+// up to its footprint at grazing angles. tools/README.md, "Constants".
+const MAX_PLANE_DISTANCE: f32 = 1.0;
+const MAX_POINT_DISTANCE: f32 = 16.0;
+// And if the cosine of their normals is at least this, half-way between those of one wall and of two at a right angle.
+const SIMILAR_NORMALS: f32 = 0.5;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -26,12 +26,14 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (slot >= params.count) {
         return;
     }
+    // Find the pixel that it falls on.
     let vpl = load_vpl(slot);
     let clip = view.clip_from_world * vec4f(vpl.position, 1.0);
     let size = vec2f(view.size);
     let place = (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * size;
     let inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < size);
     let pixel = vec2u(select(vec2f(0.0), place, inside));
+    // Compare it with the surface of that pixel.
     let seen = load_distance(pixel);
     let surface = load_surface(pixel);
     let ray = pixel_ray(pixel);
@@ -40,8 +42,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let normal = select(-surface.geometric_normal, surface.geometric_normal, faces);
     let depth = select(seen * dot(ray.direction, view.forward), 1.0, view.orthographic != 0u);
     let width = 2.0 * length(view.up) * depth / size.y;
-    let same = abs(dot(way, normal)) <= OFF_PLANE * width && length(way) <= OFF_POINT * width
-        && dot(vpl.normal, normal) >= FACING;
+    let same = abs(dot(way, normal)) <= MAX_PLANE_DISTANCE * width && length(way) <= MAX_POINT_DISTANCE * width
+        && dot(vpl.normal, normal) >= SIMILAR_NORMALS;
     let lit = seen > 0.0 && (surface.flags & GBUFFER_UNLIT) == 0u;
     let share = select(0.0, border_fade(vec2f(pixel) + 0.5, size), inside && lit && same);
     textureStore(near_shares, vpl_texel(slot), vec4f(share));

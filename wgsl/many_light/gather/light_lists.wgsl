@@ -1,8 +1,10 @@
-// One invocation finds which of 32 VPLs of a class can light each of four clusters.
+// One invocation finds which of 32 VPLs of a class can light each of four clusters (Olsson et al. 2012; Linke
+// 2016, section 3.5).
 //
-// In: VPLs, bounds of clusters. Out: a bit for each VPL and cluster. A VPL is left out only where its contribution is
-// exactly zero: it is black, or all of the cluster lies behind it. So the picture stays the same, bit for bit. That it
-// lies behind all surfaces of a cluster is not tested: by boxes of normals, that saved nothing in Sponza.
+// bit = [flux > 0 and a corner of the cluster's box has n . (corner - x) > 0]. In: VPLs, bounds of clusters, metres.
+// Out: light lists, one mask per cluster, class and word. Conservative: a VPL is left out only where its light is
+// exactly zero, so pictures are the same bit for bit. Boxes of normals, which could cull VPLs behind all surfaces of a
+// cluster, saved nothing in Sponza.
 #import "many_light/gather/classes.wgsl"
 #import "many_light/gather/clusters.wgsl"
 #import "scene/info.wgsl"
@@ -10,7 +12,6 @@
 
 @group(1) @binding(11) var<storage, read_write> lists: array<u32>;
 @group(1) @binding(12) var<storage, read> bounds: array<vec4f>;
-
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
@@ -18,16 +19,17 @@ struct Params {
 }
 
 const CLUSTERS: u32 = 4u;  // of a thread
-// Of the coordinates: rounding between here and the gathering pass. Chosen.
+// Widens boxes, over their coordinates: 168 times the unit roundoff of float32. Positions and dot products here and in
+// the gathering pass take about 20 roundings.
 const ROUNDING: f32 = 1e-5;
 
 struct Box {
     centre: vec3f,
-    half: vec3f,   // negative where there is nothing
+    half: vec3f,   // negative if the cluster is empty
 }
 
+// Returns the box of a cluster; beyond the last cluster, that of the last, whose masks are then dropped.
 fn load_box(cluster: u32) -> Box {
-    // Beyond the last cluster, take that; its bits are dropped.
     let first = min(2u * cluster, arrayLength(&bounds) - 2u);
     let low = bounds[first].xyz;
     let high = bounds[first + 1u].xyz;
@@ -37,8 +39,8 @@ fn load_box(cluster: u32) -> Box {
         select((low + high) * 0.5, vec3f(0.0), is_empty), select(half, vec3f(-1.0), is_empty));
 }
 
-// Returns whether a corner of the box lies before the VPL.
-fn reaches(vpl: Vpl, box: Box) -> bool {
+// Returns whether a corner of the box lies in front of the VPL.
+fn can_light(vpl: Vpl, box: Box) -> bool {
     let half = box.half + abs(vpl.position) * ROUNDING;
     let before = dot(vpl.normal, box.centre - vpl.position) + dot(abs(vpl.normal), half);
     return (box.half.x >= 0.0) & (before > 0.0);
@@ -51,6 +53,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= words) {
         return;
     }
+    // Test the VPLs of the word against the four boxes, unless all of them are empty.
     let class_number = id.x / words_per_class(params.vpl_count);
     let word = id.x % words_per_class(params.vpl_count);
     let a = load_box(cluster);
@@ -59,16 +62,16 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let d = load_box(cluster + 3u);
     var found = vec4u(0u);
     var bits = slots_of_word(params.vpl_count, class_number, word);
-    // Without a surface, there is nothing to find.
     bits = select(0u, bits, max(max(a.half.x, b.half.x), max(c.half.x, d.half.x)) >= 0.0);
     while (bits != 0u) {
         let number = firstTrailingBit(bits);
         bits &= bits - 1u;
         let vpl = load_vpl(slot_of(class_number, 32u * word + number));
         let shines = max3(vpl.flux) > 0.0;
-        let lit = vec4<bool>(reaches(vpl, a), reaches(vpl, b), reaches(vpl, c), reaches(vpl, d));
+        let lit = vec4<bool>(can_light(vpl, a), can_light(vpl, b), can_light(vpl, c), can_light(vpl, d));
         found |= select(vec4u(0u), vec4u(1u << number), lit & vec4<bool>(shines));
     }
+    // Store the masks, and once per tile how it is sliced.
     for (var k = 0u; k < CLUSTERS; k += 1u) {
         let tile = (cluster + k) / SLICES;
         if (cluster + k >= arrayLength(&bounds) / 2u) {

@@ -1,8 +1,8 @@
-"""The near field of virtual point lights: light of surfaces close by, found in screen space.
+"""The near field: light of close surfaces, found in screen space and left out of the light of virtual point lights.
 
-Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 5. What the near field finds
-is left out of what virtual point lights give: of a light whose surface the picture shows, by how near it is, so that
-both together are all light, and none of it twice.
+Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 5. Departure: the two parts
+add up to all of the light. A weight by distance and by visibility in the picture divides the light of each VPL
+between them.
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ from ..ssdo.search import INTERLEAVE, SearchRequest, declare_search, declare_unr
 from ..ssdo.senders import declare_first_layer_senders
 from ..ssdo.settings import SsdoSettings
 from ..ssdo.sources import Sources
-from .gather import Gathered, Near
+from .gather import Gathered, NearField
 from .vpl import TABLE_WIDTH, Vpls
 
 
-def declare_near_shares(graph: Graph, settings: SsdoSettings, gbuffer: Gbuffer, vpls: Vpls) -> Near | None:
-    """Declare how much of each VPL's light the near field finds, if it is near; None without a near field."""
+def declare_near_shares(graph: Graph, settings: SsdoSettings, gbuffer: Gbuffer, vpls: Vpls) -> NearField | None:
+    """Declare the share of each VPL's light that the near field finds at distance 0; None without a near field."""
     if not settings.near_field:
-        graph.skip("ssdo/vpls", "ssdo.near_field is off")
+        graph.skip("near_field/shares", "ssdo.near_field is off")
         return None
     size = (TABLE_WIDTH, -(-vpls.count // TABLE_WIDTH))
-    shares = graph.texture("ssdo/near_shares", "r32float", size=size, nonnegative=True)
+    shares = graph.texture("near_field/shares", "r32float", size=size, nonnegative=True)
     graph.compute(
-        "ssdo/vpls",
-        "many_light/near/shares.wgsl",
+        "near_field/shares",
+        "many_light/near_field/shares.wgsl",
         over=vpls.count,
         reads={"vpl_table": vpls.table, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
         writes={"near_shares": shares},
         params={"count": vpls.count},
     )
-    return Near(shares, settings.near_field_radius)
+    return NearField(shares, settings.near_field_radius)
 
 
-def declare_near(
+def declare_near_field(
     graph: Graph,
     settings: SsdoSettings,
     scene: DeferredInputs,
@@ -54,7 +54,8 @@ def declare_near(
     bounces: int | None,
     seed: int,
 ) -> Gathered:
-    """Declare the irradiance with that of the near field; `direct` is the light scattered once, (r, g, b, -)."""
+    """Declare the irradiance with that of the near field added; `direct` is the light scattered once, (r, g, b, -)."""
+    # Search for senders.
     width, height = graph.size
     sources = Sources([gbuffer], [])
     # The search is for senders alone, so the environment is left out.
@@ -62,6 +63,7 @@ def declare_near(
     request = SearchRequest(graph, settings, scene, sources, dark, seed, radius=settings.near_field_radius)
     search = declare_search(request)
     declare_unrepresented(request, search, None)
+    # Gather from them: at all pixels, or at those of a coarse grid, which are upsampled.
     senders = graph.buffer("ssdo/senders", dtype=SURFACE, count=width * height)
     indirect = gathered.irradiance if bounces != 1 else None
     declare_first_layer_senders(graph, scene, gbuffer, direct, senders, indirect)
@@ -71,10 +73,13 @@ def declare_near(
         near = declare_blur(graph, "ssdo/near", gbuffer, near, search.normals, radius, stride=search.stride)
         near = declare_upsampling(graph, scene, "ssdo/near", gbuffer, near, search.guide, reflected=False)
         declare_gathered_unrepresented(graph, settings, scene, sources, search, senders, near, reflected=False)
-    irradiance = graph.buffer("ssdo/both", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    # Add the light of VPLs.
+    irradiance = graph.buffer(
+        "near_field/irradiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
+    )
     graph.compute(
-        "ssdo/add",
-        "many_light/near/add.wgsl",
+        "near_field/add",
+        "many_light/near_field/add.wgsl",
         over=(width, height),
         reads={"gathered": gathered.irradiance, "near": near},
         writes={"irradiance": irradiance},

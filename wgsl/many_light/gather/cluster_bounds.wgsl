@@ -1,7 +1,7 @@
-// One workgroup bounds what the clusters of a tile show: the box of the positions of each.
+// One workgroup bounds the clusters of a tile: the axis-aligned box of the positions of each.
 //
-// In: G-buffer. Out: two corners for each cluster, low above high where it shows nothing; beside those of the first,
-// how the tile is sliced.
+// In: G-buffer. Out: two corners of each cluster, metres, low above high where it is empty; in the fourth components of
+// the tile's first cluster, how the tile is sliced. Exact.
 #import "many_light/gather/clusters.wgsl"
 #import "scene/info.wgsl"
 #import "common/math.wgsl"
@@ -10,13 +10,13 @@
 @group(1) @binding(31) var distance: texture_2d<f32>;
 
 const ROWS: u32 = 2u;               // of threads
-const PIXELS: u32 = TILE_Y / ROWS;  // of a thread, one below the other
+const PIXELS: u32 = TILE_Y / ROWS;  // of a thread, in a column
 
 var<workgroup> least: atomic<u32>;
 var<workgroup> largest: atomic<u32>;
 var<workgroup> corners: array<atomic<u32>, 6u * MAX_SLICES>;  // least and largest x, y, z of each slice
 
-// Returns a code in the order of the numbers.
+// Returns an integer code with the order of the floats, for atomic minima and maxima.
 fn ordered_code(x: f32) -> u32 {
     let bits = bitcast<u32>(x);
     return bits ^ select(0x80000000u, 0xffffffffu, (bits & 0x80000000u) != 0u);
@@ -30,6 +30,7 @@ fn load_bits(pixel: vec2u) -> u32 {
     return bitcast<u32>(textureLoad(distance, min(pixel, view.size - 1u), 0).r);
 }
 
+// Extends the box of a slice.
 fn include(slice: u32, low: vec3f, high: vec3f) {
     if (low.x > high.x) {
         return;
@@ -40,40 +41,25 @@ fn include(slice: u32, low: vec3f, high: vec3f) {
     }
 }
 
-@compute @workgroup_size(TILE_X, ROWS)
-fn main(
-    @builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_id) thread: vec3u, @builtin(local_invocation_index) index: u32
-) {
-    let first = (group.xy * vec2u(1u, ROWS) + vec2u(0u, thread.y)) * vec2u(TILE_X, PIXELS) + vec2u(thread.x, 0u);
-    let tile = group.y * groups.x + group.x;
-    if (index == 0u) {
-        atomicStore(&least, 0xffffffffu);
-        atomicStore(&largest, 0u);
+// Slices the tile between its least and its largest distance; 0 is no surface. All threads of the workgroup call it.
+fn slice_tile(first: vec2u) -> Slicing {
+    var nearest = 0xffffffffu;
+    var farthest = 0u;
+    for (var k = 0u; k < PIXELS; k += 1u) {
+        let bits = load_bits(first + vec2u(0u, k));
+        nearest = min(nearest, select(0xffffffffu, bits, bits > 0u));
+        farthest = max(farthest, bits);
     }
-    if (index < 6u * SLICES) {
-        atomicStore(&corners[index], select(0u, 0xffffffffu, index % 6u < 3u));
-    }
+    atomicMin(&least, nearest);
+    atomicMax(&largest, farthest);
     workgroupBarrier();
+    let from_bits = atomicLoad(&least);
+    return slicing(from_bits, max(atomicLoad(&largest), from_bits));
+}
 
-    // Slice the tile between its least and its largest distance.
-    var slices = Slicing(0u, 31u);
-    if (SLICES > 1u) {
-        var nearest = 0xffffffffu;
-        var farthest = 0u;
-        for (var k = 0u; k < PIXELS; k += 1u) {
-            let bits = load_bits(first + vec2u(0u, k));
-            nearest = min(nearest, select(0xffffffffu, bits, bits > 0u));
-            farthest = max(farthest, bits);
-        }
-        atomicMin(&least, nearest);
-        atomicMax(&largest, farthest);
-        workgroupBarrier();
-        let from_bits = atomicLoad(&least);
-        slices = slicing(from_bits, max(atomicLoad(&largest), from_bits));
-    }
-
-    // Collect runs of a slice before they are added to it, since that takes six atomics.
+// Extends the boxes by the pixels of a thread. A run of pixels in one slice is added at once, since that takes six
+// atomics.
+fn include_pixels(first: vec2u, slices: Slicing) {
     var slice = 0u;
     var low = vec3f(FLOAT_MAX);
     var high = vec3f(-FLOAT_MAX);
@@ -96,16 +82,41 @@ fn main(
         high = max(high, position);
     }
     include(slice, low, high);
+}
+
+@compute @workgroup_size(TILE_X, ROWS)
+fn main(
+    @builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_id) thread: vec3u, @builtin(local_invocation_index) index: u32
+) {
+    // Clear the boxes.
+    if (index == 0u) {
+        atomicStore(&least, 0xffffffffu);
+        atomicStore(&largest, 0u);
+    }
+    if (index < 6u * SLICES) {
+        atomicStore(&corners[index], select(0u, 0xffffffffu, index % 6u < 3u));
+    }
     workgroupBarrier();
 
+    let first = (group.xy * vec2u(1u, ROWS) + vec2u(0u, thread.y)) * vec2u(TILE_X, PIXELS) + vec2u(thread.x, 0u);
+    var slices = Slicing(0u, 31u);
+    if (SLICES > 1u) {
+        slices = slice_tile(first);
+    }
+    include_pixels(first, slices);
+    workgroupBarrier();
+
+    // Store the corners, and beside them how the tile is sliced.
     if (index < 2u * SLICES) {
         let corner = vec3f(
             decode_ordered(atomicLoad(&corners[3u * index])), decode_ordered(atomicLoad(&corners[3u * index + 1u])),
             decode_ordered(atomicLoad(&corners[3u * index + 2u])));
-        let nothing = atomicLoad(&corners[6u * (index / 2u)]) == 0xffffffffu;
+        let is_empty = atomicLoad(&corners[6u * (index / 2u)]) == 0xffffffffu;
         let slicing_word = select(slices.least, slices.shift, index % 2u == 1u);
         let empty_corner = select(FLOAT_MAX, -FLOAT_MAX, index % 2u == 1u);
+        let tile = group.y * groups.x + group.x;
         bounds[2u * tile * SLICES + index] =
-            vec4f(select(corner, vec3f(empty_corner), nothing), bitcast<f32>(slicing_word));
+            vec4f(select(corner, vec3f(empty_corner), is_empty), bitcast<f32>(slicing_word));
     }
 }

@@ -1,4 +1,7 @@
-"""Filters of gathered light: its mean over frames, and the edge-aware blur."""
+"""Denoising of gathered light: accumulation over frames and the edge-aware blur of interleaved sampling.
+
+Linke 2016, section 3.4, for the blur; `shared/denoise.py` and `shared/temporal.py` have sources and departures.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from .gather import Gathered
 
 @dataclass
 class Accumulated:
-    """What VPLs give to each pixel in the mean; `rejected`: the share of each pixel's history that was left out."""
+    """Light accumulated over frames; `rejected` is the share of each pixel's history that was rejected, 0 to 1."""
 
     gathered: Gathered
     rejected: Buffer
@@ -30,18 +33,18 @@ def declare_temporal(
     motion: Buffer,
     gathered: Gathered,
 ) -> Accumulated:
-    """Declare the mean over frames of the irradiance; what coats reflect changes with the view and is left alone."""
+    """Declare the mean of irradiance over frames; the radiance of coats depends on the view and is not accumulated."""
     found = declare_accumulate(graph, settings, scene, gbuffer, motion, gathered.irradiance)
     return Accumulated(replace(gathered, irradiance=found.averaged), found.rejected)
 
 
 @dataclass
 class DenoiseSettings:
-    """How the light of neighbouring pixels is averaged."""
+    """The blur of gathered light."""
 
     radius: int = setting(
         4,
-        "Pixels that light is averaged over, up to edges; at least the side of squares that share VPLs; 1 is off.",
+        "Radius of the edge-aware blur, at least gather.interleave; 1 for none.",
         "pixels",
         range=(1, 8),
     )
@@ -50,7 +53,7 @@ class DenoiseSettings:
 def declare_denoise(
     graph: Graph, settings: DenoiseSettings, gbuffer: Gbuffer, gathered: Gathered, frames: int
 ) -> Buffer:
-    """Declare the indirect light: (r, g, b, 1) per pixel, W/(m2 sr). `frames` make a still picture."""
+    """Declare the indirect light, blurred: (r, g, b, 1) per pixel, W/(m2 sr); `frames` are those of a still picture."""
     radius = max(settings.radius, gathered.interleave) if settings.radius > 1 else 1
     return declare_blur(
         graph,

@@ -1,0 +1,159 @@
+// One invocation traces a light path and leaves a candidate for a virtual point light at each vertex (Keller 1997,
+// "Instant Radiosity"): flux = emitted flux / density * product of the reflectances, W.
+//
+// The first `sky_paths` paths carry the environment's light. They start at a point on a surface, with a direction from
+// which light arrives, so none misses the scene. All others start at a light. Their first vertex is black for point,
+// spot and directional lights, because the reflective shadow maps have it. Paths end by Russian roulette and after
+// `vertices`. In: scene, surface points. Out: candidates, by vertex, then by path. Unbiased up to the last vertex, but
+// for a bound on shading normals (`reflect.wgsl`); errs dark by the bounces after it.
+#import "scene/sequence.wgsl"
+#import "scene/lights.wgsl"
+#import "scene/trace.wgsl"
+#import "many_light/vpl/reflect.wgsl"
+#import "many_light/points/table.wgsl"
+
+@group(1) @binding(12) var<storage, read_write> light_paths: array<vec4u>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    paths: u32,
+    sky_paths: u32,
+    seed: u32,
+}
+
+// Pairs of random numbers.
+const CHOICE_PAIR: u32 = 0u;
+const POINT_PAIR: u32 = 1u;
+const DIRECTION_PAIR: u32 = 2u;
+const FIRST_BOUNCE_PAIR: u32 = 3u;
+// Of Russian roulette: below 1, so that paths end where nothing absorbs light.
+const MAX_SURVIVAL: f32 = 0.95;
+
+fn store(path: u32, vertex: u32, v: Vpl) {
+    let slot = vertex * params.paths + path;
+    light_paths[2u * slot] = pack_vpl_place(v);
+    light_paths[2u * slot + 1u] = pack_vpl_light(v);
+}
+
+// Returns the environment's light that a side of a surface point reflects. The direction is drawn by the environment's
+// picture or by the cosine, half of the time each, with the density of both (one-sample multiple importance sampling).
+fn sky_vertex(point: SurfacePoint, area: f32, u: vec2f, choice: vec2f) -> Vpl {
+    // Choose a side and a direction.
+    let normal = select(point.normal, -point.normal, choice.x < 0.5);
+    let frame = frame_from_normal(normal);
+    var direction = frame * sample_cosine_hemisphere(u);
+    var picture_share = 0.0;
+    if (HAS_PICTURED_ENVIRONMENT) {
+        picture_share = 0.5;
+        if (choice.y < picture_share) {
+            direction = sample_environment(u).xyz;
+        }
+    }
+    let cosine = dot(normal, direction);
+    let density = mix(cosine * INV_PI, environment_pdf(direction) / max(scene.environment_pdf, 1e-9), picture_share);
+    var v = Vpl(point.position, normal, vec3f(0.0), area);
+    let radiance = environment_radiance(direction);
+    if (cosine <= 0.0 || density <= 0.0 || max3(radiance) <= 0.0) {
+        return v;
+    }
+    // Test whether the environment is visible.
+    let start = point.position + normal * ray_offset(scene_extent());
+    if (trace(Ray(start, direction), FLOAT_MAX).triangle == NONE) {
+        // Over the probability of the side, 1/2.
+        v.flux = point.albedo * radiance * (2.0 * area * cosine / density);
+    }
+    return v;
+}
+
+// Returns the first vertex of a path that starts at a light. `count` is how many such paths there are.
+fn light_vertex(light: Light, count: f32, choice: f32, u_point: vec2f, u_direction: vec2f) -> Vpl {
+    let sent = sample_ray_of(light, choice, u_point, u_direction);
+    let hit = trace(sent.ray, FLOAT_MAX);
+    if (hit.triangle == NONE || max3(sent.flux) <= 0.0) {
+        return Vpl(vec3f(0.0), vec3f(0.0, 0.0, 1.0), vec3f(0.0), 0.0);
+    }
+    // The area is the inverse density of such rays on the surface.
+    let s = surface_at(hit, sent.ray.direction);
+    let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
+    let falloff = select(1.0 / (hit.distance * hit.distance), 1.0, sent.parallel);
+    let area = 1.0 / max(count * light.probability * sent.ray_density * cosine * falloff, 1e-30);
+    return reflect_flux(s, sent.ray.direction, sent.flux / count, area);
+}
+
+// The first vertex of a path as it continues, and as a candidate.
+struct FirstVertex {
+    v: Vpl,
+    candidate: Vpl,
+}
+
+// Returns the first vertex of a path; `index` is that of its random numbers.
+fn first_vertex(path: u32, index: u32) -> FirstVertex {
+    let choices = sobol_2d(index, hash2(CHOICE_PAIR, params.seed));
+    let u_point = sobol_2d(index, hash2(POINT_PAIR, params.seed));
+    let u_direction = sobol_2d(index, hash2(DIRECTION_PAIR, params.seed));
+    if (path < params.sky_paths) {
+        let point = load_point(index % point_count());
+        let area = PI * point.radius * point.radius * f32(point_count()) / f32(params.sky_paths);
+        let v = sky_vertex(point, area, u_direction, vec2f(choices.y, u_point.x));
+        return FirstVertex(v, v);
+    }
+    // These numbers pick all lights but the environment, which must be the last of the table. The Python module
+    // `many_light/update.py` checks it.
+    let light = pick_light(choices.x * (1.0 - scene.environment_pdf));
+    let count = f32(params.paths - params.sky_paths) / (1.0 - scene.environment_pdf);
+    let v = light_vertex(light, count, choices.y, u_point, u_direction);
+    var candidate = v;
+    candidate.flux = select(v.flux, vec3f(0.0), light.kind <= KIND_SUN);
+    return FirstVertex(v, candidate);
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let path = id.x;
+    if (path >= params.paths) {
+        return;
+    }
+    let index = path + sequence.index * params.paths;
+    let vertices = arrayLength(&light_paths) / (2u * params.paths);  // of a path
+
+    let first = first_vertex(path, index);
+    var v = first.v;
+    store(path, 0u, first.candidate);
+
+    // Follow the path. The density of later vertices is not known: each stands for an equal part of the sphere around
+    // the scene, which is an upper bound of the area of convex scenes.
+    let later_area = 4.0 * PI * scene.radius * scene.radius / f32(params.paths);
+    var flux = vec3f(0.0);  // that arrived at v, 0 for the first vertex
+    var vertex = 1u;
+    while (vertex < vertices) {
+        let brightest = max3(v.flux);
+        if (brightest <= 0.0) {
+            break;
+        }
+        // Survive with the probability that light is reflected.
+        let pair = FIRST_BOUNCE_PAIR + 2u * vertex;
+        let random = sobol_2d(index, hash2(pair, params.seed));
+        let survival = select(min(brightest / max(max3(flux), 1e-37), MAX_SURVIVAL), MAX_SURVIVAL, max3(flux) <= 0.0);
+        if (random.x >= survival) {
+            break;
+        }
+        flux = v.flux / survival;
+        // Trace the next segment in a direction drawn by the cosine.
+        let local = sample_cosine_hemisphere(sobol_2d(index, hash2(pair + 1u, params.seed)));
+        let start = v.position + v.normal * ray_offset(scene_extent());
+        let ray = Ray(start, frame_from_normal(v.normal) * local);
+        let hit = trace(ray, FLOAT_MAX);
+        v.flux = vec3f(0.0);
+        if (hit.triangle == NONE) {
+            break;
+        }
+        v = reflect_flux(surface_at(hit, ray.direction), ray.direction, flux, later_area);
+        store(path, vertex, v);
+        vertex += 1u;
+    }
+    // Leave the other candidates black.
+    v.flux = vec3f(0.0);
+    for (; vertex < vertices; vertex += 1u) {
+        store(path, vertex, v);
+    }
+}

@@ -1,0 +1,8 @@
+// A surface that the camera sees: a few of them estimate how much light of a candidate reaches the view.
+
+struct ViewSample {
+    position: vec3f,  // metres relative to the scene's origin
+    weight: f32,      // 1, or 0 where the pixel shows no surface
+    normal: vec3f,    // shading, unit
+    pad: f32,
+}

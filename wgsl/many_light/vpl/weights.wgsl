@@ -1,0 +1,74 @@
+// One invocation computes the resampling weight of a candidate: an estimate of its contribution to the view. One
+// workgroup sums a block of them.
+//
+// w = luminance(flux) * (mean_k cos cos / (d^2 + r^2) * R^2 + floor) over the view samples k, without visibility; R is
+// the scene's radius, r = R / 10 bounds near candidates. In: candidates, W, and view samples, metres. Out: cumulative
+// weights within each block, and the blocks' sums. Weights bias nothing: resampling divides by them.
+#import "many_light/vpl/candidates.wgsl"
+#import "many_light/vpl/view_sample.wgsl"
+#import "scene/info.wgsl"
+
+override VIEW: bool = true;   // weight by the contribution to the view, else by flux alone
+override GRID: bool = false;  // equal weights, but 0 for black candidates: the texels of the maps are a regular grid
+
+@group(1) @binding(11) var<storage, read_write> cumulative: array<f32>;
+@group(1) @binding(12) var<storage, read_write> block_sums: array<f32>;
+@group(1) @binding(15) var<storage, read> view_samples: array<ViewSample>;
+@group(1) @binding(19) var<uniform> params: Params;
+
+struct Params {
+    texels: u32,      // of reflective shadow maps
+    candidates: u32,  // texels and vertices of light paths
+}
+
+// Weight of a candidate that no view sample faces, over that of one that faces it at the distance R. It bounds how much
+// brighter than others such a VPL can be, where another part of the view needs it. tools/README.md, "Constants".
+const WEIGHT_FLOOR: f32 = 0.02;
+
+var<workgroup> sums: array<f32, BLOCK>;
+
+// Returns the mean geometry term between a candidate and the view samples, times R^2.
+fn view_importance(v: Vpl) -> f32 {
+    let squared_radius = scene.radius * scene.radius;
+    var importance = 0.0;
+    for (var k = 0u; k < arrayLength(&view_samples); k += 1u) {
+        let p = view_samples[k];
+        let between = p.position - v.position;
+        let squared = dot(between, between);
+        let cosines = max(dot(between, v.normal), 0.0) * max(-dot(between, p.normal), 0.0);
+        importance += p.weight * cosines / max(squared * (squared + 0.01 * squared_radius), 1e-37);
+    }
+    return importance * squared_radius / f32(arrayLength(&view_samples));
+}
+
+@compute @workgroup_size(256)
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32,
+    @builtin(workgroup_id) group: vec3u) {
+    // Weight the candidate.
+    var weight = 0.0;
+    if (id.x < params.candidates) {
+        let v = load_candidate(id.x, params.texels);
+        weight = max(luminance(v.flux), 0.0);
+        if (GRID) {
+            weight = select(0.0, 1.0, weight > 0.0);
+        }
+        if (VIEW && weight > 0.0) {
+            weight *= view_importance(v) + WEIGHT_FLOOR;
+        }
+    }
+    sums[thread] = weight;
+    // Make the weights of the block cumulative: the parallel prefix sum of Hillis and Steele 1986.
+    for (var step = 1u; step < BLOCK; step *= 2u) {
+        workgroupBarrier();
+        let below = select(0.0, sums[max(thread, step) - step], thread >= step);
+        workgroupBarrier();
+        sums[thread] += below;
+    }
+    workgroupBarrier();
+    if (id.x < params.candidates) {
+        cumulative[id.x] = sums[thread];
+    }
+    if (thread == BLOCK - 1u) {
+        block_sums[group.x] = sums[thread];
+    }
+}
