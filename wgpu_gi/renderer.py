@@ -1,4 +1,4 @@
-"""The Renderer keeps a scene, a camera and the graph of a frame in step; `frame.py` says what a frame is."""
+"""The Renderer keeps the GPU in step with a scene, a camera and settings, and runs frames; `frame.py` declares them."""
 
 from __future__ import annotations
 
@@ -39,10 +39,9 @@ __all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "r
 class Renderer:
     """Renders a scene, once or many times.
 
-    Change `scene`, `camera`, `settings` or `size` as you like; the next `run` sends what changed to the GPU and runs
-    the passes that it makes stale. Another exposure keeps the frames averaged so far, another `spp` the samples, if the
-    picture is bit for bit that of a new renderer. Pictures are (height, width, 3) float32 linear radiance, row 0 on
-    top.
+    Change `scene`, `camera`, `settings` or `size` between frames; the next `run` uploads what changed and runs the
+    passes that depend on it. A new exposure keeps the frames averaged so far. A new `spp` keeps the samples if the
+    result is bit for bit that of a new renderer. Pictures are (height, width, 3) float32 linear radiance, row 0 on top.
     """
 
     def __init__(
@@ -68,7 +67,7 @@ class Renderer:
         self.automatic_exposure = 0.0  # EV of the buffer `display` if the settings give none
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
-        self._inputs: tuple[Any, ...] | None = None  # all that makes another picture
+        self._inputs: tuple[Any, ...] | None = None  # all that determines the picture
         self._frame = 0  # of those that a still picture averages; negative during the warm-up
         self._rested = False  # nothing has moved in the last step
         self._ran: dict[str, Stale] = {}  # the passes of the last step that ran any, and why
@@ -97,7 +96,7 @@ class Renderer:
 
     @property
     def graph(self) -> Graph:
-        """The render graph, for what it measures; its passes and resources are declared anew by `step`."""
+        """The render graph, for timings and the plan; `step` redeclares its passes and resources when they change."""
         return self._graph
 
     def release(self) -> None:
@@ -174,7 +173,7 @@ class Renderer:
         try:
             return self._step(shown, progress, check, timings, force)
         except BaseException:
-            # Half of it is done: the next step sends what changed again, and begins its picture anew.
+            # The frame is incomplete: the next step uploads everything again and restarts its average.
             self._inputs = None
             raise
 
@@ -244,7 +243,7 @@ class Renderer:
         return handle.object()
 
     def plan(self) -> Table:
-        """Return what each pass did in the last frame that ran any, and why, as a text table."""
+        """Return a table of the passes of the last frame that ran any: what each did, and why."""
         return table(self._graph.plan(self._ran)) if self._ran else Table("")
 
     def timings(self) -> Table:
@@ -255,7 +254,7 @@ class Renderer:
         return Table("\n".join(lines), ("pass", "ms"), [(name, f"{ms:.2f}") for name, ms in rows])
 
     def _prepare(self, show: tuple[str, ...], force: bool) -> None:
-        """Send what changed and declare the frame anew if its shape changed."""
+        """Upload what changed; redeclare the frame if its passes changed."""
         settings = replace(self.settings, exposure=self.exposure)
         scene = Fingerprint(self.scene)
         camera = self.camera
@@ -268,7 +267,7 @@ class Renderer:
         same = still and not refining and (settings,) == before[len(seen) :]
         if same and self._rested and self._frame + 1 >= frames:
             return
-        # One step without a change still has to say that nothing moves any more.
+        # One more step after the last change sets all motion to zero.
         self._rested = same
         check_size(*self.size, self._device)
         known = before[len(seen)] if before else None
@@ -278,7 +277,7 @@ class Renderer:
         inputs = (*seen, known)
         goes_on, up_to_date = same, None
         if still and not same:
-            # Only settings differ: whether they matter to the frames averaged so far, the graph knows.
+            # Only settings differ: the graph tells whether the frames averaged so far depend on them.
             self._update(inputs)
             up_to_date = self._frame
             goes_on = not any(name.startswith(MEANS) for name in self._graph.stale())
@@ -288,7 +287,7 @@ class Renderer:
             self._update(inputs)
 
     def _update(self, inputs: tuple[Any, ...]) -> None:
-        """Bring what is on the GPU and what is declared up to date."""
+        """Bring the GPU's copy of the scene and the declaration up to date."""
         scene, _, _, show, *_ = inputs
         found = self._send(scene)
         self._inputs = inputs
@@ -309,7 +308,7 @@ class Renderer:
         return technique_of(settings.gi).inputs(shot, settings)
 
     def _declare(self, show: tuple[str, ...], inputs: SceneInputs) -> None:
-        """Declare the frame if that would differ from what is declared."""
+        """Redeclare the frame if its passes would differ."""
         assert self._inputs is not None
         declared = (*self._inputs[2:], inputs.shape())
         if declared == self._declared:
