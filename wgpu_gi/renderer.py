@@ -64,7 +64,7 @@ class Renderer:
         self._shaders = refresh()  # which version of the shader files is in use
         self._upload: SceneUpload | None = None
         self._kept = Kept()
-        self.automatic_exposure = 0.0  # EV of the buffer `display` if the settings give none
+        self.automatic_exposure = 0.0  # EV of `display` while `settings.exposure` is None; a viewer sets it
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
         self._inputs: tuple[Any, ...] | None = None  # all that determines the picture
