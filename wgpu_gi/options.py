@@ -40,6 +40,7 @@ TECHNIQUES = {
     "ssil": ssil.TECHNIQUE,
     "ssao": ssao.TECHNIQUE,
 }
+FOR_ALL = ("gi", "exposure", "diffuse", "camera")  # settings and sections that the renderer itself uses
 
 
 @dataclass
@@ -79,6 +80,14 @@ def technique_of(gi: str) -> Technique:
     if gi not in TECHNIQUES:
         raise GiError(f"gi must be one of {', '.join(TECHNIQUES)}, not {gi!r}")
     return TECHNIQUES[gi]
+
+
+def uses(gi: str, name: str) -> bool:
+    """Return whether a technique uses a setting, by the section of its name."""
+    technique = technique_of(gi)
+    if name == "camera.frames":
+        return not technique.averages_samples
+    return name.partition(".")[0] in {*FOR_ALL, *technique.sections}
 
 
 def picture_count(settings: Settings) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..buffers import buffers_of, views_of
 from ..camera import Camera
 from ..errors import GiError, known_names
-from ..options import TECHNIQUES, Settings
+from ..options import TECHNIQUES, Settings, uses
 from ..pictures.exposure import automatic_exposure, is_exposed
 from ..renderer import Renderer
 from ..scene.files.camera_files import choose_camera
@@ -24,7 +24,6 @@ from ..settings import apply_quality, assign, cells_of, describe, format_rows, v
 from ..version import __version__
 from .messages import Messages
 
-FOR_ALL = ("gi", "exposure", "diffuse", "camera")  # settings and sections that the renderer itself uses
 DISPLAYED_FORMATS = (".png", ".mp4")  # 8 bits, with exposure and tone curve
 FLAGS = {"spp": "--spp", "seed": "--seed", "path.visible_only": "--visible-only"}  # settings with a flag of their own
 REASONS = {
@@ -63,13 +62,6 @@ def print_settings(settings: Settings, everything: bool = False) -> None:
         print(format_rows(used))
     if len(used) < len(rows):
         print(f"{len(rows) - len(used)} more that --gi {settings.gi} does not use: --set help=all")
-
-
-def uses(gi: str, name: str) -> bool:
-    """Return whether a technique uses a setting, by the section of its name."""
-    if name == "camera.frames":
-        return not TECHNIQUES[gi].averages_samples
-    return name.partition(".")[0] in {*FOR_ALL, *TECHNIQUES[gi].sections}
 
 
 def settings_from(arguments: Namespace, first: Sequence[str] = ()) -> Settings:

@@ -8,7 +8,7 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from ..options import TECHNIQUES, Settings
+from ..options import TECHNIQUES, Settings, uses
 from ..settings import QUALITIES, Row, describe
 from .comparison import MODES, Comparison
 from .lights import LightPanel
@@ -146,12 +146,12 @@ class Panel:
             imgui.text(line)
 
     def _sections(self) -> None:
-        """All settings, by section."""
+        """The settings that the technique uses, by section."""
         settings = self._session.settings
         if settings != self._listed:
             self._listed, self._sectioned = deepcopy(settings), {}
             for row in describe(settings):
-                if row.name not in ("gi", "exposure"):
+                if row.name not in ("gi", "exposure") and uses(settings.gi, row.name):
                     self._sectioned.setdefault(row.name.rpartition(".")[0] or "frame", []).append(row)
         for name, rows in self._sectioned.items():
             if imgui.collapsing_header(name):
