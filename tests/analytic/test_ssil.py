@@ -1,4 +1,4 @@
-"""SSIL's parts: samples that cover the screen once, votes that keep surfaces, light that keeps its energy; voxels."""
+"""Parts of SSIL: samples cover the screen once, votes keep surfaces, light keeps its energy, voxels match the scene."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def level(renderer, k):
 
 
 def light(renderer, k, size):
-    """Return the light (n, 3) of a level, of those from the first on, at half the resolution of `size`."""
+    """Return the light (n, 3) of level k of a picture of `size` whose first level is 1."""
     counts = [-(-size[0] >> j) * -(-size[1] >> j) for j in range(1, k + 1)]
     codes = renderer.graph.read_back("ssil/light").reshape(-1, 2).astype(np.int64)[sum(counts[:-1]) : sum(counts)]
     exponent = (codes[:, 1] >> 16 & 255) - 110
@@ -53,7 +53,7 @@ def light(renderer, k, size):
 
 
 def pattern(renderer, samples):
-    """Return offsets and areas of the disc and of the ring, all classes together."""
+    """Return offsets and areas of the disc and of the ring, all patterns together."""
     entries = renderer.graph.read_back("ssil/pattern").reshape(2, 16 * samples, 2).astype(np.uint32)
     offsets = np.ascontiguousarray(entries[..., 0]).view(np.int16).reshape(2, -1, 2)
     return offsets, np.ascontiguousarray(entries[..., 1]).view(np.float32) / 16
@@ -61,7 +61,7 @@ def pattern(renderer, samples):
 
 @pytest.mark.parametrize("place", [(0, 0), (40, 22), (79, 44)])
 def test_samples_cover_the_screen_once(place):
-    """Of all classes together: the areas that lie on the screen add up to it, from any pixel."""
+    """The areas of all patterns together that lie on the screen add up to it, from any pixel."""
     size, levels = (160, 90), 4
     renderer = rendered(SCENES["cornell-point"](), size=size)
     offsets, areas = pattern(renderer, 64)
@@ -96,8 +96,8 @@ def test_levels_choose_and_never_average():
             assert np.allclose(fine_normals[square][same], normals[y, x], atol=1e-3)
 
 
-def test_the_vote_keeps_what_is_large():
-    """A wall with a lone pixel before it: the pixel is gone at the next level, two by two pixels stay."""
+def test_the_vote_keeps_large_surfaces():
+    """A wall with a single pixel in front of it: the pixel is gone at the next level."""
     wall = quad((-10, -10, -4), (20, 0, 0), (0, 20, 0), matte(0.5))
     width = 2 * 3 * math.tan(0.5) / 36
     speck = quad((0.05 * width, 0.05 * width, -3), (0.9 * width, 0, 0), (0, 0.9 * width, 0), matte(0.5))
@@ -110,7 +110,7 @@ def test_the_vote_keeps_what_is_large():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell-point", "courtyard", "medley"])
-def test_light_is_the_same_on_all_levels(name):
+def test_all_levels_send_the_same_light(name):
     size = (71, 35)
     renderer = rendered(SCENES[name](), size=size)
     first = light(renderer, 1, size).sum(0)
@@ -128,7 +128,7 @@ def test_light_is_radiance_times_area():
 
 
 def test_two_walls_against_the_path_tracer():
-    """Two plates with nothing between: within a few percent of the light that leaves what is seen."""
+    """Two plates with nothing in between: within a few percent of `visible_only`."""
     scene = SCENES["plates"]()
     got = rendered(scene, "ssil.start=full", frames=16).read_back("indirect")
     settings = make_settings("path", diffuse=True, bounces=1, spp=256)
@@ -178,7 +178,7 @@ def test_voxels_of_a_box(solids):
     assert not beside[: int(end) - 1].any() and beside[int(end) - 1 :].any()
 
 
-def test_shrinking_leaves_what_all_have():
+def test_a_coarse_cell_is_the_and_of_four():
     renderer = rendered(SCENES["medley"](), "voxels.coarser=0", "voxels.finer=0", size=(61, 35))
     fine = columns_of(renderer, "voxels/grid_1", 31)
     coarse = columns_of(renderer, "voxels/grid_2", 16)
@@ -208,8 +208,8 @@ def test_shells_have_no_gaps(turn):
 
 
 @pytest.mark.parametrize("name", ["plates", "cornell-point"])
-def test_surfaces_do_not_hide_themselves(name):
-    """Voxels hide no more than rays do, but for a few percent: there are only 16x9 cells."""
+def test_surfaces_do_not_occlude_themselves(name):
+    """Voxels occlude as much as rays do within a few percent, of only 16x9 cells."""
     light = [
         rendered(SCENES[name](), f"ssil.visibility={kind}", frames=4).read_back("indirect").mean()
         for kind in ("voxels", "exact")
@@ -217,7 +217,7 @@ def test_surfaces_do_not_hide_themselves(name):
     assert light[0] == pytest.approx(light[1], rel=0.08)
 
 
-def test_a_thin_sheet_seen_edge_on_hides():
+def test_a_thin_sheet_seen_edge_on_occludes():
     """Between two walls that face each other, as tall as both; the camera lies in its plane."""
     walls = [quad((x, -1, -6), (0, 0, 4), (0, 2, 0), matte(0.8)) for x in (-1, 1)]
     sheet = quad((0, -1, -6), (0, 0, 4), (0, 2, 0), matte(0.8))

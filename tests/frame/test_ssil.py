@@ -1,4 +1,4 @@
-"""What a frame of SSIL keeps and leaves out: surfels and voxels do not depend on light; a still view comes to rest."""
+"""Which passes of SSIL run and why; filtering over frames and amortised bounces converge; settings at their limits."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_moved_mesh_keeps_the_pattern(renderer):
         ("ssil.samples=64", {}, "voxels/masked", "no alpha-masked material"),
     ],
 )
-def test_what_is_left_out_and_why(text, fields, name, reason):
+def test_the_plan_gives_the_reason_of_a_skip(text, fields, name, reason):
     renderer = make(SCENES["cornell-point"](), text, **fields)
     renderer.step(show=SHOW)
     line = next(line for line in renderer.plan().splitlines()[1:] if line.split()[0] == name)
@@ -97,14 +97,14 @@ def test_every_kind_of_visibility(visibility):
     ],
 )
 @pytest.mark.parametrize("size", [(1, 1), (3, 40), (37, 21)])
-def test_settings_at_their_ends(texts, size):
+def test_settings_at_their_limits(texts, size):
     renderer = make(SCENES["medley"](), *texts, bounces=None, size=size)
     renderer.run(check=True)
     assert np.isfinite(renderer.read_back("indirect")).all()
 
 
-def test_a_dim_bounce_is_left_out():
-    """The second bounce is dimmer than what counts: the picture is that of one."""
+def test_a_bounce_below_the_threshold_is_left_out():
+    """The picture is that of one bounce."""
     one = make(SCENES["cornell-point"](), diffuse=True)
     dim = make(SCENES["cornell-point"](), "ssil.bounce_threshold=1", bounces=2, diffuse=True)
     two = make(SCENES["cornell-point"](), bounces=2, diffuse=True)
@@ -214,7 +214,7 @@ def settled(*texts, **fields):
 
 
 def test_amortised_bounces_are_those_of_one_frame():
-    """Light goes round before the frames that count, and each pixel of the picture comes to rest at the same."""
+    """Bounces converge in the warm-up frames; then every pixel of the picture does."""
     all_at_once, steps = settled("ssil.bounces=12", "ssil.visibility_bounces=all", "ssil.bounce_threshold=0")
     amortised, more_steps = settled("ssil.amortised=true")
     assert amortised.mean() == pytest.approx(all_at_once.mean(), rel=0.01)
@@ -223,7 +223,7 @@ def test_amortised_bounces_are_those_of_one_frame():
 
 
 def test_amortised_bounces_while_the_camera_turns():
-    """Once light has gone round, every frame has it."""
+    """After the warm-up every frame has all bounces."""
     shown = {}
     for name, texts in (
         ("apart", ("ssil.bounces=12", "ssil.visibility_bounces=all")),
@@ -257,7 +257,7 @@ def test_when_bounces_are_not_amortised(text, bounces, reason):
 
 
 def test_amortised_light_that_passes_through_walls_stays_finite():
-    """White walls and no visibility: more than all light comes back, frame by frame."""
+    """White walls and no visibility: the feedback is above 1."""
     scene = SCENES["cornell-point"]()
     for material in scene.materials:
         material.base_color = (1.0, 1.0, 1.0, 1.0)

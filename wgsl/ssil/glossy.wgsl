@@ -90,6 +90,7 @@ fn lobe_sample(number: u32, pixel_seed: u32, alpha: f32, forward: vec2f) -> Lobe
     return LobeSample(vec2i(round(offset)), area * lobe_angle.weight);
 }
 
+// Adds the reflection by this level to that of a pixel of the first level.
 fn gather_glossy(id: vec3u) {
     if (any(id.xy >= params.size)) {
         return;
@@ -103,6 +104,7 @@ fn gather_glossy(id: vec3u) {
         glossy[index] = select(glossy[index], vec4f(0.0), FINEST);
         return;
     }
+    // Find the receiver, and the projected mirror direction.
     let ray = pixel_ray(pixel);
     let size = vec2i(textureDimensions(surfels));
     let position = ray.origin - view.position + ray.direction * hit_distance;
@@ -116,6 +118,7 @@ fn gather_glossy(id: vec3u) {
     let pixel_side = facing_side();
     var sum = vec3f(0.0);
     for (var k = 0u; k < SAMPLES; k += 1u) {
+        // Take a sample that sends light.
         let number = sequence.index * SAMPLES + k;
         let chosen = lobe_sample(number, pixel_seed, brdf.alpha, forward);
         let place = start.pixel + chosen.offset;
@@ -124,6 +127,7 @@ fn gather_glossy(id: vec3u) {
         if (!inside || (code.x | (code.y & 0xffffu)) == 0u) {
             continue;
         }
+        // Skip it unless both surfaces face each other; `arriving` and `leaving` are cosines times d.
         let texel = textureLoad(surfels, vec2u(place));
         let end = Endpoint(place, surfel_position(texel), surfel_normal(texel));
         let way = end.position - start.position;
@@ -133,6 +137,7 @@ fn gather_glossy(id: vec3u) {
         if (arriving * leaving <= 0.0) {
             continue;
         }
+        // Add its light, with the form factor of a disc and the widened lobe.
         let facing = leaving * inverseSqrt(squared) * chosen.count * surfel_area(texel, pixel_side);
         let reach = squared + facing * INV_PI;
         let shine = shine_of(brdf, normal, to_eye, way, reach, facing);
