@@ -42,7 +42,8 @@ class Ambient:
 
     def constants(self, shader: str) -> dict[str, bool]:
         """Return the HAS_ constants of the environment that `shader` declares."""
-        return {name: value for name, value in self.features.items() if name in load(shader).overrides}
+        declared = load(shader).overrides
+        return {name: value for name, value in self.features.items() if name in declared}
 
 
 def declare_environment(
