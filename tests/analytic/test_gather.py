@@ -1,4 +1,4 @@
-"""Gathering light from VPLs against closed forms, and what must not change the picture: culling, interleaving."""
+"""Gathering from VPLs against closed forms; culling and interleaving must not change the picture."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def corner(distance, half_width, height):
     return (np.arctan(1 / y) - y / root * np.arctan(1 / root)) / np.pi
 
 
-def many(count, seed=0, low=(-2, 0, -2), high=(2, 2, 2)):
+def random_vpls(count, seed=0, low=(-2, 0, -2), high=(2, 2, 2)):
     """VPLs at random places, every fourth black."""
     rng = np.random.default_rng(seed)
     normal = rng.normal(size=(count, 3))
@@ -64,10 +64,10 @@ def test_one_vpl_over_a_floor(clamping):
 
 @pytest.mark.parametrize("scene", [plane_point, courtyard])
 @pytest.mark.parametrize("interleave", [1, 3, 4, 8])
-def test_culling_changes_no_bit(scene, interleave):
+def test_culling_keeps_pictures_bit_for_bit(scene, interleave):
     gatherer = Gatherer(scene(), SIZE)
     low, high = gatherer.upload.box
-    table = many(200, low=low, high=high + 0.1)
+    table = random_vpls(200, low=low, high=high + 0.1)
     pictures = [gatherer(table, 200, interleave=interleave, culling=c) for c in ("none", "tiled", "clustered")]
     assert pictures[0].any()
     assert np.array_equal(pictures[0], pictures[1])
@@ -76,7 +76,7 @@ def test_culling_changes_no_bit(scene, interleave):
 
 @pytest.mark.parametrize("interleave", [2, 4, 8])
 def test_blur_removes_the_pattern_of_a_plane_exactly(interleave):
-    """Each class sees a VPL of its own, far away: all of a flat floor, borders too, has their mean."""
+    """One distant VPL per class: every pixel of a flat floor, borders too, gets their mean."""
     count = interleave**2
     rng = np.random.default_rng(1)
     far = 1e4
@@ -92,7 +92,7 @@ def test_blur_removes_the_pattern_of_a_plane_exactly(interleave):
 
 
 def test_blur_keeps_edges():
-    """A VPL between the planes of two squares lights the far one only, and none of it gets to the near one."""
+    """A VPL between the planes of two squares lights only the far one; the blur leaks nothing to the near one."""
     near = quad((-2, 0, 0), (2, 0, 0), (0, 2, 0), matte(0.5))
     far = quad((0, 0, -0.3), (2, 0, 0), (0, 2, 0), matte(0.5))
     gatherer = Gatherer(Scene([Instance(near), Instance(far)]), (64, 36), Camera.look_at((0, 1, 3), (0, 1, 0)))
@@ -105,7 +105,7 @@ def test_blur_keeps_edges():
 
 
 @pytest.mark.parametrize("scene", [closed_box, sphere_light])
-def test_rays_from_all_over_a_convex_room_meet_nothing(scene):
+def test_convex_rooms_have_no_shadows(scene):
     room = scene()
     gatherer = Gatherer(room, (48, 27))
     mesh = room.instances[0].mesh
@@ -121,7 +121,7 @@ def test_rays_from_all_over_a_convex_room_meet_nothing(scene):
     assert np.abs(exact - free).sum() < 1e-4 * free.sum()
 
 
-def test_rays_find_what_stands_between():
+def test_rays_find_a_blocker():
     """A board between a VPL and a floor: its shadow is the board's central projection."""
     scene = plane_point()
     scene.instances.append(Instance(quad((-0.5, 0.5, -0.5), (0, 0, 1), (1, 0, 0), matte(0.5))))
@@ -147,7 +147,7 @@ def test_a_vpl_at_a_pixel_is_finite():
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.1, 0.5])
-def test_a_mirrored_vpl_is_at_most_as_bright_as_its_disc(roughness):
+def test_a_mirrored_vpl_has_at_most_the_radiance_of_its_disc(roughness):
     """A metal floor below a VPL: no pixel shines more than the disc, Phi / (pi A), does."""
     metal = Material(base_color=(1, 1, 1, 1), metallic=1.0, roughness=roughness)
     scene = plane_point()
@@ -165,15 +165,15 @@ def test_interleaving_keeps_the_mean_of_a_coat():
     scene = plane_point()
     scene.instances[0].mesh.materials[0] = Material(base_color=(0.5, 0.4, 0.3, 1), metallic=0.0, roughness=0.6)
     gatherer = Gatherer(scene, SIZE, diffuse=False)
-    table = many(64, low=(-1, 1, -1))
+    table = random_vpls(64, low=(-1, 1, -1))
     apart, together = (gatherer(table, 64, interleave=n) for n in (4, 1))
     assert np.allclose(apart.mean((0, 1)), together.mean((0, 1)), rtol=0.05)
 
 
 @pytest.mark.parametrize("visibility", ["none", "sampled"])
 @pytest.mark.parametrize("height", [None, 1.6])
-def test_what_the_bound_takes_from_a_corner_is_found_again(visibility, height):
-    """Before a wall of radiosity 1, by VPLs that stand for large areas, E of a floor is the form factor."""
+def test_compensation_restores_the_light_of_a_corner(visibility, height):
+    """The irradiance of a floor before a wall of radiosity 1 is the form factor, with VPLs of large areas."""
     size = (160, 90)
     floor = quad((-2, 0, 0), (0, 0, 2), (4, 0, 0), matte(0.5))
     wall = quad((-2, 0, 0), (4, 0, 0), (0, 2, 0), matte(0.5))
@@ -192,7 +192,7 @@ def test_what_the_bound_takes_from_a_corner_is_found_again(visibility, height):
         np.full((len(x), 3), side**2),
         np.full(len(x), area),
     )
-    # Nearer than the bound is long, in the middle.
+    # Pixels nearer to the wall than the bound, in the middle.
     near = on_floor & (points[..., 2] < np.sqrt(BOUND_SHARE * area / np.pi)) & (np.abs(points[..., 0]) < 0.8)
     expected = 0.5 / np.pi * corner(points[near, 2], 2.0, 2.0)
     lost, found = (

@@ -1,4 +1,4 @@
-"""Imperfect shadow maps against closed forms: planes are planes, a screen hides what is behind it and nothing else."""
+"""Imperfect shadow maps against closed forms: a plane casts no shadow on itself, a screen hides what is behind it."""
 
 from __future__ import annotations
 
@@ -133,8 +133,8 @@ def test_a_screen_hides_what_is_behind_it(tmp_path, settings, leak):
     assert got[inside < -margin].mean() > 0.99
 
 
-def test_rays_of_texels_find_the_edges_of_a_screen(tmp_path):
-    """Two texels off its edge, where corners of coarse cells alone miss the screen's own corners."""
+def test_refinement_finds_the_edges_of_a_screen(tmp_path):
+    """Two texels off its edge; the rays of coarse cells alone miss the screen's corners."""
     lights, floor = placed()
     inside = through_screen(lights, floor)
     wrong = []
@@ -146,7 +146,7 @@ def test_rays_of_texels_find_the_edges_of_a_screen(tmp_path):
 
 
 def test_maps_refined_in_several_ranges_are_the_same(tmp_path, monkeypatch):
-    """Where a dispatch or a buffer cannot hold the cells of all maps."""
+    """If a dispatch or a buffer cannot hold the cells of all maps."""
     lights, floor = placed()
     together = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP)
     # Five maps of 64 cells of 4 rows each.
@@ -157,7 +157,7 @@ def test_maps_refined_in_several_ranges_are_the_same(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("cell", "leak"), [(4, 0.07), (8, 0.1)])
 def test_pull_push_closes_the_screen(tmp_path, cell, leak):
-    """By rays alone: each texel takes the nearest one's plane, so errors are within half of their spacing."""
+    """By rays alone: each texel takes the plane of the nearest ray, so errors are within half of their spacing."""
     lights, floor = placed()
     got = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP, mode="pull-push", ray_spacing=cell, points=0)
     inside = through_screen(lights, floor)
@@ -171,7 +171,7 @@ def test_pull_push_closes_the_screen(tmp_path, cell, leak):
     [(1e-3, 0.997, {}), (1.0, 0.997, {}), (1e3, 0.997, {}), (1.0, 0.99, {"mode": "pull-push", "points": 0})],
 )
 def test_a_plane_does_not_shadow_itself(tmp_path, scale, least, settings):
-    """Whatever the angle: lights of all directions over a floor that nothing hides."""
+    """Lights of all directions over an unoccluded floor."""
     rng = np.random.default_rng(1)
     floor = scale * np.column_stack([rng.uniform(-3.9, 3.9, 400), np.zeros(400), rng.uniform(-3.9, 3.9, 400)])
     lights = scale * np.column_stack([rng.uniform(-3, 3, SLOTS), rng.uniform(0.2, 3, SLOTS), rng.uniform(-3, 3, SLOTS)])
@@ -186,8 +186,8 @@ def test_a_plane_does_not_shadow_itself(tmp_path, scale, least, settings):
     assert got[above].mean() > least
 
 
-def test_points_of_surfaces_find_what_rays_miss(tmp_path):
-    """A strip between the rays of coarse cells, drawn by points on it."""
+def test_splats_find_occluders_that_rays_miss(tmp_path):
+    """A strip between the rays of coarse cells, splatted as points on it."""
     floor = quad((-4, 0, -4), (0, 0, 8), (8, 0, 0), matte(0.5))
     strip = quad((0.1, 1, -3), (0, 0, 6), (0.08, 0, 0), matte(0.5))
     rng = np.random.default_rng(2)

@@ -1,4 +1,4 @@
-"""Gathering by few rays to VPLs drawn by their light: it has the mean of rays to all of them, and its own noise."""
+"""Gathering with few rays to VPLs drawn by their light: unbiased against rays to all VPLs, with noise."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def room(glossy=True):
     return scene
 
 
-def drawn(scene, frames=1, *texts, bounces=None, size=SIZE):
+def rendered(scene, frames=1, *texts, bounces=None, size=SIZE):
     settings = Settings(gi="many-light", bounces=bounces, camera=CameraSettings(jitter=False, frames=frames))
     settings.vpl.count, settings.vpl.paths, settings.rsm.texels = 256, 1024, 4096
-    # What the blur averages depends on noise.
+    # The blur is off, because its weights depend on noise.
     for text in ("denoise.radius=1", "gather.interleave=2", *texts):
         assign(settings, text)
     renderer = Renderer(scene, size=size, settings=settings)
@@ -40,10 +40,10 @@ def drawn(scene, frames=1, *texts, bounces=None, size=SIZE):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("glossy", [False, True])
-def test_it_is_unbiased(glossy):
-    """Of the same VPLs, the mean over frames is that of rays to all, in all parts of the picture and all channels."""
+def test_sampled_visibility_is_unbiased(glossy):
+    """The mean over frames is that of rays to all VPLs, in all parts of the picture and all channels."""
     scene = room(glossy)
-    sampled, exact = (drawn(scene, 128, f"gather.visibility={v}") for v in ("sampled", "exact"))
+    sampled, exact = (rendered(scene, 128, f"gather.visibility={v}") for v in ("sampled", "exact"))
     assert sampled.mean((0, 1)) == pytest.approx(exact.mean((0, 1)), rel=0.01)
     parts = [p.reshape(3, 6, 4, 8, 3).mean((1, 3)) for p in (sampled, exact)]
     assert parts[0] == pytest.approx(parts[1], rel=0.05)
@@ -52,14 +52,14 @@ def test_it_is_unbiased(glossy):
 @pytest.mark.slow
 def test_more_rays_have_less_noise():
     scene = room()
-    exact = drawn(scene, 1, "gather.visibility=exact")
-    errors = [((drawn(scene, 1, f"gather.rays={rays}") - exact) ** 2).mean() for rays in (1, 2, 4, 8)]
+    exact = rendered(scene, 1, "gather.visibility=exact")
+    errors = [((rendered(scene, 1, f"gather.rays={rays}") - exact) ** 2).mean() for rays in (1, 2, 4, 8)]
     assert errors[0] > 1.5 * errors[1] > 2.25 * errors[2] > 3.3 * errors[3] > 0
 
 
 @pytest.mark.parametrize("scene", [room, courtyard])
 @pytest.mark.parametrize("interleave", [1, 4])
-def test_culling_changes_no_bit(scene, interleave):
+def test_culling_keeps_pictures_bit_for_bit(scene, interleave):
     gatherer = Gatherer(scene(), (70, 45), diffuse=False)
     low, high = gatherer.upload.box
     rng = np.random.default_rng(3)
@@ -77,20 +77,20 @@ def test_culling_changes_no_bit(scene, interleave):
 
 @pytest.mark.parametrize("thickness", [0.0, 0.01])
 def test_no_light_comes_through_a_closed_wall(thickness):
-    """A lamp in one of two rooms: the other is black to the last bit, or to rounding where the wall is a mere sheet."""
+    """A lamp in one of two rooms: the other is exactly black, or black up to rounding if the wall is a sheet."""
     walls = box((-2, 0, -2), (2, 3, 2), matte(0.7), inward=True)
     wall = quad((-2, 0, 0), (4, 0, 0), (0, 3, 0), matte(0.7))
     if thickness > 0:
         wall = box((-2.1, -0.1, 0), (2.1, 3.1, thickness), matte(0.7))
     scene = Scene([Instance(walls), Instance(wall)], [PointLight((0.3, 1.5, -0.1), 50.0)])
     scene.cameras = [Camera.look_at((1.5, 2.0, 1.8), (-0.3, 1.0, 0), yfov_deg=80)]
-    assert drawn(scene, 8, "denoise.radius=4").max() <= (0.0 if thickness > 0 else 1e-9)
+    assert rendered(scene, 8, "denoise.radius=4").max() <= (0.0 if thickness > 0 else 1e-9)
 
 
 def test_no_light_leaves_a_sealed_chamber():
-    assert not drawn(corridor(lamp=0.0), 4).any()
+    assert not rendered(corridor(lamp=0.0), 4).any()
 
 
-def test_it_is_deterministic():
-    first, second = (drawn(room(), 3) for _ in range(2))
+def test_sampled_visibility_is_deterministic():
+    first, second = (rendered(room(), 3) for _ in range(2))
     assert first.any() and np.array_equal(first, second)

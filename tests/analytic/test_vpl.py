@@ -1,4 +1,4 @@
-"""Virtual point lights against closed forms: their flux adds up to what the surfaces reflect."""
+"""Virtual point lights against closed forms: their flux adds up to the flux that surfaces reflect."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
 
 
-def drawn(scene, bounces, **fields):
+def resampled(scene, bounces, **fields):
     """Return positions (n, 3) relative to the scene's origin, flux (n, 3) in W and areas (n,) of the lights."""
     settings = Settings(gi="many-light", bounces=bounces, diffuse=True)
-    # By flux alone the sum is exact.
+    # Resampled by flux alone, their sum is exact.
     for name, value in {"count": 1024, "importance": "flux", **fields}.items():
         setattr(settings.vpl, name, value)
     settings.camera.jitter = False
@@ -38,55 +38,55 @@ def closed_box(albedo=0.5, lights=(), emission=0.0):
 def test_point_light_in_a_closed_box():
     """All of 4 pi I W is reflected once, by the albedo; colours stay apart."""
     scene = closed_box((0.2, 0.5, 0.8), [PointLight((0.3, -0.2, 0.1), 3.0, (1.0, 0.5, 0.25))])
-    _, flux, area = drawn(scene, 1)
+    _, flux, area = resampled(scene, 1)
     expected = 4 * math.pi * 3.0 * np.array([1.0, 0.5, 0.25]) * (0.2, 0.5, 0.8)
     assert np.allclose(flux.sum(0), expected, rtol=2e-3)
-    # Together they stand for the walls, on which they lie; where several lie close by chance, for a little less.
+    # Their areas cover the walls; where several VPLs are close by chance, a little less.
     assert 0.85 * 24 < area.sum() < 1.03 * 24
 
 
 @pytest.mark.slow
 def test_every_bounce_in_a_closed_box():
-    """rho + rho^2 + ... of the light; paths end after 32 bounces here."""
+    """rho + rho^2 + ... of the light, up to 32 bounces."""
     scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])
     for bounces, expected in ((1, 0.5), (2, 0.75), (3, 0.875), (None, 1.0)):
-        _, flux, _ = drawn(scene, bounces, max_bounces=32, paths=16384)
+        _, flux, _ = resampled(scene, bounces, max_bounces=32, paths=16384)
         assert flux.sum(0) == pytest.approx([4 * math.pi * 3.0 * expected] * 3, rel=0.02)
 
 
 @pytest.mark.parametrize("lamps, bounces, most", [(1, 3, 1.6), (40, 1, 2.6), (40, 3, 2.8)])
 def test_lights_share_the_area_of_the_walls(lamps, bounces, most):
-    """Many lamps and bounces light the same walls; discs that reach over their edges leave up to twice their area."""
+    """Many lamps and bounces light the same walls: VPL areas add up to at most 2.8 times that of the walls."""
     scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0 / lamps) for _ in range(lamps)])
-    _, _, area = drawn(scene, bounces)
+    _, _, area = resampled(scene, bounces)
     assert 0.85 * 24 < area.sum() < most * 24
 
 
 def test_spot_and_sun():
-    """A spot's whole cone falls on the floor; of a sun it takes lux times area."""
+    """A spot's whole cone falls on the floor; a sun's flux is lux times area times cosine."""
     floor = Instance(quad((-2, 0, -2), (0, 0, 4), (4, 0, 0), matte(0.6)))
     half = 0.4
     spot = SpotLight((0, 1, 0), (0, -1, 0), half, half + 1e-4, 5.0)
-    _, flux, _ = drawn(Scene([floor], [spot]), 1)
+    _, flux, _ = resampled(Scene([floor], [spot]), 1)
     assert flux.sum(0) == pytest.approx([0.6 * 5.0 * 2 * math.pi * (1 - math.cos(half))] * 3, rel=0.01)
     sun = DirectionalLight((0.6, -0.8, 0.0), 10.0)
-    _, flux, _ = drawn(Scene([floor], [sun]), 1)
+    _, flux, _ = resampled(Scene([floor], [sun]), 1)
     assert flux.sum(0) == pytest.approx([0.6 * 10.0 * 0.8 * 16] * 3, rel=0.01)
 
 
 def test_emitter():
-    """A closed box that shines to the inside: pi L A W from all walls, reflected once."""
-    _, flux, _ = drawn(closed_box(0.5, emission=2.0), 1, paths=16384)
-    # Double-sided: half of the light leaves outwards and is lost.
+    """An emissive closed box: pi L A W from all walls, reflected once."""
+    _, flux, _ = resampled(closed_box(0.5, emission=2.0), 1, paths=16384)
+    # Double-sided: half of the light leaves outwards.
     assert flux.sum(0) == pytest.approx([0.5 * math.pi * 2.0 * 24] * 3, rel=0.02)
 
 
 @pytest.mark.parametrize("pictured", [False, True])
 def test_environment(pictured):
-    """A floor that sees all of a sky on both sides: irradiance pi L of a constant one; above and below of a picture."""
+    """A floor below and above a sky: irradiance pi L for a constant one, integrated over both sides for a picture."""
     floor = Instance(quad((-2, 0, -2), (0, 0, 4), (4, 0, 0), matte(0.6)))
     sky = Environment((1.0, 2.0, 3.0), gradient_sky(16, 5.0) if pictured else None)
-    position, flux, _ = drawn(Scene([floor], environment=sky), 1, paths=16384)
+    position, flux, _ = resampled(Scene([floor], environment=sky), 1, paths=16384)
     assert len(np.unique(position, axis=0)) > 500
     if not pictured:
         assert np.allclose(flux.sum(0), 2 * 0.6 * math.pi * 16 * np.array([1.0, 2.0, 3.0]), rtol=0.01)
@@ -100,18 +100,18 @@ def test_environment(pictured):
 
 @pytest.mark.parametrize("importance", ["flux", "view", "grid"])
 def test_importance_keeps_the_flux(importance):
-    """Only its share among lights changes: more of them where the view is, each with less."""
+    """Importance changes how flux is divided: more lights where the view is, each with less flux."""
     scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])
-    _, flux, _ = drawn(scene, 1, importance=importance)
+    _, flux, _ = resampled(scene, 1, importance=importance)
     assert flux.sum(0) == pytest.approx([0.5 * 4 * math.pi * 3.0] * 3, rel=0.03)
     spread = flux[:, 0].std() / flux[:, 0].mean()
-    # Texels of a point light's map have the same solid angle, so a grid of them is alike here.
+    # Texels of a point light's map have equal solid angles, so a grid of them has equal fluxes.
     assert spread < 1e-3 if importance != "view" else spread > 0.05
 
 
-def test_every_nth_light_is_a_sample_of_all():
+def test_every_nth_light_is_a_stratified_sample():
     scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])
-    position, flux, _ = drawn(scene, 1)
+    position, flux, _ = resampled(scene, 1)
     mean = (flux[:, :1] * position).sum(0) / flux[:, 0].sum()
     for first in range(16):
         part = slice(first, None, 16)
@@ -120,19 +120,19 @@ def test_every_nth_light_is_a_sample_of_all():
 
 
 def test_black_surfaces_make_black_lights():
-    _, flux, _ = drawn(closed_box(0.0, [PointLight((0, 0, 0), 3.0)]), None)
+    _, flux, _ = resampled(closed_box(0.0, [PointLight((0, 0, 0), 3.0)]), None)
     assert not flux.any()
 
 
 @pytest.mark.parametrize("bounces, most", [(1, 0.12), (3, 0.2)])
 @pytest.mark.parametrize("importance", ["flux", "view"])
-def test_lights_stay_where_they_are_while_their_lamp_moves_a_little(importance, bounces, most):
-    """In a still view: by 0.2 % of the room's diagonal, few of them go further than 5 % of it."""
+def test_lights_are_temporally_coherent(importance, bounces, most):
+    """If the lamp moves by 0.2 % of the room's diagonal in a still view, few VPLs move further than 5 % of it."""
     scene = cornell_point()
     length = float(np.linalg.norm(np.diff(scene.bounds(), axis=0)))
-    before = drawn(scene, bounces, importance=importance)[0]
+    before = resampled(scene, bounces, importance=importance)[0]
     scene.lights[0].position = np.asarray(scene.lights[0].position) + 0.002 * length * np.array((0.6, 0.0, 0.8))
-    after = drawn(scene, bounces, importance=importance)[0]
+    after = resampled(scene, bounces, importance=importance)[0]
     way = np.linalg.norm(after - before, axis=-1) / length
     assert (way > 0.05).mean() <= most
     assert np.median(way) <= 0.01

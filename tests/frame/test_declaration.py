@@ -90,6 +90,25 @@ def test_no_size_and_no_move_compiles_a_pipeline(renderer, compiled):
     assert labels == []
 
 
+@pytest.mark.parametrize("mode", ["splat", "pull-push"])
+def test_no_count_of_lights_paths_or_points_compiles_a_pipeline(mode, compiled):
+    settings = make_settings("many-light")
+    settings.gather.visibility, settings.ism.mode, settings.ism.points = "ism", mode, 64
+    renderer = Renderer(medley_under_a_sky(), size=SIZE, settings=settings)
+    renderer.step()
+    labels = compiled(renderer)
+    for section, name, value in (
+        ("rsm", "texels", 500),
+        ("vpl", "count", 150),
+        ("vpl", "paths", 300),
+        ("vpl", "max_bounces", 3),
+        ("ism", "points", 100),
+    ):
+        setattr(getattr(renderer.settings, section), name, value)
+        assert renderer.step(check=True)
+    assert labels == []
+
+
 def test_no_step_touches_a_file(renderer, monkeypatch):
     renderer.settings.exposure = 0.5
     renderer.step()  # what is imported on first use

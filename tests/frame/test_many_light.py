@@ -1,4 +1,4 @@
-"""What a frame of many-light keeps: light does not depend on the camera, points on surfaces not on light."""
+"""Which passes of many-light a frame keeps: VPLs do not depend on the camera, surface points not on light."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def passes(renderer):
 
 @pytest.fixture
 def renderer():
-    """A room that has been lit, by lights drawn without the view and their maps, and seen."""
+    """A room rendered once, with VPLs resampled by flux alone and imperfect shadow maps."""
     settings = make_settings("many-light")
     settings.vpl.importance, settings.gather.visibility = "flux", "ism"
     renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=settings)
@@ -48,7 +48,7 @@ def test_a_camera_move_keeps_the_lights(renderer):
 
 
 def test_lights_for_the_view_follow_it(renderer):
-    """Drawn by what they may give to the view, of what was found without it."""
+    """VPLs are resampled by the view; their candidates are kept."""
     renderer.settings.vpl.importance = "view"
     passes(renderer)
     move_camera(renderer)
@@ -73,8 +73,8 @@ def test_a_moved_mesh_keeps_nothing(renderer):
     assert ran >= LIGHT | VIEW | {"points"} and kept == {"environment/albedo"}
 
 
-def test_frames_of_a_picture_draw_other_lights(renderer):
-    """On surfaces that stay where they are."""
+def test_frames_of_a_picture_have_different_lights(renderer):
+    """VPLs differ from frame to frame; surface points are kept."""
     renderer.settings.camera.frames = 3
     passes(renderer)
     lists = [renderer.graph.read_back("vpl/table").tobytes()]
@@ -97,7 +97,7 @@ def view(name, **sections):
 
 @pytest.mark.parametrize("mode", ["splat", "pull-push"])
 def test_views_of_imperfect_shadow_maps_show_distances(mode):
-    """Within the room's diagonal, 9.6 m; what was drawn is a part of what gaps were filled from."""
+    """Distances are within the room's diagonal, 9.6 m; the atlas has at least the texels of its samples."""
     shown = {
         name: view(name, gather={"visibility": "ism"}, ism={"mode": mode})[..., 0]
         for name in ("ism/atlas", "ism/samples")
@@ -107,7 +107,7 @@ def test_views_of_imperfect_shadow_maps_show_distances(mode):
     assert 0.2 < (shown["ism/samples"] > 0).mean() <= (shown["ism/atlas"] > 0).mean()
 
 
-def test_a_still_view_rejects_all_of_no_history_and_then_none():
+def test_a_still_view_rejects_history_only_in_its_first_frame():
     renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=make_settings("many-light", frames=3))
     renderer.settings.temporal.frames, renderer.settings.camera.jitter = 4, False
     shares = []
@@ -117,7 +117,7 @@ def test_a_still_view_rejects_all_of_no_history_and_then_none():
 
 
 def test_a_still_picture_is_the_mean_of_its_own_frames():
-    """Whether history is kept or not: frames that share it are no estimates of their noise."""
+    """With or without accumulation: accumulated frames are correlated, so they are not averaged."""
     pictures = []
     for history in (1, 8):
         renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=make_settings("many-light", frames=5))
@@ -136,7 +136,7 @@ def test_a_still_picture_is_the_mean_of_its_own_frames():
         ("gather/lists", {"gather": {"culling": "none"}}),
     ],
 )
-def test_a_view_that_a_run_lacks_says_so(name, sections):
+def test_an_absent_view_says_why(name, sections):
     with pytest.raises(GiError, match=f"--show {name}: .* need"):
         view(name, **sections)
 

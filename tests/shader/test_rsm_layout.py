@@ -10,7 +10,7 @@ LAYOUT = "many_light/rsm/layout.wgsl"
 
 
 @pytest.mark.parametrize("level", [0, 1, 2, 5])
-def test_the_curve_goes_from_texel_to_neighbour_through_all_of_them(tmp_path, level):
+def test_the_curve_visits_every_texel_from_neighbour_to_neighbour(tmp_path, level):
     evaluate = Evaluator(tmp_path)
     numbers = np.arange(4**level, dtype=np.uint32)
     texels = evaluate(LAYOUT, f"vec2f(texel_of_number(n(i), {level}u))", "vec2f", n=numbers).astype(np.int64)

@@ -13,7 +13,7 @@ from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.scene.load import load
 from wgpu_gi.settings import assign
 
-# Little of what is seen here is that paths end or that light is blurred over edges: rays instead of maps.
+# Rays to all VPLs, a small blur and long paths, so that errors of VPLs and their bound dominate.
 FINE = (
     "gather.visibility=exact",
     "gather.interleave=2",
@@ -22,8 +22,8 @@ FINE = (
     "vpl.paths=32768",
     "vpl.max_bounces=32",
 )
-# The most bias and relMSE of light of one bounce and of all: what was measured, and little more. The bound of near
-# lights takes the most where lights stand for large areas, as those of the sky do: from corners.
+# Bounds of bias and relMSE for one bounce and for all, little above the measured values. The bound of near VPLs takes
+# the most light from corners where VPLs stand for large areas, as those of the sky do.
 BOUNDS = {
     "cornell_area": [(0.012, 0.0035), (0.018, 0.0032)],
     "cornell_point": [(0.007, 0.005), (0.025, 0.0055)],  # -1.0 to -2.4 % by seed, all bounces
@@ -32,8 +32,8 @@ BOUNDS = {
     "courtyard_sun": [(0.052, 0.014), (0.067, 0.015)],
     "courtyard_sky": [(0.042, 0.016), (0.064, 0.016)],
 }
-# The same of one ray for each pixel, compensated, 16 frames. The corridor gets all its light through doors: few rays to
-# few VPLs find it.
+# The same with one ray per pixel, compensated, 16 frames. The corridor gets all its light through doors, so few VPLs
+# are visible.
 COMPENSATED_BOUNDS = {
     "cornell_area": [(0.004, 0.005), (0.006, 0.004)],
     "cornell_point": [(0.004, 0.0075), (0.01, 0.006)],
@@ -45,7 +45,7 @@ COMPENSATED_BOUNDS = {
 }
 
 
-def drawn(name, bounces, *texts):
+def rendered(name, bounces, *texts):
     """Return the indirect light of the pixel centres, the mean of four frames."""
     settings = Settings(gi="many-light", diffuse=True, bounces=bounces)
     settings.camera.jitter, settings.camera.frames = False, 4
@@ -71,7 +71,7 @@ def truth_of(name, bounces):
 @pytest.mark.parametrize("bounces", [1, None])
 @pytest.mark.parametrize("name", slow_but(("cornell_point",), BOUNDS))
 def test_exact_visibility(name, bounces):
-    got, truth = drawn(name, bounces, *FINE), truth_of(name, bounces)
+    got, truth = rendered(name, bounces, *FINE), truth_of(name, bounces)
     most_bias, most_error = BOUNDS[name][bounces is None]
     assert abs(bias(got, truth)) <= most_bias
     assert relmse(got, truth) <= most_error
@@ -79,26 +79,26 @@ def test_exact_visibility(name, bounces):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell_area", "cornell_point"])
-def test_without_a_bound_nothing_is_lost(name):
-    """No factor is missing: what the bound of near lights takes comes back as noise in corners."""
-    got, truth = drawn(name, None, *FINE, "gather.clamping=none"), truth_of(name, None)
+def test_unclamped_light_is_unbiased(name):
+    """Without the bound, the light that it takes is noise in corners, and no factor is missing."""
+    got, truth = rendered(name, None, *FINE, "gather.clamping=none"), truth_of(name, None)
     assert abs(bias(got, truth)) <= 0.015
     assert abs(np.median(got / np.maximum(truth, 1e-9)) - 1) <= 0.008
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell_area", "cornell_point", "cornell_spot"])
-def test_compensation_finds_what_the_bound_takes(name):
-    """With the same lights, whose own noise is in both; `test_compensated` holds the bias of the mean of many."""
+def test_compensation_restores_the_light_that_the_bound_takes(name):
+    """With the same VPLs, so that both have their noise; `test_compensated` bounds the bias of many frames."""
     truth = truth_of(name, None)
-    lost, found = (drawn(name, None, f"gather.compensation={on}") for on in ("false", "true"))
+    lost, found = (rendered(name, None, f"gather.compensation={on}") for on in ("false", "true"))
     assert 0.005 < bias(found, truth) - bias(lost, truth) < 0.02
     assert abs(bias(found, truth)) <= 0.018
 
 
 @pytest.mark.parametrize("bounces", [1, None])
 def test_imperfect_shadow_maps(bounces):
-    got, truth = drawn("cornell_point", bounces, "gather.visibility=ism"), truth_of("cornell_point", bounces)
+    got, truth = rendered("cornell_point", bounces, "gather.visibility=ism"), truth_of("cornell_point", bounces)
     assert abs(bias(got, truth)) <= 0.05
     assert relmse(got, truth) <= 0.03
 
@@ -107,7 +107,7 @@ def test_imperfect_shadow_maps(bounces):
 @pytest.mark.parametrize("name", slow_but(("cornell_point",), COMPENSATED_BOUNDS))
 def test_compensated(name, bounces):
     truth = truth_of(name, bounces)
-    got = drawn(name, bounces, "camera.frames=16", "gather.compensation=true")
+    got = rendered(name, bounces, "camera.frames=16", "gather.compensation=true")
     most_bias, most_error = COMPENSATED_BOUNDS[name][bounces is None]
     assert abs(bias(got, truth)) <= most_bias
     assert relmse(got, truth) <= most_error
@@ -115,7 +115,7 @@ def test_compensated(name, bounces):
 
 @pytest.mark.parametrize("name", ["cornell_area", "cornell_point", "cornell_spot"])
 def test_defaults(name):
-    got, truth = drawn(name, 1, "camera.frames=16"), truth_of(name, 1)
+    got, truth = rendered(name, 1, "camera.frames=16"), truth_of(name, 1)
     assert abs(bias(got, truth)) <= 0.02
     assert relmse(got, truth) <= 0.01
 
@@ -123,8 +123,8 @@ def test_defaults(name):
 @pytest.mark.parametrize("bounces", [1, None])
 @pytest.mark.parametrize("name", ["curtain", "leak_corridor_a"])
 def test_the_dark_side_stays_dark(name, bounces):
-    """Where no direct light falls, all light comes around a curtain or through doors."""
-    got, truth = drawn(name, bounces, "camera.frames=16", "gather.compensation=true"), truth_of(name, bounces)
+    """Without direct light: all light comes around a curtain or through doors."""
+    got, truth = rendered(name, bounces, "camera.frames=16", "gather.compensation=true"), truth_of(name, bounces)
     layers = layers_of(name)
     dark = (layers["depth"] > 0) & (layers["direct"].max(-1) <= 0)
     if name == "curtain":
@@ -136,8 +136,8 @@ def test_the_dark_side_stays_dark(name, bounces):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("bounces", [1, None])
-def test_coated_surfaces_reflect_as_the_path_tracer_has_it(bounces):
-    """Most of what a rough coat does not let through is lost: it reflects far less than Fresnel's factor alone."""
+def test_coated_surfaces_agree_with_the_path_tracer(bounces):
+    """A rough coat reflects far less than Fresnel's factor: most of the light that it does not pass is lost."""
     settings = Settings(gi="path", bounces=bounces, spp=512)
     truth = Renderer(load("cornell-point"), size=(64, 48), settings=settings)
     truth.run(show=("indirect",))
