@@ -94,7 +94,7 @@ def _declare_indirect(
         views |= declare_rsm_views(graph, scene, rsm)
     if ism is not None:
         views |= declare_ism_views(graph, ism)
-    # Add what the bound on near lights takes, and the near field in screen space.
+    # Add the light that the bound of near lights takes, and the near field in screen space.
     gathered = declare_compensation(graph, scene, gbuffer, direct, gathered, settings.bounces, seed)
     if near_field is not None:
         gathered = declare_near_field(

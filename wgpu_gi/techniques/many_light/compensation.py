@@ -3,7 +3,7 @@
 Novak, Engelhardt and Dachsbacher 2011, "Screen-Space Bias Compensation for Interactive High-Quality Global Illumination
 with Virtual Point Lights". Departures: few pixels are sampled around each, by the light they may give, instead of a
 hierarchy of pictures; the bound is the mean of the bounds of the VPLs that light the pixel, found while gathering, so
-that what is added is what was taken.
+that both are the same light.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ class Gathered:
     normals: packed as there. glossy: the radiance of coats, W/(m2 sr), over `coat_tint` of `common/coat.wgsl`; None
     without coated materials. interleave: side of the squares of pixels that share the VPLs. clusters: the light lists.
     bound_sums: sums of the bounds of near VPLs, as in `many_light/gather/common.wgsl`; None without compensation.
-    near_field: what is left out of it.
+    near_field: the part that is left out; None without a near field.
     """
 
     irradiance: Buffer
@@ -145,7 +145,7 @@ def declare_gather(
 def _visibility(
     settings: GatherSettings, scene: SceneInputs, ism: Ism | None
 ) -> tuple[dict[str, Handle], dict[str, float]]:
-    """Return what tells the visibility of VPLs: bindings and constants, by name."""
+    """Return the bindings and constants of the shader that finds the visibility of VPLs, by name."""
     if settings.visibility == "ism":
         assert ism is not None
         return ism.reads, ism.constants

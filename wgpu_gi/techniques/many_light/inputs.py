@@ -1,4 +1,4 @@
-"""What virtual point lights need of a scene: areas to place points on, and the layout of reflective shadow maps."""
+"""The inputs of virtual point lights from a scene: areas to place points on, the layout of reflective shadow maps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class VplInputs:
 
 @dataclass
 class ManyLightInputs(DeferredInputs):
-    """What many-light needs of a scene."""
+    """The inputs of many-light from a scene."""
 
     vpl: VplInputs
 

@@ -4,7 +4,7 @@ Ritschel et al. 2008, "Imperfect Shadow Maps for Efficient Computation of Indire
 3.3.1 (splatting) and 3.3.2 (single texels and pull-push). Departures:
 
 * A few rays from each VPL sample its surroundings, beside or instead of points spread over all surfaces, so that
-  nothing near the VPL is missed.
+  no surface near the VPL is missed.
 * Cells of the map with silhouettes of large triangles are refined: each block of 2 x 2 texels gets a ray.
 * Texels hold a plane instead of a distance, and splats lie in the plane of their surface.
 * Texels have equal solid angles, which leaked less behind a thin screen than octahedral maps, and no more than
@@ -71,7 +71,7 @@ class IsmSettings:
 class Ism:
     """What `wgsl/many_light/ism/lookup.wgsl` needs: its bindings and its constants, by name.
 
-    For debug views: `samples`, the texels before gaps are closed, and `ray_hits`, what rays found at every
+    For debug views: `samples`, the texels before gaps are closed, and `ray_hits`, the hits of rays at every
     `ray_spacing` texels; 0 where ray hits are among the samples.
     """
 
@@ -132,7 +132,7 @@ def declare_ism(graph: Graph, settings: IsmSettings, scene: SceneInputs, points:
 
 
 def _layout(graph: Graph, settings: IsmSettings, vpls: Vpls) -> _Layout:
-    """Return the sizes of the maps. Raises GiError if the atlas, or what rays find, is too large."""
+    """Return the sizes of the maps. Raises GiError if the atlas or the buffer of ray hits is too large."""
     for name in ("resolution", "ray_spacing"):
         value = getattr(settings, name)
         if value & (value - 1):
@@ -194,7 +194,7 @@ def _declare_splats(
 def _declare_pull_push(
     graph: Graph, settings: IsmSettings, layout: _Layout, points: Points, samples: Buffer, atlas: Texture
 ) -> None:
-    """Declare what closes the gaps between single texels."""
+    """Declare the pass that closes the gaps between single texels."""
     graph.compute(
         "ism/pull_push",
         "many_light/ism/pull_push.wgsl",
@@ -219,10 +219,10 @@ def _declare_fill(
     samples: Buffer | None,
     atlas: Texture,
 ) -> None:
-    """Declare what fills the cells between rays; silhouette cells are refined by rays of their own.
+    """Declare the passes that fill the cells between rays and refine silhouette cells by further rays.
 
     One dispatch and one buffer hold a limited number of cells, so the maps are refined in ranges whose lists hold
-    all of their cells: no silhouette cell is left out, whatever the order in which cells are listed.
+    all of their cells: every silhouette cell is refined, in whatever order cells are listed.
     """
     constants = {"ISM_RESOLUTION": settings.resolution, "RAY_SPACING": settings.ray_spacing}
     cells = settings.resolution // settings.ray_spacing

@@ -1,4 +1,4 @@
-"""Brings what many-light needs of a scene up to date, once per frame."""
+"""Updates the inputs of many-light from a scene, once per frame."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ManyLightOptions(DeferredOptions, Protocol):
 
 
 class ManyLightState:
-    """The table of areas and the layout of reflective shadow maps, and what they were made of."""
+    """The table of areas and the layout of reflective shadow maps, with the inputs that they were made from."""
 
     def __init__(self) -> None:
         self.areas = AreaCdf(load("many_light/points/sample.wgsl").struct_dtype("AreaInstance"))
@@ -63,7 +63,7 @@ def check_light_order(lights: NDArray[np.void], count: int) -> None:
 
 
 def many_light_inputs(shot: Shot, settings: ManyLightOptions) -> ManyLightInputs:
-    """Bring areas and the layout of reflective shadow maps up to date; return what passes read."""
+    """Update areas and the layout of reflective shadow maps; return the inputs of the passes."""
     deferred = deferred_inputs(shot, settings)
     upload, state = shot.upload, shot.kept(ManyLightState)
     # Another kind of materials has another upload, which has no areas yet.
