@@ -1,12 +1,12 @@
 // One invocation gathers the light that the surfaces around a receiver reflect to it: E = pi / N sum_k L(q_k) over the
 // directions that meet a surface, q_k.
 //
-// Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departure: A is the area that the direction's own solid
-// angle dw cuts out of the sender, A = dw d^2 / cos_s, where the paper has pi r_max^2 / N times a strength set by hand.
-// So a direction that loses the environment's light gains as much of the sender's, and near senders need no clamp. With
-// directions drawn by the cosine, cos_r dw is pi / N. Senders count by their front; coats let 1 - F through. In: hits,
-// what senders reflect, W/(m2 sr). Out: irradiance E, W/m2, and the depth of `shared/denoise/plane.wgsl`. Errs dark where
-// senders are in no picture.
+// Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departure: A is the area that the direction's own
+// solid angle dw cuts out of the sender, A = dw d^2 / cos_s, where the paper has pi r_max^2 / N times a strength set
+// by hand. So a direction that loses the environment's light gains as much of the sender's, and near senders need no
+// clamp. With directions drawn by the cosine, cos_r dw is pi / N. Senders count by their front; coats let 1 - F
+// through. In: hits, what senders reflect, W/(m2 sr). Out: irradiance E, W/m2, and the depth of
+// `shared/denoise/plane.wgsl`. Errs dark where senders are in no picture.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
 #import "ssdo/hit_code.wgsl"

@@ -1,7 +1,8 @@
 // Contact shadows: shadows of small things that a shadow map's bias lost (Ritschel et al. 2009, section 5). Points on
 // the segment from a surface towards the light, as long as the bias, are tested against the main camera's layers.
 //
-// Errs dark behind thin things where there is a single layer, by the bias at most; misses what the picture does not show.
+// Errs dark behind thin things where there is a single layer, by the bias at most; misses what the picture does not
+// show.
 #import "ssdo/depth_test.wgsl"
 
 override CONTACT_POINTS: u32 = 8u;  // on the segment

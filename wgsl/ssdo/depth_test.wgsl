@@ -1,5 +1,5 @@
-// Tests a point against the depth buffers of one view: does it lie behind a surface, and how far? (Ritschel et al. 2009,
-// section 3; several layers and cameras: section 4.)
+// Tests a point against the depth buffers of one view: does it lie behind a surface, and how far? (Ritschel et al.
+// 2009, section 3; several layers and cameras: section 4.)
 #import "ssdo/hit_position.wgsl"
 
 // Relative error of a depth: float32 projection and interpolation by the rasteriser. tools/README.md, "Constants".
@@ -94,8 +94,8 @@ fn test_depth(r: ReceiverInView, point: MarchPoint, depth: f32, source: u32) -> 
         point.is_inside && depth < point.depth, false, false);
 }
 
-// Whether a further camera sees a cover over the receiver, such as a roof seen from above. Under a cover, a point behind
-// it is not in matter: only leaving through the cover counts as a hit.
+// Whether a further camera sees a cover over the receiver, such as a roof seen from above. Under a cover, a point
+// behind it is not in matter: only leaving through the cover counts as a hit.
 struct Cover {
     is_covered: bool,
     behind: f32,  // distance of the last point behind the cover, metres along the view; FLOAT_MAX: unknown
@@ -175,7 +175,8 @@ fn test_layers(r: ReceiverInView, point: MarchPoint, advance: f32) -> DepthTest 
     let has_far_face = next > 0.0;
     // In the open, but nearer to the entry than the last step is long: the step went through matter, in and out.
     let is_crossed = !is_odd & (behind < advance);
-    // The face that the direction met: front faces away from the camera, back faces towards it.
+    // The face that the direction met: a front face if it leads away from the camera, the back face if it leads towards
+    // the camera, the entry if the step went through.
     face += select(0u, 1u, is_odd & has_far_face & (advance < 0.0));
     face -= select(0u, 1u, is_crossed);
     let is_occluded = is_past_first & (is_odd | is_crossed);

@@ -1,4 +1,4 @@
-// One invocation stores a pixel of the first layer as a sender: L = direct, or with HAS_INDIRECT L = direct + rho E / pi.
+// One invocation stores a pixel of the first layer as a sender: L = direct, with HAS_INDIRECT + rho E / pi.
 //
 // In: direct light, W/(m2 sr), which is what the surface reflects of the lights; irradiance E by indirect light, W/m2;
 // G-buffer. Out: L, W/(m2 sr), and the normal, packed.

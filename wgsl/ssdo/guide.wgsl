@@ -1,5 +1,7 @@
 // One invocation finds the upsampling weights of a pixel from the grid of every COARSE_STRIDE-th pixel, whose surfaces
-// are those of its pixels in the G-buffer. Out: the guide and the unrepresented pixels of `shared/upsample/guide.wgsl`.
+// are those of its pixels in the G-buffer.
+//
+// In: G-buffer. Out: the guide and the list of unrepresented pixels of `shared/upsample/guide.wgsl`.
 #import "shared/upsample/guide.wgsl"
 #import "shared/upsample/gbuffer_surface.wgsl"
 

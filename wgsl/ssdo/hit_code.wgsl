@@ -1,6 +1,6 @@
 // The surface that a direction meets, packed into two words. The first holds the pixel that shows the surface and its
-// source: layers of depth peeling are sources 0 to 3, further cameras are sources 4 to 7. The second holds the direction
-// from the receiver to it and its weight.
+// source: layers of depth peeling are sources 0 to 3, further cameras are sources 4 to 7. The second holds the
+// direction from the receiver to it and its weight.
 #import "common/math.wgsl"
 
 override LAYERS: u32 = 1u;   // of depth peeling, 1 to 4

@@ -1,5 +1,5 @@
-// Screen-space ray marching: the first surface that a direction meets, as far as layers and cameras show it (the blocker
-// test of Ritschel et al. 2009, sections 3 and 4).
+// Screen-space ray marching: the first surface that a direction meets, as far as layers and cameras show it (the
+// blocker test of Ritschel et al. 2009, sections 3 and 4).
 //
 // Points along the direction are projected and compared with the depth at their pixel. Behind a surface, a point is in
 // matter of any thickness, unless another camera or layer shows it in the open: two layers bound matter between the
@@ -10,16 +10,16 @@
 #import "ssdo/depth_test.wgsl"
 
 // Points along each direction. An override, as DIRECTIONS of `ssdo/occlusion.wgsl`, and not a param: lavapipe compiles
-// anew what loops up to a uniform, and Mesa 22.3.6 writes beyond its memory where the end of a loop depends on a uniform
-// and on values of the thread at once.
+// anew what loops up to a uniform, and Mesa 22.3.6 writes beyond its memory where the end of a loop depends on a
+// uniform and on values of the thread at once.
 override STEPS: u32 = 16u;
 
 // Thickness of all matter, in steps: behind a surface by no more than the last step, a point is in matter even where
 // another camera sees it in the open, since steps may leap over a thin wall. With 2 and 4, a courtyard is too dark.
 // tools/README.md, "Constants".
 const LEAST_THICKNESS: f32 = 1.0;
-// A wall seen at a grazing angle is found by its plane, because points come out far behind it. Its depth changes evenly
-// from pixel to pixel, up to this share of the change; tools/README.md, "Constants".
+// A wall seen at a grazing angle is found by its plane, because points come out far behind it. Its depth changes
+// evenly from pixel to pixel, up to this share of the change; tools/README.md, "Constants".
 const UNEVENNESS: f32 = 0.5;
 // A pixel shows the same plane if its depth is off by no more than the plane changes within this number of pixels;
 // tools/README.md, "Constants".
@@ -62,8 +62,8 @@ fn marcher(position: vec3f, frame: mat3x3f, tangents: mat3x3f, radius: f32) -> M
     return m;
 }
 
-// Returns a hit between the points at `start` and `end` metres, moved to where the direction meets the surface: one step
-// of regula falsi on the distance behind it. The hit stays where it is if that pixel shows no nearer surface.
+// Returns a hit between the points at `start` and `end` metres, moved to where the direction meets the surface: one
+// step of regula falsi on the distance behind it. The hit stays where it is if that pixel shows no nearer surface.
 fn refine_hit(depths: texture_depth_2d, r: ReceiverInView, along: vec4f, start: f32, end: f32, hit: u32) -> u32 {
     let first = project_point(r, along, start);
     let last = project_point(r, along, end);
@@ -122,8 +122,9 @@ fn plane_crossing(depths: texture_depth_2d, r: ReceiverInView, along: vec4f, t: 
     return select(NO_HIT, pack_hit(vec2u(crossing), hit_source(hit)), is_crossed);
 }
 
-// Returns the first surface that a point along a direction of the receiver's frame lies behind, or NO_HIT. The distance
-// of points grows with the power 2.5 of their number, since near occluders hide more; `jitter` in 0 to 1 shifts them.
+// Returns the first surface that a point along a direction of the receiver's frame lies behind, or NO_HIT. The
+// distance of points grows with the power 2.5 of their number, since near occluders hide more; `jitter` in 0 to 1
+// shifts them.
 fn march(m: Marcher, direction: vec3f, jitter: f32) -> u32 {
     let along = m.main.axes * direction;
     let along_a = m.a.axes * direction;

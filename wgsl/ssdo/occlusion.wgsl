@@ -1,14 +1,15 @@
-// One invocation finds which share of the environment's light reaches a receiver, per channel, and what hides the rest:
-// V = pi / (N E) sum_k L(w_k) V(w_k), with E the unoccluded irradiance (Ritschel et al. 2009, section 3: the sum of
-// L_in V cos dw over N directions).
+// One invocation finds which share of the environment's light reaches a receiver, per channel, and what hides the
+// rest: V = pi / (N E) sum_k L(w_k) V(w_k), with E the unoccluded irradiance (Ritschel et al. 2009, section 3: the sum
+// of L_in V cos dw over N directions).
 //
 // Directions are drawn by the cosine. The pixels of n x n squares share one stratified set of them, and the blur that
-// follows averages over such squares. L is the environment filtered to about the solid angle of one direction of such a
-// set, so that a small sun casts a soft shadow. With SAMPLE_ENVIRONMENT every other direction is drawn by importance
-// sampling of the environment (balance heuristic, Veach and Guibas 1995), L is unfiltered, and the blur divides the sums
-// with and without V. In: G-buffer, depths of all sources, the prefiltered environment. Out: V, 1 in the mean where
-// nothing hides, and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; the surface that each
-// direction meets. Errs bright where an occluder is in no picture, dark behind what is thinner than it seems.
+// follows averages over such squares. L is the environment filtered to about the solid angle of one direction of such
+// a set, so that a small sun casts a soft shadow. With SAMPLE_ENVIRONMENT every other direction is drawn by importance
+// sampling of the environment (balance heuristic, Veach and Guibas 1995), L is unfiltered, and the blur divides the
+// sums with and without V. In: G-buffer, depths of all sources, the prefiltered environment. Out: V, 1 in the mean
+// where nothing hides, and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; the surface
+// that each direction meets. Errs bright where an occluder is in no picture, dark behind what is thinner than it
+// seems.
 #import "scene/sequence.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"

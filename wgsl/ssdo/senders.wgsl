@@ -1,9 +1,9 @@
 // One invocation lights a pixel of a deeper layer or of a further camera, every STRIDE-th of every STRIDE-th row; it
 // stands for its neighbours as well: L = rho / pi (E_sky V + sum_i E_i cos_i V_i).
 //
-// V_i comes from filtered shadow maps; V of the sky from `occlusion.wgsl` for a coarser grid, blurred and upsampled. In:
-// G-buffer of the source, lights, V of the sky. Out: L, W/(m2 sr), and the normal, packed. Errs blurred, by STRIDE, and
-// dark where coats would reflect: these are left out, since what they reflect depends on the receiver.
+// V_i comes from filtered shadow maps; V of the sky from `occlusion.wgsl` for a coarser grid, blurred and upsampled.
+// In: G-buffer of the source, lights, V of the sky. Out: L, W/(m2 sr), and the normal, packed. Errs blurred, by
+// STRIDE, and dark where coats would reflect: these are left out, since what they reflect depends on the receiver.
 #import "shared/gbuffer/load.wgsl"
 #import "deferred/direct/lighting.wgsl"
 #import "deferred/environment/ambient.wgsl"

@@ -1,5 +1,6 @@
-// One invocation finds the upsampling weights of a pixel from the level that gathering starts at, whose surfaces are
-// surfels. Out: the guide and the unrepresented pixels of `shared/upsample/guide.wgsl`.
+// One invocation finds the upsampling weights of a pixel from the level that gathering starts at.
+//
+// In: surfels of both. Out: the guide and the list of unrepresented pixels of `shared/upsample/guide.wgsl`.
 #import "shared/upsample/guide.wgsl"
 #import "ssil/guide_surface.wgsl"
 

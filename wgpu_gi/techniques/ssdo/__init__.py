@@ -1,6 +1,7 @@
-"""SSDO (`--gi ssdo`): the environment's light past what the picture shows near by, and one bounce, in screen space.
+"""SSDO (`--gi ssdo`): directional occlusion of the environment and one bounce of light, found in screen space.
 
-Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space".
+Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space". Departures: see `search.py`
+(occluders), `occlusion.py` (shadows), `bounce.py` and `senders.py` (one bounce), `cameras.py` (further cameras).
 """
 
 from __future__ import annotations
@@ -28,16 +29,16 @@ TECHNIQUE = Technique(
 def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Light:
     """Declare direct light with the environment occluded by direction, and one bounce, W/(m2 sr)."""
     s, seed = settings.ssdo, settings.seed
-    # What the camera sees: layers behind one another, and pictures of further cameras.
+    # Depth layers of the main camera, and further cameras.
     sources = declare_sources(graph, scene)
     base = declare_base(graph, settings, scene, gbuffer=sources.layers[0], lobes=True)
     history = History(settings.temporal, base.motion)
-    # Occluders along each direction: they hide the environment.
+    # The first occluder along each direction, which hides the environment.
     occlusion = declare_occlusion(graph, s, scene, sources, base.ambient, history, seed, scene.frames)
     atlas, layers = base.shadow_atlas, sources.layers
     direct = declare_direct(graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, occlusion.share, layers)
     light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
-    # The same occluders reflect light.
+    # The same occluders, as senders of one bounce.
     if settings.bounces != 0 and s.bounce:
         light.indirect = declare_bounce(graph, s, scene, sources, occlusion, direct, atlas, base.ambient, history, seed)
     return light

@@ -32,7 +32,7 @@ def declare_bounce(
     history: History,
     seed: int,
 ) -> Buffer:
-    """Declare the light that the surfaces found reflect, and pixels reflect again: (r, g, b, -) each, W/(m2 sr)."""
+    """Declare the indirect light by one bounce on the surfaces found: (r, g, b, -) per pixel, W/(m2 sr)."""
     search, gbuffer = occlusion.search, sources.layers[0]
     # The radiance that each source reflects, gathered along the directions of the search.
     senders = declare_senders(graph, settings, scene, sources, direct, atlas, ambient, seed)

@@ -29,8 +29,8 @@ class SsdoSettings:
     layers: int = setting(1, "Layers of depth peeling.", "layers", range=(1, MAX_LAYERS), presets={"high": 2})
     cameras: int | None = setting(
         None,
-        "Further cameras that look for occluders; none for one, and for three where there is an environment, which"
-        " roofs and walls behind the camera hide.",
+        "Further cameras that show occluders out of view; none for one, or for three if there is an environment, which"
+        " things above and behind the camera hide.",
         "cameras",
         range=(0, MAX_CAMERAS),
         presets={"low": 0},

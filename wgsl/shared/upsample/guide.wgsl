@@ -1,9 +1,9 @@
-// The guide of joint bilateral upsampling for one fine pixel, and the list of unrepresented pixels: those whose surface
-// no coarse pixel shows, which a technique computes at full resolution. Who imports this defines
-// fn fine_surface(pixel: vec2u) -> GuideSurface and fn coarse_surface(pixel: vec2u) -> GuideSurface.
+// The guide of joint bilateral upsampling for one fine pixel, and the list of unrepresented pixels: those whose
+// surface no coarse pixel shows, which a technique computes at full resolution. The importing pass defines fn
+// fine_surface(pixel: vec2u) -> GuideSurface and fn coarse_surface(pixel: vec2u) -> GuideSurface.
 //
 // Out: the weights of four coarse pixels, normalised, 8 bits each, 0 where there is no surface; the list, in no
-// particular order, and the workgroups that go through it.
+// particular order, and the number of workgroups that cover it.
 #import "shared/upsample/weights.wgsl"
 #import "shared/upsample/list_group.wgsl"
 

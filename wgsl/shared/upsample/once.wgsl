@@ -1,10 +1,11 @@
-// Joint bilateral upsampling without a stored guide, for light that is upsampled once. Who imports this defines
+// Joint bilateral upsampling without a stored guide, for light that is upsampled once. The importing pass defines
 // fn coarse_surface(pixel: vec2u) -> GuideSurface.
 #import "shared/upsample/weights.wgsl"
 
 @group(1) @binding(11) var<storage, read> coarse: array<vec4f>;
 
-// Returns the light of `coarse` for a fine pixel; `size`: coarse pixels; `per_metre`: of these.
+// Returns the light of `coarse` for a fine pixel. `size`: of the coarse picture, pixels; `per_metre`: coarse pixels
+// per metre at the fine surface.
 fn upsampled_once(pixel: vec2u, fine: GuideSurface, size: vec2u, per_metre: f32) -> vec3f {
     let taps = coarse_taps(pixel);
     var sum = vec4f(0.0);

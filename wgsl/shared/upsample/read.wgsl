@@ -10,7 +10,7 @@ fn load_guide(pixel: vec2u) -> vec4f {
     return weights / max(dot(weights, vec4f(1.0)), 0.5);
 }
 
-// Returns where the value of a tap lies, 0 to 3.
+// Returns the index of the coarse value of a tap, 0 to 3.
 fn tap_index(taps: CoarseTaps, k: u32) -> u32 {
     let size = (view.size + COARSE_STRIDE - 1u) / COARSE_STRIDE;
     let pixel = tap_pixel(taps, k, size);

@@ -1,8 +1,8 @@
 // Joint bilateral upsampling (Kopf et al. 2007): how much the four coarse pixels around a fine pixel count for it.
 //
-// w_k = (b_k + FLOOR) (s_k + FLOOR): b_k is the bilinear weight, s_k in 0 to 1 the similarity of both surfaces,
-// s_k = max(1 - d_k^2, 0) max(n . n_k, 0), where d_k is the distance of the coarse surface from the tangent plane of
-// the fine one, in widths of a coarse pixel. Errs where no coarse pixel shows the surface: the most similar ones count.
+// w_k = (b_k + FLOOR) (s_k + FLOOR): b_k is the bilinear weight, s_k in 0 to 1 the similarity of both surfaces, s_k =
+// max(1 - d_k^2, 0) max(n . n_k, 0), where d_k is the distance of the coarse surface from the tangent plane of the
+// fine one, in widths of a coarse pixel. Errs where no coarse pixel shows the surface: the most similar ones count.
 #import "scene/info.wgsl"
 
 override COARSE_STRIDE: u32 = 2u;       // fine pixels along the side of a coarse one
@@ -24,7 +24,7 @@ fn pixels_per_metre(position: vec3f) -> f32 {
     return f32(view.size.x) / max(2.0 * length(view.right) * depth, 1e-37);
 }
 
-// Returns how likely it is that two pixels show one surface, 0 to 1; `per_metre`: pixels of the coarser of both.
+// Returns the similarity of two surfaces, 0 to 1; `per_metre`: coarse pixels per metre at `fine`.
 fn similarity(fine: GuideSurface, other: GuideSurface, per_metre: f32) -> f32 {
     let off_plane = dot(fine.normal, other.position - fine.position) * per_metre;
     let similar = max(1.0 - off_plane * off_plane, 0.0) * max(dot(fine.normal, other.normal), 0.0);
