@@ -1,7 +1,7 @@
 """Sweep constants of shaders and modules: the error and the time that other values have, as Markdown tables.
 
     python tools/sweeps.py                     # list the constants
-    python tools/sweeps.py STEP_WIDTH FLAT     # sweep these; a name may also be a technique or a file
+    python tools/sweeps.py STEP_WIDTH FLAT     # sweep these; a name may also be a file, or a row of REFERENCES
     python tools/sweeps.py all                 # sweep all of them
 
 Each value is put into a copy of the package, which then renders three scenes of 128x72 pixels in a process of its own:
@@ -20,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 # The package comes from PYTHONPATH, which leads a worker to its copy, before it comes from this checkout.
@@ -29,6 +29,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 from helpers.references import FOLDER, SIZE, layers_of, scene_of
+from helpers.skies import gradient_sky
 from numpy.typing import NDArray
 
 from wgpu_gi.measure.metrics import bias, relmse
@@ -36,7 +37,17 @@ from wgpu_gi.options import Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.shapes import sphere
 from wgpu_gi.scene.load import load
-from wgpu_gi.scene.scene import Image, Instance, Material, Mesh, Scene, Texture
+from wgpu_gi.scene.scene import (
+    Environment,
+    Image,
+    Instance,
+    Material,
+    Mesh,
+    PointLight,
+    Scene,
+    SpotLight,
+    Texture,
+)
 from wgpu_gi.settings import assign
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,6 +64,7 @@ class Reference:
     bounces: int | None
     layers: tuple[str, ...]
     scenes: tuple[str, ...]
+    turning: bool = False  # single frames of a camera that turns into the view of the reference
 
 
 REFERENCES = {
@@ -60,13 +72,27 @@ REFERENCES = {
     "sky": Reference("direct", 0, ("direct",), ("courtyard_sky",)),
     "many-light": Reference("indirect", None, ("one", "multi"), ("cornell_point", "leak_corridor_a", "courtyard_sky")),
     "ssdo": Reference("radiance", 1, ("emit", "direct", "one"), ("cornell_point", "cornell_spot", "courtyard_sky")),
+    "sky map": Reference("direct", 0, ("direct",), ("pictured_sky",)),
+    "sun": Reference("direct", 0, ("direct",), ("courtyard_sun",)),
+    "lamps": Reference("direct", 0, ("direct",), ("lamps",)),
+    "moving": Reference(
+        "indirect", None, ("one", "multi"), ("cornell_area", "cornell_point", "leak_corridor_a"), turning=True
+    ),
     "screen": Reference("direct", 0, ("direct",), ("screen",)),
     "balls": Reference("radiance", 0, (), ("balls",)),
     # Its truth is the light of visible surfaces; with the spot, all that is lit is in view.
     "ssil": Reference("indirect", 1, ("one",), ("cornell_point", "cornell_area", "cornell_spot")),
 }
 # Rows of REFERENCES that are no technique: what renders them.
-TECHNIQUE = {"sky": "many-light", "screen": "none", "balls": "many-light"}
+TECHNIQUE = {
+    "sky": "many-light",
+    "sky map": "many-light",
+    "sun": "none",
+    "lamps": "none",
+    "moving": "many-light",
+    "screen": "none",
+    "balls": "many-light",
+}
 
 
 @dataclass(frozen=True)
@@ -88,6 +114,17 @@ class Sweep:
 ISM = "gather.visibility=ism"
 # The value in use is among the values.
 SWEEPS = (
+    Sweep("deferred/shadow/lookup.wgsl", "DEPTH_ROUNDING", "1e-6, 4e-6, 16e-6", "none"),
+    Sweep("deferred/shadow/lookup.wgsl", "OWN_PLANE", "0.03, 0.1, 0.3", "none"),
+    Sweep("deferred/shadow/lookup.wgsl", "CLEAR_OF_PLANE", "0.5, 1.0, 2.0", "none"),
+    Sweep("techniques/deferred/sky.py", "INTERLEAVE", "2, 4, 8", "sky"),
+    Sweep("techniques/deferred/shadow_sun.py", "RATIO", "2.0, 4.0, 8.0", "sun", "direct.edges=false"),
+    Sweep("techniques/deferred/shadow_views.py", "DIMMEST_SIDE", "1 / 2, 1 / 8, 1 / 32", "lamps", "direct.edges=false"),
+    Sweep("techniques/deferred/shadow_views.py", "PROBES", "16, 64, 256", "lamps", "direct.edges=false"),
+    Sweep("techniques/deferred/direct.py", "TILED_FROM", "1, 8, 32", "lamps"),
+    Sweep("shared/denoise/blur.wgsl", "OFF_PLANE", "0.125, 0.25, 0.5", "many-light"),
+    Sweep("shared/denoise/blur.wgsl", "STANDARD_ERRORS", "1.5, 2.5, 4.0", "many-light"),
+    Sweep("shared/denoise/blur.wgsl", "GUIDED_FROM", "2u, 4u, 8u", "many-light"),
     Sweep("many_light/ism/map.wgsl", "TEXEL_ANGLE", "2.0, 2.5, 2.83", "many-light", ISM),
     Sweep("many_light/ism/hit_triangle.wgsl", "PLANE_TOLERANCE", "1e-3, 1e-2, 1e-1", "many-light", ISM),
     Sweep("many_light/ism/fill.wgsl", "PLANAR_ERROR", "0.001, 0.005, 0.02", "many-light", ISM),
@@ -96,17 +133,42 @@ SWEEPS = (
     Sweep("many_light/ism/fill.wgsl", "MIN_REFINED_WIDTH", "0.5, 1.0, 2.0", "many-light", ISM),
     Sweep("many_light/ism/lookup.wgsl", "BIAS_NORMAL", "0.0, 0.125, 0.25, 0.5", "many-light", ISM),
     Sweep("many_light/ism/lookup.wgsl", "BIAS_DISTANCE", "0.0, 0.05, 0.1, 0.2", "many-light", ISM),
-    Sweep("shared/denoise/blur.wgsl", "OFF_PLANE", "0.125, 0.25, 0.5", "many-light"),
-    Sweep("shared/denoise/blur.wgsl", "STANDARD_ERRORS", "1.5, 2.5, 4.0", "many-light"),
-    Sweep("ssil/vote.wgsl", "STEP_WIDTH", "0.5, 1.0, 2.0", "ssil"),
-    Sweep("ssil/vote.wgsl", "NORMAL_WIDTH", "0.05, 0.1, 0.2", "ssil"),
-    Sweep("ssil/vote.wgsl", "PLANE_WIDTH", "0.5, 1.0, 2.0", "ssil"),
-    Sweep("upload/direct_lights.py", "MIN_POINTS", "1 << 10, 1 << 12, 1 << 14", "none"),
-    Sweep("upload/direct_lights.py", "POINTS_PER_SAMPLE", "64, 256, 1024", "none"),
-    Sweep("upload/direct_lights.py", "TEXTURED", "1, 4, 8, 32", "screen"),
+    Sweep("many_light/gather/sampled.wgsl", "RUNS", "4u, 16u, 64u", "many-light"),
+    Sweep("many_light/gather/compensate.wgsl", "SAMPLES", "1u, 2u, 4u", "many-light", "gather.compensation=true"),
+    Sweep("many_light/gather/common.wgsl", "BOUND_SHARE", "0.125, 0.25, 0.5, 1.0", "many-light"),
+    Sweep("techniques/many_light/__init__.py", "POINTS", "1 << 14, 1 << 17, 1 << 19", "many-light"),
     Sweep("upload/top_level.py", "OPEN_UP_TO", "256, 1024, 2048, 8192", "balls", "environment.rays=4"),
     Sweep("upload/draw_list.py", "CLUSTER", "128, 256, 512, 1024, 2048", "balls"),
     Sweep("upload/draw_list.py", "MANY_INSTANCES", "2, 8, 32, 128", "balls"),
+    Sweep("upload/direct_lights.py", "MIN_POINTS", "1024, 1 << 12, 16384", "none"),
+    Sweep("upload/direct_lights.py", "POINTS_PER_SAMPLE", "64, 256, 1024", "none"),
+    Sweep("upload/direct_lights.py", "TEXTURED", "1, 4, 8, 32", "screen"),
+    Sweep("ssdo/search_radius.wgsl", "FADE_START", "0.5, 0.75, 0.9", "ssdo"),
+    Sweep("ssdo/search_radius.wgsl", "BORDER_FADE", "0.003, 0.01, 0.03", "ssdo"),
+    Sweep("ssdo/depth_test.wgsl", "RASTER_ROUNDING", "1e-6, 4e-6, 16e-6", "ssdo"),
+    Sweep("ssdo/depth_test.wgsl", "PLANE_ROUNDING", "3e-6, 1e-5, 3e-5", "ssdo"),
+    Sweep("ssdo/depth_test.wgsl", "LEAST_SEPARATION", "1.0, 1.5, 2.5", "ssdo"),
+    Sweep("ssdo/march.wgsl", "LEAST_THICKNESS", "0.5, 1.0, 2.0, 4.0", "ssdo"),
+    Sweep("ssdo/march.wgsl", "UNEVENNESS", "0.25, 0.5, 1.0", "ssdo", "ssdo.cameras=3"),
+    Sweep("ssdo/march.wgsl", "OFF_PLANE", "0.5, 1.0, 2.0", "ssdo", "ssdo.cameras=3"),
+    Sweep("techniques/ssdo/search.py", "SENDER_STRIDE", "1, 2, 4", "ssdo"),
+    Sweep("techniques/ssdo/search.py", "SKY_STRIDE", "4, 8, 16", "ssdo"),
+    Sweep("techniques/ssdo/search.py", "SKY_STEP_SHARE", "1, 2, 4", "ssdo"),
+    Sweep("techniques/ssdo/search.py", "INTERLEAVE", "2, 4, 8", "ssdo"),
+    Sweep("techniques/ssdo/cameras.py", "WIDENING", "2.0, 4.0, 8.0", "ssdo"),
+    Sweep("techniques/ssdo/cameras.py", "WIDEST", "math.radians(55.0), math.radians(65.0), math.radians(75.0)", "ssdo"),
+    Sweep("shared/upsample/guide.wgsl", "LEAST_REPRESENTED", "0.001, 0.05, 0.3", "ssdo"),
+    Sweep("shared/upsample/guide.wgsl", "LEAST_REPRESENTED", "0.001, 0.05, 0.3", "ssil"),
+    Sweep("techniques/ssil/ssil.py", "UNREPRESENTED_SHARE", "1, 2, 4, 8", "ssil"),
+    Sweep("many_light/near/shares.wgsl", "OFF_PLANE", "0.5, 1.0, 2.0", "many-light", "ssdo.near_field=true"),
+    Sweep("many_light/near/shares.wgsl", "OFF_POINT", "8.0, 16.0, 32.0", "many-light", "ssdo.near_field=true"),
+    Sweep("many_light/near/shares.wgsl", "FACING", "0.25, 0.5, 0.75", "many-light", "ssdo.near_field=true"),
+    Sweep("ssil/vote.wgsl", "STEP_WIDTH", "0.5, 1.0, 2.0", "ssil", "ssil.start=quarter"),
+    Sweep("ssil/vote.wgsl", "NORMAL_WIDTH", "0.03, 0.1, 0.3", "ssil", "ssil.start=quarter"),
+    Sweep("ssil/vote.wgsl", "PLANE_WIDTH", "0.5, 1.0, 2.0", "ssil", "ssil.start=quarter"),
+    Sweep("ssil/gather_depth.wgsl", "THICKNESS", "0.03, 0.1, 0.3, 1.0", "ssil", "ssil.visibility=depth"),
+    Sweep("ssil/gather_depth.wgsl", "BEHIND", "0.005, 0.02, 0.05", "ssil", "ssil.visibility=depth"),
+    Sweep("ssil/voxels/voxelize.wgsl", "LARGE", "50u, 200u, 1000u", "ssil"),
 )
 
 
@@ -146,12 +208,14 @@ def measure(reference: str, texts: list[str]) -> dict[str, tuple[float, float, f
         truth = truth_of(expected, name, scene)
         gi = TECHNIQUE.get(reference, reference)
         settings = Settings(gi=gi, diffuse=True, bounces=expected.bounces, seed=SEED)
-        settings.camera.jitter, settings.camera.frames = False, FRAMES
+        settings.camera.jitter, settings.camera.frames = False, 1 if expected.turning else FRAMES
         for text in texts:
             assign(settings, text)
         renderer = Renderer(scene, size=SIZE, settings=settings)
         renderer.step(show=(expected.show,))  # compiles shaders, which is not timed
         start = time.process_time()
+        if expected.turning:
+            turn_into(renderer, expected.show)
         renderer.run(show=(expected.show,))
         picture = renderer.read_back(expected.show)
         ms = 1000 * (time.process_time() - start) / (FRAMES - 1)
@@ -159,6 +223,22 @@ def measure(reference: str, texts: list[str]) -> dict[str, tuple[float, float, f
         compared = (np.nan, np.nan) if truth is None else (relmse(picture, truth), bias(picture, truth))
         result[name] = (*compared, ms)
     return result
+
+
+def turn_into(renderer: Renderer, show: str) -> None:
+    """Render the frames of a camera that turns by half a degree a frame and comes to rest one before its view."""
+    view = renderer.camera
+    for step in range(FRAMES - 1, 0, -1):
+        angle = np.radians(0.5 * step)
+        turned = np.array(view.world_from_view)
+        turned[:3, :3] = turned[:3, :3] @ [
+            [np.cos(angle), 0, np.sin(angle)],
+            [0, 1, 0],
+            [-np.sin(angle), 0, np.cos(angle)],
+        ]
+        renderer.camera = replace(view, world_from_view=turned)
+        renderer.step(show=(show,))
+    renderer.camera = view
 
 
 def truth_of(reference: Reference, name: str, scene: Scene) -> NDArray[np.float32] | None:
@@ -193,6 +273,24 @@ def screen() -> Scene:
     return scene
 
 
+def pictured_sky() -> Scene:
+    """Return the courtyard under a sky with a bright spot."""
+    return load("courtyard", environment=Environment(image=gradient_sky()))
+
+
+def lamps() -> Scene:
+    """Return the Cornell box with six point lights and six spots, each half as bright as the one before."""
+    scene = load("cornell-point")
+    random = np.random.default_rng(1)
+    scene.lights = []
+    for number, place in enumerate(random.uniform((0.3, 2.0, 0.3), (5.2, 5.2, 5.2), (12, 3))):
+        light = (
+            PointLight(place, 2.0**-number) if number % 2 else SpotLight(place, (0, -1, 0.3), 0.2, 0.9, 2.0**-number)
+        )
+        scene.lights.append(light)
+    return scene
+
+
 def balls() -> Scene:
     """Return 600,000 triangles under sun and sky: meshes with 1, 4, 16 and 96 instances."""
     scene = load("courtyard")
@@ -206,7 +304,7 @@ def balls() -> Scene:
     return scene
 
 
-MADE = {"screen": screen, "balls": balls}
+MADE = {"pictured_sky": pictured_sky, "lamps": lamps, "screen": screen, "balls": balls}
 
 
 # ------------------------------------------------------------------------------------------------ tables
