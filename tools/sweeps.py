@@ -160,7 +160,7 @@ SWEEPS = (
     Sweep("techniques/ssdo/cameras.py", "WIDEST", "math.radians(55.0), math.radians(65.0), math.radians(75.0)", "ssdo"),
     Sweep("shared/upsample/guide.wgsl", "LEAST_REPRESENTED", "0.001, 0.05, 0.3", "ssdo"),
     Sweep("shared/upsample/guide.wgsl", "LEAST_REPRESENTED", "0.001, 0.05, 0.3", "ssil"),
-    Sweep("techniques/ssil/ssil.py", "UNREPRESENTED_SHARE", "1, 2, 4, 8", "ssil"),
+    Sweep("techniques/ssil/gather.py", "UNREPRESENTED_PARTS", "1, 2, 4, 8", "ssil"),
     Sweep("many_light/near/shares.wgsl", "OFF_PLANE", "0.5, 1.0, 2.0", "many-light", "ssdo.near_field=true"),
     Sweep("many_light/near/shares.wgsl", "OFF_POINT", "8.0, 16.0, 32.0", "many-light", "ssdo.near_field=true"),
     Sweep("many_light/near/shares.wgsl", "FACING", "0.25, 0.5, 0.75", "many-light", "ssdo.near_field=true"),

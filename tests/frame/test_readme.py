@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from wgpu_gi.cli.arguments import build_parser
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ("README.md", "tests/truth/README.md", "tools/README.md")
@@ -35,3 +38,10 @@ def test_links_lead_somewhere(page):
 
 def test_it_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 250
+
+
+def test_commands_are_understood():
+    lines = re.findall(r"^    wgpu-gi (.*?)(?:\s+#.*)?$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M)
+    assert len(lines) > 10
+    for line in lines:
+        build_parser().parse_args(shlex.split(line))
