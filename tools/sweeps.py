@@ -135,9 +135,22 @@ SWEEPS = (
     Sweep("many_light/ism/fill.wgsl", "MIN_REFINED_WIDTH", "0.5, 1.0, 2.0", "many-light", ISM),
     Sweep("many_light/ism/lookup.wgsl", "BIAS_NORMAL", "0.0, 0.125, 0.25, 0.5", "many-light", ISM),
     Sweep("many_light/ism/lookup.wgsl", "BIAS_DISTANCE", "0.0, 0.05, 0.1, 0.2", "many-light", ISM),
+    Sweep("techniques/many_light/vpl.py", "VIEW_SAMPLES", "16, 64, 256", "many-light"),
+    Sweep("techniques/many_light/vpl.py", "DENSITY_VPLS", "128, 512, 2048", "many-light"),
+    Sweep("many_light/vpl/weights.wgsl", "WEIGHT_FLOOR", "0.005, 0.02, 0.1", "many-light"),
     Sweep("many_light/gather/sampled.wgsl", "RUNS", "4u, 16u, 64u", "many-light"),
     Sweep("many_light/gather/common.wgsl", "BOUND_SHARE", "0.125, 0.25, 0.5, 1.0", "many-light"),
     Sweep("techniques/many_light/__init__.py", "POINTS", "1 << 14, 1 << 17, 1 << 19", "many-light"),
+    Sweep(
+        "many_light/near_field/shares.wgsl", "MAX_PLANE_DISTANCE", "0.5, 1.0, 4.0", "many-light", "ssdo.near_field=true"
+    ),
+    Sweep(
+        "many_light/near_field/shares.wgsl",
+        "MAX_POINT_DISTANCE",
+        "4.0, 16.0, 64.0",
+        "many-light",
+        "ssdo.near_field=true",
+    ),
     Sweep("upload/top_level.py", "OPEN_UP_TO", "256, 1024, 2048, 8192", "balls", "environment.rays=4"),
     Sweep("upload/draw_list.py", "CLUSTER", "128, 256, 512, 1024, 2048", "balls"),
     Sweep("upload/draw_list.py", "MANY_INSTANCES", "2, 8, 32, 128", "balls"),
@@ -160,16 +173,16 @@ SWEEPS = (
     Sweep("techniques/ssdo/cameras.py", "WIDEST", "math.radians(55.0), math.radians(65.0), math.radians(75.0)", "ssdo"),
     Sweep("shared/upsample/guide.wgsl", "LEAST_REPRESENTED", "0.001, 0.05, 0.3", "ssdo"),
     Sweep("shared/upsample/guide.wgsl", "LEAST_REPRESENTED", "0.001, 0.05, 0.3", "ssil"),
-    Sweep("techniques/ssil/gather.py", "UNREPRESENTED_PARTS", "1, 2, 4, 8", "ssil"),
-    Sweep("many_light/near/shares.wgsl", "OFF_PLANE", "0.5, 1.0, 2.0", "many-light", "ssdo.near_field=true"),
-    Sweep("many_light/near/shares.wgsl", "OFF_POINT", "8.0, 16.0, 32.0", "many-light", "ssdo.near_field=true"),
-    Sweep("many_light/near/shares.wgsl", "FACING", "0.25, 0.5, 0.75", "many-light", "ssdo.near_field=true"),
     Sweep("ssil/vote.wgsl", "STEP_WIDTH", "0.5, 1.0, 2.0", "ssil", "ssil.start=quarter"),
     Sweep("ssil/vote.wgsl", "NORMAL_WIDTH", "0.03, 0.1, 0.3", "ssil", "ssil.start=quarter"),
     Sweep("ssil/vote.wgsl", "PLANE_WIDTH", "0.5, 1.0, 2.0", "ssil", "ssil.start=quarter"),
     Sweep("ssil/gather_depth.wgsl", "THICKNESS", "0.03, 0.1, 0.3, 1.0", "ssil", "ssil.visibility=depth"),
     Sweep("ssil/gather_depth.wgsl", "BEHIND", "0.005, 0.02, 0.05", "ssil", "ssil.visibility=depth"),
     Sweep("ssil/voxels/voxelize.wgsl", "LARGE", "50u, 200u, 1000u", "ssil"),
+    Sweep("ssil/voxels/march.wgsl", "END_CELLS", "0.0, 0.5, 1.0, 1.5", "ssil", "ssil.visibility=voxels"),
+    Sweep("ssil/voxels/march.wgsl", "LIFT", "1.25, 1.5, 1.75, 2.0", "ssil", "ssil.visibility=voxels"),
+    Sweep("ssil/gather.wgsl", "BOUND_SHARE", "0.1, 0.25, 0.5, 1.0", "ssil", "ssil.form_factor=disc"),
+    Sweep("techniques/ssil/gather.py", "UNREPRESENTED_PARTS", "1, 2, 4, 8", "ssil"),
 )
 
 
