@@ -17,6 +17,7 @@ from world_surfaces import Floats, Surface, sheets, shines, surfaces
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
+from wgpu_gi.pictures.color import LINEAR_OF_CODE
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Light, Material, PointLight, Scene, SpotLight, Texture
 
 Words = dict[str, Any]  # what mitsuba.load_dict takes
@@ -41,9 +42,7 @@ PAD_MODES: dict[str, Any] = {"repeat": "wrap", "clamp": "edge", "mirror": "symme
 
 def linear_pixels(texture: Texture, factor: tuple[float, ...]) -> NDArray[np.float32]:
     """Return an sRGB picture decoded to linear, times `factor`, (height, width, 3)."""
-    code = np.arange(256) / 255.0
-    curve = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
-    return (curve[texture.image.pixels[..., :3]] * np.asarray(factor[:3])).astype(np.float32)
+    return (LINEAR_OF_CODE[texture.image.pixels[..., :3]] * np.asarray(factor[:3])).astype(np.float32)
 
 
 def mask_pixels(texture: Texture, factor: float, cutoff: float) -> NDArray[np.float32]:

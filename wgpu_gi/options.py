@@ -24,8 +24,8 @@ from .techniques.shared.temporal import TemporalSettings
 from .techniques.ssdo.settings import SsdoSettings
 from .techniques.ssil.ssil import SsilSettings
 from .techniques.ssil.voxels import VoxelSettings
+from .webgpu_limits import MAX_TEXTURE_SIDE
 
-MAX_SIDE = 8192  # the default limit of WebGPU for a texture's side
 MAX_PIXELS = 2**25  # 96 bytes of running means and results each: 3 GiB
 PIXEL_BYTES = 16  # of the largest buffer per pixel, array<vec4f>
 
@@ -101,9 +101,9 @@ def check_size(width: int, height: int, device: Device | None = None) -> None:
     """Raise GiError if a picture of this size cannot be rendered, at all or on a device."""
     if width < 1 or height < 1:
         raise GiError(f"size {width}x{height}: a picture has at least 1x1 pixels")
-    if width > MAX_SIDE or height > MAX_SIDE or width * height > MAX_PIXELS:
+    if width > MAX_TEXTURE_SIDE or height > MAX_TEXTURE_SIDE or width * height > MAX_PIXELS:
         raise GiError(
-            f"size {width}x{height}: at most {MAX_SIDE} pixels a side and {MAX_PIXELS // 2**20} million in all;"
+            f"size {width}x{height}: at most {MAX_TEXTURE_SIDE} pixels a side and {MAX_PIXELS // 2**20} million in all;"
             " make --size smaller"
         )
     if device is None:

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..errors import GiError
+from ..webgpu_limits import MAX_TEXTURE_SIDE
 from . import transfer
 from .formats import format_of
 from .handles import Buffer, Handle, Resource, Sampler, Shared, Texture, Uniform, View, as_view
@@ -54,7 +55,7 @@ class ResourceDeclarations:
             return self._add_resource(known, nonnegative)
         # Check its size, layers and mip levels.
         what = f"texture {name!r}"
-        limit = self.device.limits.get("max-texture-dimension-2d", 8192)
+        limit = self.device.limits.get("max-texture-dimension-2d", MAX_TEXTURE_SIDE)
         if not (1 <= width <= limit and 1 <= height <= limit):
             raise GiError(f"{what}: {width} x {height} pixels; each side must lie between 1 and {limit}")
         if dimension not in ("2d", "3d"):

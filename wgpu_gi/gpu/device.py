@@ -18,6 +18,7 @@ from wgpu.backends.wgpu_native import ffi, lib
 from wgpu.backends.wgpu_native.extras import set_instance_extras
 
 from ..errors import GiError
+from ..webgpu_limits import MAX_TEXTURE_SIDE
 from .messages import reason
 from .pipelines import Pipelines
 from .quick_types import read_types_quickly
@@ -31,8 +32,8 @@ LARGE_BUFFER = 2**31 - 4  # the largest multiple of 4 that drivers with 32-bit s
 # The default limits of the WebGPU specification (section 3.6.2). wgpu would grant the adapter's own limits; with these,
 # what runs here runs on every adapter.
 DEFAULT_LIMITS = {
-    "max-texture-dimension-1d": 8192,
-    "max-texture-dimension-2d": 8192,
+    "max-texture-dimension-1d": MAX_TEXTURE_SIDE,
+    "max-texture-dimension-2d": MAX_TEXTURE_SIDE,
     "max-texture-dimension-3d": 2048,
     "max-texture-array-layers": 256,
     "max-bind-groups": 4,

@@ -1,4 +1,4 @@
-"""The texture formats of WebGPU that a pass may write: their texels as numpy types, and their uses."""
+"""Element types of buffers; texture formats that a pass may write: their texels as numpy types, and their uses."""
 
 from __future__ import annotations
 
@@ -7,6 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import GiError
+
+# vec2f, vec4f, vec2u and vec4u of WGSL, as elements of a buffer.
+TWO_FLOATS = np.dtype((np.float32, 2))
+FOUR_FLOATS = np.dtype((np.float32, 4))
+TWO_WORDS = np.dtype((np.uint32, 2))
+FOUR_WORDS = np.dtype((np.uint32, 4))
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
+from ..gpu.formats import FOUR_FLOATS
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
 from ..gpu.passes import Pass
@@ -20,7 +19,6 @@ from .shared.scene_inputs import SceneInputs, share_scene
 from .shared.technique import Kept, Light, Shot, Technique
 
 UNLIMITED = 0x7FFFFFFF
-FOUR_FLOATS = np.dtype((np.float32, 4))
 
 
 @dataclass

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ..errors import GiError
 from ..scene.scene import Environment
+from ..webgpu_limits import MAX_TEXTURE_SIDE
 from .environment_cdf import environment_cdf
 from .resources import GpuResources
-from .texture_atlas import MAX_PAGE
 
 
 class EnvironmentUpload:
@@ -31,10 +31,10 @@ class EnvironmentUpload:
         color = tuple(environment.color) if environment else None
         new_image = "environment" not in self._resources or self._sent[0] is not image
         new_table = new_image or self._sent[1] != color
-        if image is not None and max(image.shape[:2]) > MAX_PAGE:
+        if image is not None and max(image.shape[:2]) > MAX_TEXTURE_SIDE:
             raise GiError(
-                f"the environment map is {image.shape[1]} x {image.shape[0]} pixels; a texture has at most {MAX_PAGE} "
-                "a side: scale it down"
+                f"the environment map is {image.shape[1]} x {image.shape[0]} pixels; a texture has at most "
+                f"{MAX_TEXTURE_SIDE} a side: scale it down"
             )
         if new_image:
             pixels = np.zeros((1, 1, 4), np.float32)

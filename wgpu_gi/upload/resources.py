@@ -9,7 +9,7 @@ import wgpu
 from numpy.typing import NDArray
 
 from ..errors import GiError
-from .texture_atlas import MAX_PAGE
+from ..webgpu_limits import MAX_TEXTURE_SIDE
 
 TABLE_WIDTH = 4096  # texels of a table in a row (wgsl/scene/geometry.wgsl)
 
@@ -89,9 +89,10 @@ class GpuResources:
         """
         texels = array.nbytes // 16
         rows = -(-texels // TABLE_WIDTH)
-        if rows > MAX_PAGE:
+        if rows > MAX_TEXTURE_SIDE:
             raise GiError(
-                f"the scene's {name} fill {rows} rows of a texture; {MAX_PAGE} are possible: use fewer triangles"
+                f"the scene's {name} fill {rows} rows of a texture; {MAX_TEXTURE_SIDE} are possible:"
+                " use fewer triangles"
             )
         # Lay the records out in rows, and find those that changed, in words of 64 bits.
         pixels = np.zeros((rows, TABLE_WIDTH * 2), np.uint64)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ..errors import GiError
 from ..pictures.color import LINEAR_OF_CODE
 from ..scene.scene import Image
+from ..webgpu_limits import MAX_TEXTURE_SIDE
 
 MIN_PAGE = 256  # texels a side: a smaller texture saves no memory worth mentioning
-MAX_PAGE = 8192  # default limit of WebGPU for a texture's side
 MAX_LAYERS = 256  # and for its layers
 
 
@@ -40,9 +40,11 @@ def pack_atlas(images: list[Image]) -> Atlas:
         if image.pixels.ndim != 3 or image.pixels.shape[2] != 4 or image.pixels.dtype != np.uint8:
             raise GiError(f"image {image.name!r}: pixels must be (height, width, 4) uint8")
     largest = max((max(image.pixels.shape[:2]) for image in images), default=1)
-    if largest > MAX_PAGE:
+    if largest > MAX_TEXTURE_SIDE:
         name = next(i.name for i in images if max(i.pixels.shape[:2]) == largest)
-        raise GiError(f"image {name!r} has a side of {largest} pixels; textures have at most {MAX_PAGE}: scale it down")
+        raise GiError(
+            f"image {name!r} has a side of {largest} pixels; textures have at most {MAX_TEXTURE_SIDE}: scale it down"
+        )
     area = sum(image.pixels.shape[0] * image.pixels.shape[1] for image in images)
     # Choose a page that holds the largest image, and a quarter of all of them while it is below 4096.
     page = MIN_PAGE

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from ..buffers import buffers_of, views_of
 from ..camera import Camera
 from ..errors import GiError
-from ..options import MAX_SIDE, Settings, picture_count
+from ..options import Settings, picture_count
 from ..renderer import Renderer
 from ..scene.files.light_texts import light_texts
 from ..settings import apply_quality, assign
+from ..webgpu_limits import MAX_TEXTURE_SIDE
 from .dynamic_resolution import DynamicResolution, pixels_at
 from .exposure_meter import ExposureMeter
 from .navigation import pivot_of
@@ -144,7 +145,7 @@ class Session:
 
     def resize(self, width: int, height: int) -> None:
         """Set the size of the picture at rest, in pixels."""
-        self.size = min(max(width, 1), MAX_SIDE), min(max(height, 1), MAX_SIDE)
+        self.size = min(max(width, 1), MAX_TEXTURE_SIDE), min(max(height, 1), MAX_TEXTURE_SIDE)
         self.changed()
 
     def changed(self) -> None:

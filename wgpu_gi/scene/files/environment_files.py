@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
+from ...webgpu_limits import MAX_TEXTURE_SIDE
 from ..scene import Environment
 from .read import read_file
 
@@ -28,7 +29,6 @@ ENVIRONMENT_EXTENSIONS = (".hdr", ".pic", ".exr")
 LARGEST_SIDE = 16384
 MOST_PIXELS = 16384 * 8192
 
-MAX_TEXTURE = 8192  # WebGPU's default limit for a side
 
 # The sun's disc has a luminance of 1.6e9 cd/m2; larger values are errors, and would outshine everything else.
 LARGEST_RADIANCE = 1e10
@@ -83,7 +83,7 @@ def _sanitised(image: NDArray[np.float32], path: Path, notes: list[str] | None) 
 def _reduced(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> NDArray[np.float32]:
     """Average blocks of a map that is too large for a texture; radiance keeps its mean."""
     height, width, _ = image.shape
-    step = -(-max(height, width) // MAX_TEXTURE)
+    step = -(-max(height, width) // MAX_TEXTURE_SIDE)
     if step == 1:
         return image
     rows, columns = height // step, width // step

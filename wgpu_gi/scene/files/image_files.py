@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from PIL import Image as Pillow
 from PIL import UnidentifiedImageError
 
-# An 8192 x 8192 image, the largest texture that WebGPU promises; decoded it takes 256 MiB.
-MAX_PIXELS = 8192 * 8192
+from ...webgpu_limits import MAX_TEXTURE_SIDE
+
+# The largest texture that every device takes; decoded it is 256 MiB.
+MAX_PIXELS = MAX_TEXTURE_SIDE**2
 
 
 def open_image(encoded: bytes, formats: tuple[str, ...] | None = None) -> Pillow.Image | str:

@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
 from ...gpu.wgsl.load import load
 from ...settings import setting
-from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.gbuffer import Gbuffer
 from .environment import Ambient
 from .inputs import DeferredInputs, DirectInputs
 

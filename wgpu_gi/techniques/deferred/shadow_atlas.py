@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
+from ...webgpu_limits import MAX_TEXTURE_SIDE
 
 SMALLEST = 16  # texels on a side; of a map of half height, half of that
-LARGEST_ATLAS = 8192  # default limit of WebGPU for a texture's side
 
 
 def fit_sides(
@@ -25,9 +25,9 @@ def fit_sides(
     cannot.
     """
     least = float(weights.sum()) * SMALLEST**2
-    if least > LARGEST_ATLAS**2:
+    if least > MAX_TEXTURE_SIDE**2:
         raise GiError(
-            f"the shadow maps of {len(sides)} lights do not fit into {LARGEST_ATLAS} x {LARGEST_ATLAS} texels;"
+            f"the shadow maps of {len(sides)} lights do not fit into {MAX_TEXTURE_SIDE} x {MAX_TEXTURE_SIDE} texels;"
             " use fewer lights or samples of emitters"
         )
     excess = float((weights * sides**2.0).sum()) - max(float(atlas) ** 2, least)
@@ -56,7 +56,7 @@ def place(widths: NDArray[np.int64], heights: NDArray[np.int64]) -> tuple[NDArra
     code = np.empty_like(area)
     code[order] = end - area[order]
     corners = np.zeros((len(area), 2), np.int64)
-    for bit in range(LARGEST_ATLAS.bit_length()):
+    for bit in range(MAX_TEXTURE_SIDE.bit_length()):
         corners[:, 0] |= (code >> (2 * bit) & 1) << bit
         corners[:, 1] |= (code >> (2 * bit + 1) & 1) << bit
     side = SMALLEST

@@ -16,6 +16,7 @@ from ...gpu.wgsl.load import load
 from ...pictures.color import REC709_LUMINANCE
 from ...settings import setting
 from ...upload.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN
+from ...webgpu_limits import MAX_TEXTURE_SIDE
 from .shadow_atlas import SMALLEST, fit_sides, place
 from .shadow_sun import SunMap, fit_scene, fit_view, sun_axes, sun_matrix
 
@@ -46,14 +47,14 @@ class ShadowSettings:
         4096,
         "Side of the texture that all shadow maps share, at most.",
         "texels",
-        range=(256, 8192),
-        presets={"low": 2048, "high": 8192},
+        range=(256, MAX_TEXTURE_SIDE),
+        presets={"low": 2048, "high": MAX_TEXTURE_SIDE},
     )
     sun: int = setting(
-        2048, "Side of each map of a sun.", "texels", range=(16, 8192), presets={"low": 1024, "high": 4096}
+        2048, "Side of each map of a sun.", "texels", range=(16, MAX_TEXTURE_SIDE), presets={"low": 1024, "high": 4096}
     )
     spot: int = setting(
-        512, "Side of the map of a spot.", "texels", range=(16, 8192), presets={"low": 256, "high": 2048}
+        512, "Side of the map of a spot.", "texels", range=(16, MAX_TEXTURE_SIDE), presets={"low": 256, "high": 2048}
     )
     point: int = setting(
         256,

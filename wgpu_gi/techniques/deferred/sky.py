@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..shared.denoise import declare_blur
-from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from .environment import EnvironmentSettings
 
@@ -46,8 +47,8 @@ def declare_sky_occlusion(
             "distance": gbuffer.distance,
         },
         writes={"arriving": arriving, "normals": normals, "sent": sent},
-        params={"seed": seed},
-        constants={**scene.constants(shader), "RAYS": settings.rays, "INTERLEAVE": INTERLEAVE},
+        params={"seed": seed, "rays": settings.rays},
+        constants={**scene.constants(shader), "INTERLEAVE": INTERLEAVE},
         clear=[arriving, sent],
     )
     # What arrives of a constant environment is the share itself.

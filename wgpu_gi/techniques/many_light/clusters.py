@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Shared
 from ...gpu.wgsl.load import load
-from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.gbuffer import Gbuffer
 from .vpl import Vpls
 
 _TILE = tuple(int(load("many_light/gather/clusters.wgsl").constants[name]) for name in ("TILE_X", "TILE_Y"))

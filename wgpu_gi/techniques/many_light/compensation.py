@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
-from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from .gather import Gathered, near_radius
 

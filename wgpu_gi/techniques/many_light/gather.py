@@ -15,11 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import DTypeLike
 
+from ...gpu.formats import FOUR_FLOATS, TWO_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
 from ...settings import setting
-from ..shared.gbuffer import FOUR_FLOATS, TWO_FLOATS, Gbuffer
+from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from .clusters import Clusters, declare_clusters
 from .ism import Ism

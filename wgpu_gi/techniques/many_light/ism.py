@@ -18,18 +18,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import GiError
+from ...gpu.formats import FOUR_FLOATS, FOUR_WORDS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
 from ...settings import setting
-from ..shared.gbuffer import FOUR_FLOATS
+from ...webgpu_limits import MAX_TEXTURE_SIDE
 from ..shared.scene_inputs import SceneInputs
 from .points import Points
 from .vpl import Vpls
 
-MAX_SIDE = 8192  # texels: WebGPU's default limit of a texture's side
 MAX_GROUPS = 65535  # WebGPU's default limit of a dispatch
-FOUR_WORDS = np.dtype((np.uint32, 4))
 TILE = int(load("many_light/ism/pull_push.wgsl").constants["TILE"])  # texels of a side that a workgroup holds
 BLOCK = int(load("many_light/ism/map.wgsl").constants["BLOCK"])
 REFINE_GROUP = int(load("many_light/ism/silhouette_cells.wgsl").constants["REFINE_GROUP"])
@@ -146,7 +145,7 @@ def _layout(graph: Graph, settings: IsmSettings, vpls: Vpls) -> _Layout:
         settings.resolution // settings.ray_spacing + 1,
         points,
     )
-    if max(layout.size) > MAX_SIDE:
+    if max(layout.size) > MAX_TEXTURE_SIDE:
         raise GiError(
             f"{vpls.count} maps of {settings.resolution} x {settings.resolution} texels are more than a texture holds;"
             " lower ism.resolution or vpl.count"

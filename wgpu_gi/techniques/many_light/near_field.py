@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
 from ..shared.denoise import declare_blur
-from ..shared.gbuffer import FOUR_FLOATS, SURFACE, Gbuffer
+from ..shared.gbuffer import SURFACE, Gbuffer
 from ..shared.upsample import declare_upsampling
 from ..ssdo.bounce import declare_gathered, declare_gathered_unrepresented
 from ..ssdo.search import INTERLEAVE, SearchRequest, declare_search, declare_unrepresented

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
-from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.gbuffer import Gbuffer
 from .clusters import Clusters
 from .gather import GatherSettings
 from .inputs import ManyLightInputs

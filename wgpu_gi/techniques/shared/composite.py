@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
-from .gbuffer import FOUR_FLOATS
 
 MEANS = "mean/"  # the names of passes that average frames begin so
 

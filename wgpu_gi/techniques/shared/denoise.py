@@ -9,10 +9,11 @@ Filtering", variances tell differences from noise, here of single pixels).
 
 from __future__ import annotations
 
+from ...gpu.formats import FOUR_FLOATS, TWO_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
-from .gbuffer import FOUR_FLOATS, TWO_FLOATS, Gbuffer
+from .gbuffer import Gbuffer
 
 SHADER = "shared/denoise/blur.wgsl"
 GUIDED_FROM = int(load(SHADER).constants["GUIDED_FROM"])

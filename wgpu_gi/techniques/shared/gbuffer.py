@@ -19,14 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import GiError
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Shared, Texture
 from .culling import CameraDraws, ViewCulling
 from .scene_inputs import RasterInputs
 
 SURFACE = np.dtype((np.uint32, 4))
-TWO_FLOATS = np.dtype((np.float32, 2))
-FOUR_FLOATS = np.dtype((np.float32, 4))
 
 
 @dataclass

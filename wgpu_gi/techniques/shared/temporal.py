@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from ...gpu.formats import FOUR_FLOATS, FOUR_WORDS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...settings import setting
-from .gbuffer import FOUR_FLOATS, Gbuffer
+from .gbuffer import Gbuffer
 from .scene_inputs import SceneInputs
 
 SHADER = "shared/temporal/accumulate.wgsl"
-_HISTORY = np.dtype((np.uint32, 4))
 
 
 @dataclass
@@ -50,7 +48,7 @@ def declare_accumulate(
     """Declare the mean over frames of light (r, g, b, -) per pixel, where the last value is above 0."""
     width, height = graph.size
     count = width * height
-    history = graph.buffer(f"{name}/history", dtype=_HISTORY, count=count, width=width, history=True)
+    history = graph.buffer(f"{name}/history", dtype=FOUR_WORDS, count=count, width=width, history=True)
     averaged = graph.buffer(f"{name}/irradiance", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
     rejected = graph.buffer(f"{name}/rejected", count=count, width=width, nonnegative=True)
     graph.compute(

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Resource
-from .gbuffer import FOUR_FLOATS, Gbuffer
+from .gbuffer import Gbuffer
 from .scene_inputs import SceneInputs
 
 SHADER = "shared/upsample/upsample.wgsl"

@@ -6,11 +6,12 @@ is what the direction's solid angle cuts out of it, so there is no strength to s
 
 from __future__ import annotations
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
-from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.gbuffer import Gbuffer
 from .occlusion import History, Occlusion, declare_full_resolution
 from .search import SENDER_STRIDE, SearchResult, grid_dispatch, grid_reads, grid_size
 from .senders import declare_senders

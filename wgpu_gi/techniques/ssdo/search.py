@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from ...gpu.formats import FOUR_FLOATS, TWO_WORDS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
-from ..shared.gbuffer import FOUR_FLOATS
 from ..shared.upsample import Guide, declare_guide
 from .settings import SsdoSettings
 from .sources import Sources
@@ -31,8 +31,6 @@ SKY_STRIDE = 8
 SKY_STEP_SHARE = 2
 INTERLEAVE = 4  # side of the squares of pixels that share a set of directions. tools/README.md, "Constants"
 LAST_MAP = int(load("deferred/environment/maps.wgsl").constants["LAST_MAP"])
-
-TWO_WORDS = np.dtype((np.uint32, 2))
 
 
 @dataclass

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
-from ..shared.gbuffer import FOUR_FLOATS, Gbuffer
+from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 
 

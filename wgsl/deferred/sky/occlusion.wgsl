@@ -24,9 +24,8 @@
 
 struct Params {
     seed: u32,
+    rays: u32,  // for each pixel
 }
-
-override RAYS: u32 = 1u;  // for each pixel
 
 const CHOICE_PAIR: u32 = 0u;
 const COSINE_PAIR: u32 = 1u;
@@ -102,10 +101,10 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let front = dot(surface.geometric_normal, ray.direction) < 0.0;
     let side = select(-surface.geometric_normal, surface.geometric_normal, front);
     let start = position + side * pixel_ray_offset(distance_seen);
-    let first = (sequence.index * class_count() + class_of(pixel, sequence.index)) * RAYS;
+    let first = (sequence.index * class_count() + class_of(pixel, sequence.index)) * params.rays;
     var visible = vec3f(0.0);
     var whole = vec3f(0.0);
-    for (var k = 0u; k < RAYS; k += 1u) {
+    for (var k = 0u; k < params.rays; k += 1u) {
         let chosen = choose(surface.normal, first + k);
         whole += chosen.light;
         // Below the surface itself there is nothing to see.
@@ -115,9 +114,9 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
             visible += select(chosen.light, vec3f(0.0), found.occluded_a);
         }
     }
-    arriving[index] = vec4f(visible / f32(RAYS), plane_depth(ray, distance_seen));
+    arriving[index] = vec4f(visible / f32(params.rays), plane_depth(ray, distance_seen));
     if (HAS_PICTURED_ENVIRONMENT) {
-        sent[index] = vec4f(whole / f32(RAYS), 1.0);
+        sent[index] = vec4f(whole / f32(params.rays), 1.0);
     }
     normals[index] = pack_view_normal(surface.normal);
 }
