@@ -1,5 +1,5 @@
-// Light of a VPL on a surface's coat. A VPL is a disc, so the lobe is widened by what the disc spans: then the mirror
-// image of a VPL is as bright as the disc, and none makes a spike. Errs blurry, by less than the distance between VPLs.
+// Light of a VPL on a surface's coat: the GGX lobe, widened by the angle that the VPL's disc spans. So the mirror image
+// of a VPL is as bright as the disc, without a spike. Errs blurry, by less than the distance between VPLs.
 #import "common/brdf.wgsl"
 
 struct Shine {
@@ -7,7 +7,8 @@ struct Shine {
     lobe: f32,       // D V, 1/sr
 }
 
-// `to_vpl` in metres, `squared` its length squared with the bound of the geometry term.
+// Returns the coat's response to a VPL. `to_vpl` in metres; `squared`: its length squared with the geometry term's
+// bound, m2.
 fn shine_of(brdf: Brdf, normal: vec3f, to_eye: vec3f, to_vpl: vec3f, squared: f32, area: f32) -> Shine {
     let w_i = to_vpl * inverseSqrt(max(dot(to_vpl, to_vpl), 1e-30));
     let sum = w_i + to_eye;
@@ -23,15 +24,15 @@ fn shine_of(brdf: Brdf, normal: vec3f, to_eye: vec3f, to_vpl: vec3f, squared: f3
         select(vec3f(0.0), fresnel_schlick(brdf.f0, dot(w_i, h)), brdf.glossy), select(0.0, lobe, lit));
 }
 
-// Returns what a coat lets through of light from where `way` leads, of any length.
-fn passed_share(brdf: Brdf, way: vec3f, to_eye: vec3f) -> vec3f {
-    let w_i = way * inverseSqrt(max(dot(way, way), 1e-30));
+// Returns the share of light that the coat transmits to the base; `to_light` has any length.
+fn passed_share(brdf: Brdf, to_light: vec3f, to_eye: vec3f) -> vec3f {
+    let w_i = to_light * inverseSqrt(max(dot(to_light, to_light), 1e-30));
     let sum = w_i + to_eye;
     let h = sum * inverseSqrt(max(dot(sum, sum), 1e-30));
     return select(vec3f(1.0), 1.0 - fresnel_schlick(brdf.f0, dot(w_i, h)), brdf.glossy);
 }
 
-// Returns what glossy light is divided by while it is averaged over neighbours, so that their colours stay apart.
+// Returns the coat's reflectance: glossy light is divided by it before a blur and multiplied after (demodulation).
 fn coat_tint(brdf: Brdf, normal: vec3f, to_eye: vec3f) -> vec3f {
     // Above zero: metals may be black.
     return max(fresnel_schlick(brdf.f0, saturate(dot(normal, to_eye))), vec3f(0.01));

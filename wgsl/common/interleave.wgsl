@@ -1,5 +1,5 @@
-// Interleaved sampling (Keller and Heidrich 2001): the n x n pixels of a square are n^2 classes that use different
-// samples, and the classes go round the pixels from frame to frame.
+// Interleaved sampling (Keller and Heidrich 2001): the n x n pixels of a square are n^2 classes, each with samples of
+// its own. Classes rotate over the pixels from frame to frame.
 
 override INTERLEAVE: u32 = 4u;  // n
 
@@ -7,11 +7,11 @@ fn class_count() -> u32 {
     return INTERLEAVE * INTERLEAVE;
 }
 
-// Has no common divisor with the square of an INTERLEAVE of up to 8.
+// Classes that a pixel advances by per frame: prime to the square of every INTERLEAVE up to 8, so a pixel takes all of
+// them.
 const CLASS_STEP: u32 = 11u;
 
-// Returns the class whose VPLs a pixel sees: they go round from frame to frame of a still picture, so that in the mean
-// each pixel sees all of them.
+// Returns the class of a pixel in a frame of a still picture.
 fn class_of(pixel: vec2u, frame: u32) -> u32 {
     let own = pixel % INTERLEAVE;
     return (own.y * INTERLEAVE + own.x + frame * CLASS_STEP) % class_count();

@@ -1,4 +1,4 @@
-// Constants, frames and packings that several techniques share.
+// Constants, orthonormal frames and octahedral codes.
 
 const PI: f32 = 3.14159265358979;
 const TWO_PI: f32 = 6.28318530717959;

@@ -1,21 +1,20 @@
 // One invocation traces `samples` more paths of one pixel and merges them into its running means.
 //
-// L_o = L_e + integral f_r L_i cos (Kajiya 1986). A path's last surface before its light is found in three ways, combined
-// by the power heuristic (Veach 1997, eq. 9.15 and section 10.2, with light subpaths of at most two vertices):
+// L_o = L_e + integral f_r L_i cos (Kajiya 1986). A path's last surface before its light is found in three ways,
+// combined by the power heuristic (Veach 1997, eq. 9.15 and section 10.2, with light subpaths of at most two vertices):
 //   N  next-event estimation: the path's own rays, then a shadow ray to a sampled point of a light
 //   B  the path's own rays, then one that follows the BRDF and meets an emitter or the environment
 //   L  a light ray, one for each path, whose hit is connected with every vertex of the path
 // L finds the bright spot beside a lamp. Densities are those of that last surface's point and of the light's point.
-// Layers by number of scatterings: `emission` none, `direct` one, `indirect` two and more.
-// In: the scene, and the means so far. Out: means in W/(m2 sr), the sum of squared deviations of their total.
-// Unbiased but for the rays' offset (`scene/ray_offset.wgsl`: bright, by gaps and blockers smaller than it). Vertex normals
-// and normal maps that lean far from the triangle let some light pass through it, as in other renderers that do not clip
-// their lobes (Mitsuba 3).
+// Layers by number of scatterings: `emission` none, `direct` one, `indirect` two and more. In: the scene, and the means
+// so far. Out: means in W/(m2 sr), the sum of squared deviations of their total. Unbiased but for the rays' offset
+// (`scene/ray_offset.wgsl`: bright, by gaps and blockers smaller than it). Vertex normals and normal maps that lean far
+// from the triangle let some light pass through it, as in other renderers that do not clip their lobes (Mitsuba 3).
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
 #import "common/random.wgsl"
 #import "reference/connect.wgsl"
-#import "reference/shown.wgsl"
+#import "reference/camera_visibility.wgsl"
 
 // Light leaves only surfaces that the picture shows, as if there were no others: the best that screen space can find.
 override VISIBLE_ONLY: bool = false;
@@ -38,17 +37,19 @@ struct Params {
 @group(1) @binding(14) var<storage, read_write> indirect: array<vec4f>;
 @group(1) @binding(15) var<storage, read_write> deviation: array<vec4f>;  // sum of (x - mean)^2
 
-// Scatterings before Russian roulette, which survives with the share of throughput that is left. Measured on Cornell, 32
-// spp: error times run time is 26 % less than with 1, 13 % more than with 5, which traces a seventh fewer paths a second.
+// Scatterings before Russian roulette, which survives with the share of throughput that is left. Measured on Cornell,
+// 32 spp: error times run time is 26 % less than with 1, 13 % more than with 5, which traces a seventh fewer paths a
+// second.
 const ROULETTE_FROM: u32 = 3u;
 // llvmpipe (Mesa 22) silently ends loops after 65,535 iterations, counted over all loops of a SIMD group of 8, which in
-// Sponza takes 2 to 3 times the steps of each of its lanes. So a run begins no path after this many steps of traversal: a
-// pixel's last path may take 15,000 more. Later runs make up for the missing paths, so the picture is the same.
+// Sponza takes 2 to 3 times the steps of each of its lanes. So a run begins no path after this many steps of traversal:
+// a pixel's last path may take 15,000 more. Later runs make up for the missing paths, so the picture is the same.
 const STEP_BUDGET: u32 = 6000u;
 // Bounds the length of paths in a closed white room: 50 scatterings after ROULETTE_FROM on the average.
 const MAX_SURVIVAL: f32 = 0.98;
-// Pairs of dimensions of the random numbers: 0 the point in the pixel; 1 to 3 the light ray's choices, point, direction; then
-// for each vertex of the path the choices of light and lobe, the BRDF's direction, the point on the light.
+// Pairs of dimensions of the random numbers: 0 the point in the pixel; 1 to 3 the light ray's choices, point,
+// direction; then for each vertex of the path the choices of light and lobe, the BRDF's direction, the point on the
+// light.
 const LIGHT_RAY_PAIR: u32 = 1u;
 const FIRST_VERTEX_PAIR: u32 = 4u;
 const PAIRS_PER_VERTEX: u32 = 3u;
@@ -178,7 +179,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
 
         var sends = hit_something;
         if (VISIBLE_ONLY && hit_something && (from_light || depth > 0u)) {
-            let shown = is_shown(surface, rays.main.direction);
+            let shown = is_seen_by_camera(surface, rays.main.direction);
             steps += shown.steps;
             sends = shown.by_camera;
         }

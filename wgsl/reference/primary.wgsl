@@ -1,4 +1,4 @@
-// One invocation finds what is seen through the centre of one pixel, without light.
+// One invocation finds the surface at the centre of one pixel, by a camera ray.
 //
 // Out: albedo (base colour) and, in a, 1 where something is seen; shading normal facing the viewer and, in a, the
 // distance along the ray in metres (0: nothing there); position in metres relative to the scene's origin and, in a, the

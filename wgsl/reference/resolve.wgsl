@@ -1,7 +1,8 @@
-// One invocation adds up the layers of one pixel and estimates how far their mean may be off.
+// One invocation sums the layers of one pixel and estimates the standard error of that mean.
 //
-// standard_error = sqrt(sum (x - mean)^2 / ((n - 1) n)), per channel; one sample alone says nothing of its spread, so
-// then it is the value itself. Stratification makes the true error smaller (errs high). All in W/(m2 sr).
+// standard_error = sqrt(sum (x - mean)^2 / ((n - 1) n)) per channel; with one sample, the value itself. Errs high:
+// stratification makes the true error smaller. In: means and squared deviations. Out: radiance and its error. All W/(m2
+// sr).
 
 struct Params {
     size: vec2u,  // pixels

@@ -1,4 +1,4 @@
-// The environment by direction: a constant radiance, or a picture in latitude and longitude times a factor.
+// The environment's radiance by direction: a constant, or a latitude-longitude map times a factor.
 #import "scene/info.wgsl"
 #import "common/math.wgsl"
 
@@ -13,7 +13,7 @@ fn environment_uv(direction: vec3f) -> vec2f {
     return vec2f(u - floor(u), v);
 }
 
-// Returns the picture, bilinear between the centres of its pixels, at a point in pixels from its top left corner.
+// Returns the map at a point, in pixels from its top left corner; bilinear between pixel centres.
 fn picture_at(point: vec2f) -> vec3f {
     let size = vec2i(textureDimensions(environment));
     let base = vec2i(floor(point - 0.5));

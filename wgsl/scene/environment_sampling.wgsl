@@ -1,8 +1,8 @@
-// Directions of the environment drawn by its picture, with their densities.
+// Importance sampling of the environment map by the inverse of its CDF: rows first, then a column of that row.
 #import "scene/environment.wgsl"
 #import "common/random.wgsl"
 
-// Cumulative distribution along each row; the last column holds that of the rows.
+// CDF along each row; the last column holds the CDF of the rows.
 @group(1) @binding(10) var environment_cdf: texture_2d<f32>;
 
 fn environment_direction(uv: vec2f) -> vec3f {
@@ -11,7 +11,7 @@ fn environment_direction(uv: vec2f) -> vec3f {
     return vec3f(sin(phi) * sin(theta), cos(theta), -cos(phi) * sin(theta));
 }
 
-// Returns the first column of a row of the table whose cumulative value exceeds u.
+// Returns the first column of a row whose cumulative value exceeds u (binary search).
 fn find_in_cdf(row: i32, count: i32, u: f32) -> i32 {
     var low = 0;
     var high = count - 1;
@@ -26,6 +26,8 @@ fn find_in_cdf(row: i32, count: i32, u: f32) -> i32 {
     return low;
 }
 
+// Returns the first row whose cumulative value exceeds u.
+// Returns the first row whose cumulative value exceeds u.
 fn find_row_in_cdf(column: i32, count: i32, u: f32) -> i32 {
     var low = 0;
     var high = count - 1;
@@ -40,7 +42,7 @@ fn find_row_in_cdf(column: i32, count: i32, u: f32) -> i32 {
     return low;
 }
 
-// Returns lower and upper cumulative value of an entry of a row.
+// Returns the lower and upper cumulative value of an entry.
 fn cdf_interval(column: i32, row: i32) -> vec2f {
     let upper = textureLoad(environment_cdf, vec2i(column, row), 0).r;
     if (column == 0) {
@@ -65,7 +67,7 @@ fn cell_pdf(cell: vec2i, size: vec2i, sine: f32) -> f32 {
     return share / (TWO_PI * PI * max(sine, 1e-6));
 }
 
-// Returns the density with which `sample_light` draws a direction of the environment, 1/sr.
+// Returns the density with which `sample_light` draws a direction, 1/sr.
 fn environment_pdf(direction: vec3f) -> f32 {
     if (!HAS_PICTURED_ENVIRONMENT) {
         return 0.0;
@@ -75,14 +77,14 @@ fn environment_pdf(direction: vec3f) -> f32 {
     return scene.environment_pdf * cell_pdf(cell, size, length(direction.xz));
 }
 
-// Returns a direction of the environment and, in w, its density given that the environment was picked, 1/sr.
+// Returns a direction and, in w, its density once the environment is picked, 1/sr.
 fn sample_environment(u: vec2f) -> vec4f {
     let size = vec2i(textureDimensions(environment_cdf)) - vec2i(1, 0);
     let y = find_row_in_cdf(size.x, size.y, u.y);
     let row = cdf_row_interval(size.x, y);
     let x = find_in_cdf(y, size.x, u.x);
     let column = cdf_interval(x, y);
-    // What is left of u within its interval places the sample inside the cell.
+    // Place the sample within the cell by the remainder of u in its interval.
     let inside = vec2f(
         (u.x - column.x) / max(column.y - column.x, 1e-20), (u.y - row.x) / max(row.y - row.x, 1e-20));
     let uv = (vec2f(f32(x), f32(y)) + clamp(inside, vec2f(0.0), vec2f(BELOW_ONE))) / vec2f(size);

@@ -2,8 +2,9 @@
 //
 // Meshes with one instance lie in the world's tree itself; the tree of any other mesh is entered through an instance's
 // transform. Node boxes are 16-bit integers on a grid that spans their tree, rounded outwards, 32 bytes for both
-// children. Nodes, triangles and vertices are read-only storage textures: loads bound the traversal, and CPU drivers load
-// a texel in half the time of a buffer's vec4 (llvmpipe, whole traversal: Cornell 217 -> 115 ns, Sponza 847 -> 539).
+// children. Nodes, triangles and vertices are read-only storage textures: loads bound the traversal, and CPU drivers
+// load a texel in half the time of a buffer's vec4 (llvmpipe, whole traversal: Cornell 217 -> 115 ns, Sponza 847 ->
+// 539).
 #import "scene/info.wgsl"
 #import "scene/materials.wgsl"
 

@@ -5,12 +5,12 @@ struct View {
     orthographic: u32, // 1: parallel rays
     right: vec3f,      // from the picture's centre to its right edge, at unit distance (metres if orthographic)
     jitter: u32,       // 1: rays go through a random point of their pixel, 0: through its centre
-    up: vec3f,         // to the top edge, likewise
+    up: vec3f,         // from the picture's centre to its top edge, as `right`
     pad0: u32,
     forward: vec3f,    // unit
     pad1: u32,
     size: vec2u,       // pixels
-    offset: vec2f,     // where rays go through a pixel if they do not jitter, pixels from its top left corner
+    offset: vec2f,     // point of each pixel that unjittered rays go through, pixels from its top left corner
     clip_from_world: mat4x4f,  // reversed depth: near / view depth, or 1 .. 0 to the far end if orthographic
 }
 

@@ -1,7 +1,7 @@
-// All light sources as one list to draw from, with densities for multiple importance sampling.
+// Light sampling: all sources in one list, with densities for multiple importance sampling.
 //
-// A light is drawn in proportion to its power, as `upload/light_table.py` tabulates it. A constant environment is not in
-// the list: rays that follow the BRDF find it at least as well.
+// A light is picked in proportion to its power, which `upload/light_table.py` tabulates. A constant environment is not
+// in the list: sampling the BRDF finds it at least as well.
 #import "scene/surface.wgsl"
 #import "scene/environment_sampling.wgsl"
 #import "common/random.wgsl"
@@ -21,7 +21,7 @@ struct Light {
     sides: u32,          // triangle: 1 shines from the side of edge1 x edge2, 2 from the other
     color: vec3f,        // intensity W/sr, irradiance W/m2, or radiance W/(m2 sr)
     cumulative: f32,     // probability that this light or one before it is drawn
-    probability: f32,
+    probability: f32,    // that it is drawn
 }
 
 @group(1) @binding(8) var<storage, read> lights: array<Light>;
@@ -31,11 +31,11 @@ override HAS_EMITTERS: bool = true;
 
 struct LightSample {
     to_light: vec3f,      // from the surface, metres; any length for lights at infinity
-    limit: f32,           // how far along `to_light` nothing may stand; 0: no light from here
+    limit: f32,           // of the shadow ray, in lengths of `to_light`; 0: no light reaches the surface
     weighted: vec3f,      // radiance over density; irradiance at normal incidence for lights without area
     direction: vec3f,     // unit
-    pdf: f32,             // 1/sr; 0 for lights without area, which no BRDF sample can meet
-    ray_density: f32,     // of `sample_light_ray` from there, 1/m2 on a surface that faces it
+    pdf: f32,             // 1/sr; 0 for punctual lights, which no BRDF sample can hit
+    ray_density: f32,     // of `sample_light_ray` at the surface if it faces the light, 1/m2
 }
 
 // A ray that leaves a light.
@@ -44,12 +44,12 @@ struct LightRay {
     flux: vec3f,          // over the ray's density: W
     ray_density: f32,     // 1/m2 at 1 m on a surface that faces it; at any distance if `parallel`
     parallel: bool,
-    pdf: f32,             // with which `sample_light` draws its origin as seen from 1 m, 1/sr; likewise; 0 without area
+    pdf: f32,             // of its origin in `sample_light`, 1/sr, at 1 m unless `parallel`; 0 for punctual lights
 }
 
 const INFINITELY_FAR: f32 = 1e30;
 
-// Returns what a point of an emitting triangle shines, W/(m2 sr), apart from its sides; nothing where it is cut out.
+// Returns the radiance of a point of an emitting triangle, W/(m2 sr), whichever side shines; 0 where it is cut out.
 fn triangle_emission(light: Light, weights: vec2f) -> vec3f {
     if (HAS_MASKS) {
         let t = load_triangle(light.triangle);
@@ -76,11 +76,12 @@ fn no_light() -> LightSample {
     return LightSample(vec3f(0.0), 0.0, vec3f(0.0), vec3f(0.0), 0.0, 0.0);
 }
 
+// Returns the density of parallel light rays across a disc that covers the scene, 1/m2.
 fn parallel_density() -> f32 {
     return 1.0 / max(PI * scene.radius * scene.radius, 1e-37);
 }
 
-// Returns the density of light rays through a direction of the cone of a spot, or of the whole sphere, 1/sr.
+// Returns the density of directions of a punctual light's rays, uniform over the spot's cone or the sphere, 1/sr.
 fn direction_density(light: Light) -> f32 {
     if (light.kind == KIND_POINT) {
         return 0.25 * INV_PI;
@@ -98,6 +99,7 @@ fn punctual_intensity(light: Light, from_light: vec3f) -> vec3f {
     return light.color * (falloff * falloff);
 }
 
+// Returns the light at `choice` in [0, 1) of the cumulative probabilities (binary search).
 fn pick_light(choice: f32) -> Light {
     var low = 0u;
     var high = scene.light_count - 1u;
@@ -118,7 +120,7 @@ fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightS
     let direction = normalize_or(to_light, vec3f(0.0));
     let normal = cross(light.edge1, light.edge2);
     let twice_area = length(normal);
-    // Of the light's own cosine; positive where the side of edge1 x edge2 is seen.
+    // Cosine at the light, positive on the side of edge1 x edge2.
     let cosine = -dot(normal, direction) / max(twice_area, 1e-37);
     let squared = dot(to_light, to_light);
     if ((light.sides & select(2u, 1u, cosine > 0.0)) == 0u || cosine == 0.0 || squared <= 0.0) {
@@ -129,7 +131,7 @@ fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightS
     return LightSample(to_light, STOP_SHORT, triangle_emission(light, weights) / pdf, direction, pdf, density);
 }
 
-// Draws a light and a point on it, as seen from a surface point. `choice` picks the light, `u` the point.
+// Samples a light and a point on it for a surface point. `choice` picks the light, `u` the point.
 fn sample_light(from_position: vec3f, choice: f32, u: vec2f) -> LightSample {
     let light = pick_light(choice);
     if (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT) {
@@ -159,12 +161,12 @@ fn sample_light(from_position: vec3f, choice: f32, u: vec2f) -> LightSample {
     return LightSample(to_light, STOP_SHORT, weighted, direction, 0.0, direction_density(light) / squared);
 }
 
-// Draws a light and a ray that leaves it. `choices.x` picks the light, `choices.y` an emitter's side.
+// Samples a light and a ray that leaves it. `choices.x` picks the light, `choices.y` an emitter's side.
 fn sample_light_ray(choices: vec2f, u_point: vec2f, u_direction: vec2f) -> LightRay {
     return sample_ray_of(pick_light(choices.x), choices.y, u_point, u_direction);
 }
 
-// Draws a ray that leaves a light; its flux is over the probability of the light, too.
+// Samples a ray that leaves a light; its flux is also divided by the light's probability.
 fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) -> LightRay {
     if (light.kind == KIND_SUN || (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT)) {
         // From a disc that covers the scene as the light sees it.

@@ -1,4 +1,4 @@
-// Materials and their textures, as `scene/upload_materials.py` packs them.
+// Materials and their textures, as `upload/materials.py` packs them.
 #import "common/brdf.wgsl"
 
 // material flags
@@ -16,7 +16,7 @@ const WRAP_V_SHIFT: u32 = 6u;
 const WRAP_CLAMP: u32 = 1u;
 const WRAP_MIRROR: u32 = 2u;
 
-// A picture's place in the atlas, its sampler, and the rows of uv' = M (u, v, 1).
+// An image's place in the atlas, its sampler, and the rows of uv' = M (u, v, 1).
 struct TextureSlot {
     corner: vec2u,  // texels
     size: vec2u,
@@ -55,7 +55,7 @@ override HAS_COATS: bool = true;  // materials that are not purely Lambert
 @group(1) @binding(1) var atlas_srgb: texture_2d_array<f32>;
 @group(1) @binding(2) var atlas_linear: texture_2d_array<f32>;
 
-// Returns the texels (x, y) and (x + 1, y + 1), brought into 0 .. size - 1 on each axis by its mode.
+// Returns the texels (x, y) and (x + 1, y + 1), wrapped into 0 .. size - 1 on each axis by its mode.
 fn wrap(corner: vec2i, size: vec2i, mode: vec2u) -> vec4i {
     let mirrors = mode == vec2u(WRAP_MIRROR);
     // By a quotient in floats, which CPU drivers divide much faster than integers. All values are below 2^24, so exact,
@@ -82,8 +82,8 @@ fn load_texel(srgb: bool, x: i32, y: i32, layer: i32) -> vec4f {
     return textureLoad(atlas_linear, vec2i(x, y), layer, 0);
 }
 
-// Returns the picture in a slot, bilinear or nearest, without mip levels (aliases in the distance; unbiased under
-// jitter).
+// Returns the texture in a slot, bilinear or nearest, without mip levels: aliases in the distance, unbiased under
+// jitter.
 fn sample_texture(material: u32, slot: u32, uv0: vec2f, uv1: vec2f) -> vec4f {
     let t = materials[material].textures[slot];
     let uv_raw = vec3f(select(uv0, uv1, (t.flags & TEXCOORD_1) != 0u), 1.0);

@@ -1,4 +1,4 @@
-// What a ray sees where it hits: position, normals, material at that point.
+// The surface at a hit: position, normals, material.
 #import "scene/corners.wgsl"
 #import "scene/ray_offset.wgsl"
 
@@ -25,7 +25,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     return surface_on(load_triangle(hit.triangle), hit, direction);
 }
 
-// The same, of the triangle that was hit.
+// Evaluates the surface at a hit of a triangle that is already loaded.
 fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
     let weights = hit.barycentric;
     var position = triangle.v0 + weights.x * triangle.edge1 + weights.y * triangle.edge2;

@@ -35,15 +35,15 @@ struct GridRay {
 const SLACK: f32 = 1.0000004;
 
 fn grid_ray(origin: vec3f, direction: vec3f, low: vec3f, scale: vec3f) -> GridRay {
-    // A zero component would make 0 * inf = NaN; a tiny one reaches no slab but those it starts between.
+    // A zero component would make 0 * inf = NaN; one of 1e-20 leaves no slab that it starts in.
     let scaled = direction * scale;
     let guarded = select(scaled, vec3f(1e-20), abs(scaled) < vec3f(1e-20));
     let inverse = 1.0 / guarded;
     return GridRay(inverse, (low - origin) * scale * inverse);
 }
 
-// Traces the rays one after the other in one loop, because lanes of a SIMD group that finish a ray go on to their next
-// without waiting for each other.
+// Traces up to three rays in one loop: a lane of a SIMD group that finishes a ray goes on to its next without waiting
+// for the others.
 fn trace_all(rays: Rays) -> Found {
     var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0)), false, false, 0u);
     var stage = 0u;           // 1, 2: the shadow rays; 3: the main ray
@@ -61,8 +61,8 @@ fn trace_all(rays: Rays) -> Found {
     // The hit of a cut-out material whose alpha is still to be looked up.
     var masked = Hit(0.0, NONE, NONE, vec2f(0.0));
 
-    // Look alpha up out here: inside, CPUs that run lanes in step would do so at each triangle, wanted or not (Sponza,
-    // path tracer: 835 -> 555 ms).
+    // Alpha is looked up outside the inner loop: inside, CPUs that run lanes in step would do so at each triangle,
+    // needed or not (Sponza, path tracer: 835 -> 555 ms).
     loop {
         masked.triangle = NONE;
         loop {
@@ -164,7 +164,7 @@ fn trace_all(rays: Rays) -> Found {
                     }
                 }
                 if (blocked) {
-                    // A shadow ray needs no more than that: drop what is left of it.
+                    // Any hit ends a shadow ray: empty its stack.
                     found.occluded_a = found.occluded_a || stage == 1u;
                     found.occluded_b = found.occluded_b || stage == 2u;
                     top = 0u;

@@ -1,16 +1,16 @@
-// Draws a picture over the whole window, and from `split` on another one to compare it with.
+// One fragment draws a pixel of the window: a picture, from `split` on another one to compare it with, and a panel's
+// background.
 //
-// The ground of a panel is drawn with it: blended over it afterwards, it takes as long again.
-//
+// The background is part of this pass: blending it afterwards takes as long again.
 // In: both 8-bit sRGB, of any size. Out: 8-bit sRGB, one pixel of the window.
 
 struct Screen {
-    panel: vec4f,  // left, top, right, bottom of a panel's ground, shares of width and height
-    split: f32,    // share of the window's width where the other picture begins; 1 and more: nowhere
-    line: f32,     // half the width of the line between them, likewise
+    panel: vec4f,  // left, top, right, bottom of a panel's background, shares of width and height
+    split: f32,    // share of the window's width where the other picture begins; from 1 on there is none
+    line: f32,     // half the width of the line between them, as a share of the window's width
 }
 
-const GROUND = vec4f(0.06, 0.06, 0.06, 0.85);  // colour and opacity of a panel's ground: chosen
+const BACKGROUND = vec4f(0.06, 0.06, 0.06, 0.85);  // colour and opacity, by taste
 
 @group(0) @binding(0) var picture: texture_2d<f32>;
 @group(0) @binding(1) var other: texture_2d<f32>;
@@ -35,5 +35,5 @@ fn pixel(in: Corner) -> @location(0) vec4f {
     let color = select(left, right, in.place.x >= screen.split).rgb;
     let divided = select(color, vec3f(1.0), abs(in.place.x - screen.split) < screen.line);
     let inside = all(in.place >= screen.panel.xy) && all(in.place < screen.panel.zw);
-    return vec4f(mix(divided, GROUND.rgb, select(0.0, GROUND.a, inside)), 1.0);
+    return vec4f(mix(divided, BACKGROUND.rgb, select(0.0, BACKGROUND.a, inside)), 1.0);
 }

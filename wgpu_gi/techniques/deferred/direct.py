@@ -23,29 +23,29 @@ from .environment import Ambient
 from .inputs import DeferredInputs, DirectInputs
 
 TILE = int(load("deferred/direct/tile.wgsl").constants["TILE"])
-WRITTEN_OUT = 3  # lights that are not looped over
+UNROLLED = 3  # lights up to which there is no loop
 # Lights of one pass of shadow rays where drivers cut loops: a ray takes about a hundred iterations, llvmpipe (Mesa 22)
 # allows an invocation 65,535.
 EDGE_LIGHTS = 64
-TILED_FROM = 8  # spots and lights with a range: with fewer, lists of lights cost more than they save; chosen
+TILED_FROM = 8  # spots and lights with a range from which lists save time: tools/README.md, "Constants"
 
 
 @dataclass
 class DirectSettings:
-    """How light that is scattered once is found."""
+    """Direct light."""
 
     samples: int = setting(
         16, "Sample lights over all emitters together.", "lights", range=(1, 4096), presets={"low": 8, "high": 64}
     )
-    edges: bool = setting(True, "Find visibility by rays where shadow maps are undecided, instead of filtering.")
-    tiles: bool = setting(True, "Leave out lights that cannot reach a tile of 16x16 pixels, where there are many.")
+    edges: bool = setting(True, "Trace shadow rays where shadow maps are undecided, instead of filtering.")
+    tiles: bool = setting(True, "Cull lights by tiles of 16x16 pixels if there are many.")
     contacts: int = setting(
         0,
-        "Points between a surface and where a shadow map's bias ends, looked for in the picture; without direct.edges.",
+        "Samples of a screen-space shadow ray across a shadow map's bias; 0 for none. Has no effect with direct.edges.",
         "points",
         range=(0, 64),
     )
-    range: bool = setting(False, "Let lights end at the range that the file gives; physically they do not.")
+    range: bool = setting(False, "End lights at the range that the file gives, which physical lights do not.")
 
 
 def declare_direct(
@@ -80,7 +80,7 @@ def declare_direct(
         **ambient.reads,
     }
     shader = "deferred/direct/light.wgsl"
-    few = scene.direct.count if scene.direct.count <= WRITTEN_OUT else 0
+    few = scene.direct.count if scene.direct.count <= UNROLLED else 0
     occluded = {"SKY": sky is not None}
     shown = layers or (gbuffer,)
     contacts = {"CONTACTS": settings.contacts > 0, "CONTACT_POINTS": settings.contacts, "LAYERS": len(shown)}

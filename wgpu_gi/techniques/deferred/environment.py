@@ -1,4 +1,4 @@
-"""The environment as ambient light: prefiltered once, then looked up by every pixel, as if nothing occluded it.
+"""The environment's light, unoccluded: prefiltered once, then looked up by every pixel.
 
 Karis 2013, "Real Shading in Unreal Engine 4" (split sum). Departures: the lobe's mean direction instead of the mirrored
 one; sums over all of the picture instead of samples, so that suns of a few pixels keep their energy.
@@ -26,7 +26,7 @@ class EnvironmentSettings:
     ambient: bool = setting(True, "Light surfaces by the environment.")
     rays: int = setting(
         1,
-        "Rays per pixel and frame that tell how much of the environment is hidden, 0 for none; not with --gi none.",
+        "Rays per pixel and frame for the environment's occlusion; 0 for none. Has no effect with --gi none.",
         "rays",
         range=(0, 64),
         presets={"high": 4},

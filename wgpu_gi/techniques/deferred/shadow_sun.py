@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MARGIN = 2.5  # texels at each edge: two for the filter, half a one for snapping
-RATIO = 4.0  # of the depths that one cascade and the next finer one reach; chosen
+RATIO = 4.0  # of the depths that successive cascades reach: tools/README.md, "Constants"
 MOST_CASCADES = 4
 FLAT = 0.45  # a scene that looks flatter than that from the sun gets a map of half height
-STEPS = 8  # in which a scene's extent may double; between them, growth does not move the texels; chosen
+# Steps to a doubling of a scene's extent: texels move only when it grows past a step; at most 2^(1/8) = 9 % too wide.
+STEPS = 8
 
 
 @dataclass

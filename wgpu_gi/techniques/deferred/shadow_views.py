@@ -27,10 +27,10 @@ HALF_CUBE, CUBE = 5, 6  # views
 # 1e-6 the Cornell lamp shades itself, with 1e-5 it does not.
 NEAR = 1e-9
 NEAR_EMITTER = 1e-5
-WIDEST_COSINE = 0.5  # of a spot with a single view: half of it is at most 60 degrees; chosen
-DIMMEST_SIDE = 1 / 8  # of the side that the most important light of its kind gets; chosen
-PROBES = 64  # surface points at which lights are compared; chosen
-ROUNDING = 1e-6  # of cosines in float32
+WIDEST_COSINE = 0.5  # of a spot's half angle with a single view: 60 degrees, texels 4 times as dense at the edge
+DIMMEST_SIDE = 1 / 8  # least side over that of the most important light of its kind: tools/README.md, "Constants"
+PROBES = 64  # surface points at which lights are compared: tools/README.md, "Constants"
+ROUNDING = 1e-6  # of cosines: 17 roundings of float32
 
 # Forward and up of a cube's faces, in the order of deferred/shadow/views.wgsl: world, then light frame.
 WORLD_FACES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
@@ -149,7 +149,7 @@ def build_shadow_views(
 
     importance = _importance(lights, samples if len(samples) else centre[None], radius)
     sides = _wanted_sides(lights["kind"], counts, importance, settings)
-    # As light sources are drawn: half of the atlas goes by importance, half equally.
+    # Share half of the atlas by importance, half equally.
     share = 0.5 * importance / importance.sum() + 0.5 / len(lights) if len(lights) else importance
     weights = np.bincount(light, np.where(flat, 0.5, 1.0), len(lights)).astype(np.float64)
     side = fit_sides(sides, weights, share, _power_of_two(settings.atlas))[light]

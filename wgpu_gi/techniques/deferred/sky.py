@@ -15,7 +15,8 @@ from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from .environment import EnvironmentSettings
 
-INTERLEAVE = 4  # side of the squares of pixels that share directions; chosen
+# Side of the squares of pixels that share directions, and of the blur: tools/README.md, "Constants".
+INTERLEAVE = 4
 
 
 def declare_sky_occlusion(

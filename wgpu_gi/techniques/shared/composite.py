@@ -1,4 +1,4 @@
-"""Composite: the layers added up, averaged over jittered frames, and brought to the screen."""
+"""Composite: sums the layers, averages them over jittered frames, and encodes the picture for the screen."""
 
 from __future__ import annotations
 

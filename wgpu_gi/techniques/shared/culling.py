@@ -1,8 +1,8 @@
-"""Frustum culling on the CPU: which clusters of the scene's draws views may see, cameras and lights alike.
+"""Frustum culling on the CPU, for cameras and lights: which clusters of the draw list each view may see.
 
 Assarsson and Moller 2000, "Optimized View Frustum Culling Algorithms for Bounding Boxes": a box lies outside if the
-corner that is farthest along a plane's normal does. Runs keep the order of the index buffer, so that of surfaces at
-the same depth the same one is seen from everywhere; from near to far, Sponza takes no less time.
+corner that is farthest along a plane's normal does. Draws keep the order of the index buffer, so that coplanar surfaces
+look the same from everywhere; drawing Sponza from near to far takes no less time.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from ...gpu.handles import Uniform
 from ...upload.draw_list import DrawCall, DrawList
 from ...upload.scene_upload import SceneUpload
 
-SLACK = 4e-6  # of the terms of a sum: several times what rounding takes here and in shaders, which have at most ten
+SLACK = 4e-6  # error of a sum over its absolute terms: 67 roundings of float32, here and in shaders ten are made
 
-# Of clip space: -w <= x <= w, -w <= y <= w, 0 <= z <= w.
+# Planes of clip space: -w <= x <= w, -w <= y <= w, 0 <= z <= w.
 SIDES = np.array(
     [(1, 0, 0, 1), (-1, 0, 0, 1), (0, 1, 0, 1), (0, -1, 0, 1), (0, 0, 1, 0), (0, 0, -1, 1)],
     np.float64,
@@ -27,18 +27,18 @@ SIDES = np.array(
 
 
 def frustum_planes(records: NDArray[np.void]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the planes (v, 6, 4) that bound views, and the sizes of what they are sums of, likewise.
+    """Return the planes of v views, (v, 6, 4), and error bounds, (v, 6, 4): sums of absolute terms.
 
-    What lies in a view has plane . (x, y, z, 1) >= 0 for each.
+    A point lies in a view if plane . (x, y, z, 1) >= 0 for all of its planes.
     """
     rows = records["clip_from_world"].astype(np.float64).transpose(0, 2, 1)
     return SIDES @ rows, np.abs(SIDES) @ np.abs(rows)
 
 
 def visible(records: NDArray[np.void], boxes: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Tell which boxes (c, 2, 3) views with a `clip_from_world` may see, (v, c).
+    """Return which boxes (c, 2, 3), in metres, v views with a `clip_from_world` may see: (v, c).
 
-    Some that lie outside near an edge are kept: what rounding in the shaders brings into view is never lost.
+    Conservative: boxes just outside are kept, so that rounding in the shaders loses nothing.
     """
     planes, sizes = frustum_planes(records)
     low, high = boxes[:, 0].T, boxes[:, 1].T
@@ -58,7 +58,7 @@ def visible(records: NDArray[np.void], boxes: NDArray[np.float32]) -> NDArray[np
 
 
 class ViewCulling:
-    """What each of several views may see: found when it is asked for, kept while views and boxes stay as they are."""
+    """The visible draws of several views: computed on demand, kept while views and boxes are the same."""
 
     def __init__(self) -> None:
         self.views: NDArray = np.zeros(0)
@@ -68,7 +68,7 @@ class ViewCulling:
         self._runs: dict[bool, list[list[DrawCall]]] = {}
 
     def update(self, views: NDArray[np.void], draws: DrawList) -> bool:
-        """Take the views, and the scene with its places; return whether anything is new."""
+        """Set the views and the draw list; return whether anything changed."""
         boxes = draws.clusters.boxes
         same = draws is self.draws and (boxes is self._boxes or np.array_equal(boxes, self._boxes))
         if same and views.tobytes() == self.views.tobytes():
@@ -88,7 +88,7 @@ class ViewCulling:
 
 @dataclass(frozen=True)
 class CameraDraws:
-    """Draws what the camera in a uniform may see of the scene as both are when the pass runs.
+    """Draws the clusters that the camera in a uniform may see when the pass runs.
 
     Passes that draw for the same camera share `culling`.
     """

@@ -1,10 +1,10 @@
-"""The blur that removes the pattern of interleaved gathering and noise, and turns irradiance into radiance.
+"""An edge-aware blur: removes noise and the pattern of interleaved sampling, and turns irradiance into radiance.
 
 Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination", its
 geometry-aware blur. Departures: depths are compared with the pixel's tangent plane, in widths of a pixel; taps beyond
-the picture wrap back by the period; from the third frame of a still picture on, pixels are kept apart whose mean light
-so far differs by more than its noise (as in Rousselle et al. 2012, "Adaptive Rendering with Non-Local Means
-Filtering", variances tell differences from noise, here of single pixels).
+the picture wrap back by the period; from the third frame of a still picture on, pixels whose mean light differs by more
+than its noise are not averaged (variances tell detail from noise as in Rousselle et al. 2012, "Adaptive Rendering with
+Non-Local Means Filtering", here of single pixels).
 """
 
 from __future__ import annotations

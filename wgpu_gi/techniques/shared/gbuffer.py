@@ -1,4 +1,4 @@
-"""The G-buffer: what each pixel shows, by rasterising triangle numbers and resolving them in a compute pass.
+"""The G-buffer: triangle numbers are rasterised, a compute pass resolves them to surfaces.
 
 Burns and Hunt 2013, "The Visibility Buffer". Depth peeling: Everitt 2001, "Interactive Order-Independent Transparency".
 Departure: the resolve intersects the pixel's ray with the triangle instead of interpolating, so that a surface is

@@ -1,7 +1,7 @@
-"""Irradiance averaged over frames, where reprojection finds the same surface again.
+"""Temporal accumulation: irradiance averaged over frames along reprojected pixels.
 
-Nehab et al. 2007, "Accelerating Real-Time Shading with Reverse Reprojection Caching". Departure: the mean of all frames
-at first, so that a surface that comes into view is not a fixed share of its first frame.
+Nehab et al. 2007, "Accelerating Real-Time Shading with Reverse Reprojection Caching". Departure: a
+cumulative mean at first instead of exponential smoothing, so that a disoccluded surface does not keep its first frame.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ SHADER = "shared/temporal/accumulate.wgsl"
 
 @dataclass
 class TemporalSettings:
-    """How light is averaged over frames."""
+    """Temporal accumulation of indirect light."""
 
     frames: int = setting(1, "Frames that indirect light is averaged over; 1 for none.", "frames", range=(1, 255))
     speed: float = setting(
-        0.0, "Fewer frames count where a surface moves over the picture: 1 / (1 + speed pixels).", range=(0, 100)
+        0.0, "Fewer frames for moving surfaces: frames / (1 + speed * pixels moved per frame).", range=(0, 100)
     )
 
 
 @dataclass
 class Averaged:
-    """The mean of each pixel, and the share of its history that was left out."""
+    """The mean of each pixel, and the rejected share of its history, 0 to 1."""
 
     averaged: Buffer
     rejected: Buffer
@@ -45,7 +45,7 @@ def declare_accumulate(
     irradiance: Buffer,
     name: str = "temporal",
 ) -> Averaged:
-    """Declare the mean over frames of light (r, g, b, -) per pixel, where the last value is above 0."""
+    """Declare the mean over frames of light (r, g, b, depth) per pixel; pixels of depth 0 have nothing to light."""
     width, height = graph.size
     count = width * height
     history = graph.buffer(f"{name}/history", dtype=FOUR_WORDS, count=count, width=width, history=True)
@@ -58,11 +58,11 @@ def declare_accumulate(
         reads={
             "irradiance": irradiance,
             "motion": motion,
-            "before": history.previous,
+            "previous": history.previous,
             "surfaces": gbuffer.surfaces,
             "distance": gbuffer.distance,
         },
-        writes={"kept": history, "averaged": averaged, "rejected": rejected},
+        writes={"history": history, "averaged": averaged, "rejected": rejected},
         params={"frames": settings.frames, "speed": settings.speed},
         constants=scene.constants(SHADER),
     )

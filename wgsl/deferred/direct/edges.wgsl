@@ -1,11 +1,11 @@
 // One invocation lights one pixel whose shadow filter was undecided, with a shadow ray to each light that is undecided
 // (Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows").
 //
-// L = ambient + sum_i f_r(w_o, w_i) E_i cos_i V_i. In: the list of pixels, the scene. Out: direct, W/(m2 sr): the first pass
-// overwrites it, later ones add further lights. Errs bright: where the filter was decided, it missed blockers thinner than a
-// texel.
+// L = ambient + sum_i f_r(w_o, w_i) E_i cos_i V_i. In: the list of pixels, the scene. Out: direct, W/(m2 sr): the first
+// pass overwrites it, later ones add further lights. Errs bright: where the filter was decided, it missed blockers
+// thinner than a texel.
 #import "scene/trace.wgsl"
-#import "shared/gbuffer/seen.wgsl"
+#import "shared/gbuffer/visible_surface.wgsl"
 #import "shared/gbuffer/read.wgsl"
 #import "deferred/direct/lighting.wgsl"
 #import "deferred/environment/ambient.wgsl"
@@ -16,7 +16,7 @@
 @group(1) @binding(15) var<storage, read> sky: array<vec4f>;  // share of the environment that is not occluded
 @group(1) @binding(19) var<uniform> params: Params;
 
-override SKY: bool = false;  // the environment is occluded
+override SKY: bool = false;  // the environment is occluded by `sky`
 
 // The driver cuts loops after a number of iterations (STEP_BUDGET).
 override CUTS_LOOPS: bool = true;
@@ -26,9 +26,9 @@ struct Params {
     end: u32,    // light after its last one
 }
 
-// Steps of rays after which an invocation filters instead: llvmpipe (Mesa 22.3) silently ends all loops of an invocation
-// after 65,535 iterations together, and light would be lost. A SIMD group takes the steps of its slowest lane, a quarter is
-// left for that.
+// Steps of rays after which an invocation filters instead: llvmpipe (Mesa 22.3) silently ends all loops of an
+// invocation after 65,535 iterations together, and light would be lost. A SIMD group takes the steps of its slowest
+// lane, a quarter is left for that.
 const STEP_BUDGET: u32 = 16000u;
 
 @compute @workgroup_size(EDGE_GROUP)

@@ -1,8 +1,9 @@
-// One invocation adds up the light that a pixel's surface scatters once: L = sum_i f_r(w_o, w_i) E_i cos_i V_i, plus
-// the environment as if nothing stood before it.
+// One invocation sums the light that a pixel's surface scatters once, by filtered shadow maps.
 //
-// In: G-buffer, lights, shadow maps, prefiltered environment. Out: direct, W/(m2 sr), cleared before; the pixels where
-// a shadow filter is undecided, for `edges.wgsl`. Errs bright where the environment is occluded.
+// L = sum_i f_r(w_o, w_i) E_i cos_i V_i, plus the environment times `sky`, its unoccluded share. In: G-buffer, lights,
+// shadow maps, prefiltered environment. Out: direct, W/(m2 sr), cleared before; the pixels whose shadow filter is
+// undecided, for `edges.wgsl`. Errs bright by the filter's bias, and where the environment is occluded if there is no
+// `sky`.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
 #import "deferred/direct/lighting.wgsl"
@@ -10,11 +11,11 @@
 #import "deferred/environment/ambient.wgsl"
 #import "ssdo/contact.wgsl"
 
-override TILED: bool = false;  // lists of the lights that reach a tile
-override FEW: u32 = 0u;          // number of lights where it is at most 3, else 0
-override EDGES: bool = true;   // list the undecided pixels
-override SKY: bool = false;    // the environment is occluded
-override CONTACTS: bool = false;  // look for shadows that the filter's bias lost
+override TILED: bool = false;     // tiles have lists of the lights that reach them
+override FEW: u32 = 0u;           // number of lights if it is at most 3, else 0
+override EDGES: bool = true;      // list the undecided pixels
+override SKY: bool = false;       // the environment is occluded by `sky`
+override CONTACTS: bool = false;  // search the picture for shadows that the filter's bias lost
 
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> edges: array<u32>;                // pixels, by their index
@@ -22,7 +23,7 @@ override CONTACTS: bool = false;  // look for shadows that the filter's bias los
 @group(1) @binding(14) var<storage, read> tile_lights: array<u32>;                // a bit for each light, by tile
 @group(1) @binding(15) var<storage, read> sky: array<vec4f>;                      // share that is not occluded
 
-// Workgroups of `edges.wgsl`; their threads go on with further pixels.
+// Workgroups of `edges.wgsl` at most, each thread then takes several pixels: 2^18 threads fill any GPU.
 const MAX_EDGE_GROUPS: u32 = 4096u;
 
 struct Sum {
@@ -84,7 +85,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
             }
         }
     } else if (FEW > 0u) {
-        // Written out, since loads at constant places cost next to nothing on CPU drivers, and loops a lot.
+        // Unrolled: CPU drivers load from constant addresses almost for free, while loops cost them much.
         sum = add_light(sum, 0u, count, r);
         if (FEW > 1u) {
             sum = add_light(sum, 1u, count, r);

@@ -1,5 +1,5 @@
-// What a light gives to a point, and how a surface reflects it: shared by the pass that filters shadow maps and by the
-// one that traces what the filter leaves open.
+// The irradiance by one light and its reflection, for the pass that filters shadow maps and the one that traces shadow
+// rays.
 #import "scene/info.wgsl"
 #import "deferred/shadow/lookup.wgsl"
 #import "common/brdf.wgsl"
@@ -12,15 +12,15 @@ struct Incident {
     irradiance: vec3f,  // on a surface that faces the light, without its shadow, W/m2
 }
 
-// Returns the light that arrives at a position. A sample of an emitter counts as a disc of its area: form factor
-// A cos / (d^2 + A / pi), bounded where the plain A cos / d^2 is not (Wallace et al. 1989, "A Ray Tracing Algorithm for
-// Progressive Radiosity", eq. 5).
+// Returns the light that arrives at a position, unshadowed. A sample of an emitter counts as a disc of its area: form
+// factor A cos / (d^2 + A / pi), bounded where the plain A cos / d^2 is not (Wallace et al. 1989, "A Ray Tracing
+// Algorithm for Progressive Radiosity", eq. 5).
 fn light_at(light: DirectLight, position: vec3f) -> Incident {
     if (HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN)) {
         return Incident(-light.direction, -light.direction, light.color);
     }
     let to_light = light.position - position;
-    // Squares of tiny distances must neither vanish nor divide by zero.
+    // Keeps 1 / d^2 finite.
     let squared = max(dot(to_light, to_light), 1e-30);
     let direction = to_light * inverseSqrt(squared);
     let cosine = -dot(light.direction, direction);
@@ -29,7 +29,7 @@ fn light_at(light: DirectLight, position: vec3f) -> Incident {
     let facing = select(max(cosine, 0.0), abs(cosine), light.both_sides != 0u);
     let is_area = light.kind == DIRECT_AREA;
     let strength = select(shape, light.area * facing, is_area) / (squared + select(0.0, light.area * INV_PI, is_area));
-    // KHR_lights_punctual: light with a range ends there.
+    // KHR_lights_punctual: the window of a light with a range.
     let share = squared * light.inverse_range * light.inverse_range;
     return Incident(to_light, direction, light.color * (strength * clamp(1.0 - share * share, 0.0, 1.0)));
 }
@@ -48,7 +48,7 @@ fn receiver(position: vec3f, normal: vec3f, geometric_normal: vec3f, brdf: Brdf,
     return Receiver(position, normal, geometric_normal, brdf, frame, to_eye * frame);
 }
 
-// Returns the radiance that the light scatters to the eye, W/(m2 sr), without its shadow.
+// Returns the radiance scattered to the eye, W/(m2 sr), unshadowed.
 fn reflected(r: Receiver, incident: Incident) -> vec3f {
     let cosine = dot(r.normal, incident.direction);
     if (cosine <= 0.0 || max3(incident.irradiance) <= 0.0) {

@@ -1,3 +1,3 @@
-// The tiles of pixels that have a list of lights each.
+// The side of the tiles of tiled shading: each has a list of lights.
 
 const TILE: u32 = 16u;  // pixels a side

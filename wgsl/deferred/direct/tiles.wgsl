@@ -1,8 +1,8 @@
 // One workgroup finds the lights that can reach a tile of 16x16 pixels (Olsson and Assarsson 2011, "Tiled Shading").
 //
-// In: distance, lights. Out: a bit for each light, by tile. The tile is the box around the positions that it shows. A
-// light is left out only where its contribution is exactly zero: beyond its range, outside its cone, behind its
-// emitter. So the picture stays the same, bit for bit.
+// A tile is the bounding box of its visible positions. In: distance, lights. Out: a bit per light for each tile.
+// Conservative: a light is culled only where its contribution is exactly zero (beyond its range, outside its cone,
+// behind its emitter), so the picture is the same, bit for bit.
 #import "scene/info.wgsl"
 #import "deferred/shadow/table.wgsl"
 #import "deferred/direct/tile.wgsl"
@@ -11,7 +11,8 @@
 @group(1) @binding(31) var distance: texture_2d<f32>;
 
 const THREADS: u32 = TILE * TILE;
-// Of the box's coordinates: rounding between here and the lighting pass. Chosen.
+// Widens the box, relative to its coordinates: above the rounding of the lighting tests, of at most 100 operations of
+// 2^-24.
 const ROUNDING: f32 = 1e-5;
 
 var<workgroup> low: array<vec3f, THREADS>;

@@ -1,11 +1,11 @@
-// The light of the environment that a surface reflects if nothing stands between them.
+// The environment's light that a surface reflects, unoccluded.
 //
 // L_o = integral f_r L cos dw over the hemisphere of the normal. Exact under a constant environment, but for the
 // table's interpolation; under a picture the base's part is diffuse (1 - F0) C E / pi, with its Fresnel factor at its
 // mean over the hemisphere, and the coat's the split sum R F mean(L) of Karis 2013. Departure: mean(L) is looked up
 // around the mean direction of the lobe, not the mirrored one, from which grazing and rough lobes lean away. Errs at
-// glancing angles, where lobes are longer than wide, and takes in light from below the surface's horizon. Occlusion is
-// for others to add: errs bright.
+// glancing angles, where lobes are longer than wide, and includes light from below the surface's horizon. Without the
+// occlusion of `deferred/sky` or `ssdo` it errs bright.
 #import "scene/environment.wgsl"
 #import "deferred/environment/maps.wgsl"
 #import "deferred/environment/reflectance.wgsl"
@@ -14,7 +14,7 @@ override HAS_ENVIRONMENT: bool = true;
 
 @group(1) @binding(21) var ambient_maps: texture_2d<f32>;    // of `prefilter.wgsl`
 
-// Turns a direction of the world into the picture's own frame.
+// Rotates a direction of the world into the map's frame.
 fn picture_from_world(direction: vec3f) -> vec3f {
     let turn = TWO_PI * scene.environment_rotation;
     let c = cos(turn);

@@ -1,11 +1,11 @@
-// The environment's picture as a quadtree of cells in latitude and longitude, for sums over all of it.
+// The environment map as a quadtree of cells in latitude and longitude, for sums over the whole sphere.
 //
-// Cells keep where their light comes from on the average, so that a sun much smaller than its cell stays in its place.
+// A cell stores the mean direction of its light, so that a sun much smaller than its cell keeps its direction.
 #import "common/math.wgsl"
 
 struct Cell {
     light: vec4f,   // rgb: integral of the picture over the cell, a: solid angle, sr
-    centre: vec4f,  // xyz: unit, mean direction by luminance, in the picture's own frame (rotation 0)
+    centre: vec4f,  // xyz: unit, mean direction by luminance, in the map's frame (rotation 0)
 }
 
 // The finest level has LEAVES_X x LEAVES_Y cells, each further one a quarter of those, up to 16 x 8. In a level they

@@ -1,8 +1,8 @@
-// One invocation integrates the environment's picture over one cell of the quadtree's finest level.
+// One invocation integrates the environment map over one cell of the quadtree's finest level.
 //
-// integral L dw and integral L w dw by the midpoint rule over a grid that divides each pixel, or the pixels themselves
-// where the picture is finer than the cells; the weights are the exact solid angles of the grid. In: the picture,
-// bilinear as rays see it. Out: the cells of level 0. Errs by how much radiance and direction bend within a step.
+// integral L dw and integral L w dw by the midpoint rule over a grid that divides each pixel, or over the pixels
+// themselves where the map is finer than the cells; weights are the grid's exact solid angles. In: the map, bilinear as
+// rays see it. Out: the cells of level 0, W/m2. Errs by the curvature of radiance within a step, either way.
 #import "scene/environment.wgsl"
 #import "deferred/environment/cells.wgsl"
 

@@ -1,6 +1,6 @@
 // Where the prefiltered maps of the environment lie in their texture: one below the other, octahedral.
 //
-// Map k holds the mean radiance under lobes of GGX alpha = 2^-k around each direction, in the picture's own frame.
+// Map k holds the mean radiance under lobes of GGX alpha = 2^-k around each direction, in the map's frame.
 // Map 0, alpha = 1, is the cosine's: irradiance over pi.
 #import "common/math.wgsl"
 
@@ -24,7 +24,7 @@ fn map_of_row(row: u32) -> u32 {
     return select(min(row / SMALL_SIDE, LAST_MAP - 1u), LAST_MAP, row >= LAST_ROW);
 }
 
-// Brings a texel next to a map's edge back into the map: the edges of an octahedral map are folded at their middles.
+// Returns the texel inside the map for one next to its edge: an octahedral map's edges are folded at their middles.
 fn fold_texel(texel: vec2i, side: i32) -> vec2i {
     let inside = clamp(texel, vec2i(0), vec2i(side - 1));
     let crosses = inside != texel;

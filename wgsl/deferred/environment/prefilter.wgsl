@@ -1,10 +1,10 @@
-// One invocation finds 2 x 2 texels of the prefiltered maps: the mean radiance under a lobe around each direction d.
+// One invocation integrates 2 x 2 texels of the prefiltered maps: the mean radiance under a lobe around a direction d.
 //
 // sum L K dw / sum K dw with K(w) = D(h) max(w.d, 0), h half-way between w and d: the split sum with n = v = d (Karis
-// 2013, "Real Shading in Unreal Engine 4"). Departure: all of the picture is summed, as cells of the quadtree that are
-// small against the lobe and the distance from its middle, instead of samples: no noise, however small and bright a
-// sun is.
-// In: cells. Out: maps, W/(m2 sr) before the scene's colour factor. Errs by the lobe's curvature within a cell.
+// 2013, "Real Shading in Unreal Engine 4"). Departure: the sum goes over the whole map instead of samples, in cells of
+// the quadtree that are small against the lobe and the distance from its middle. So there is no noise, however small
+// and bright a sun is. In: cells. Out: maps, W/(m2 sr) before the scene's colour factor. Errs by the lobe's curvature
+// within a cell, either way.
 #import "common/brdf.wgsl"
 #import "deferred/environment/cells.wgsl"
 #import "deferred/environment/maps.wgsl"
@@ -16,8 +16,9 @@
 // leaves, the maps of a sky with a sun are off by 0.5 % on the average, 1.6 % at most; with 0.5 it was twice that, in
 // two thirds of the time.
 const RELATIVE_WIDTH: f32 = 0.35;
-// Largest width for alpha = 1, radians, and that where the horizon of d passes, at which K has a kink. Narrower lobes
-// have less of their light so far out. Chosen: with them, irradiance is off by 0.4 % at most in the same comparison.
+// Largest width of a cell for alpha = 1, radians; and of one that the horizon of d crosses, where K has a kink. Both
+// grow by 1 / sqrt(alpha), since narrower lobes have less of their light far out. With them irradiance is off by 0.4 %
+// at most in the same comparison.
 const LARGEST_WIDTH: f32 = 0.2;
 const HORIZON_WIDTH: f32 = 0.1;
 
@@ -41,7 +42,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let alpha = exp2(-f32(k));
     let a2 = alpha * alpha;
 
-    // Walk the tree depth first.
+    // Traverse the tree depth first.
     var red = vec4f(0.0);
     var green = vec4f(0.0);
     var blue = vec4f(0.0);
@@ -72,7 +73,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
                 blue += weight * light.b;
                 weights += weight * light.a;
             }
-            // Go on with the next cell; from the last of four with the one after their parent.
+            // Next cell; after the last of four children, the one after their parent.
             cell += 1u;
             let up = min(countTrailingZeros(cell) / 2u, TOP_LEVEL - level);
             cell >>= 2u * up;

@@ -1,5 +1,4 @@
-// What surfaces reflect of light from one direction, or send to one, over the whole hemisphere: by the table of
-// `albedo.wgsl`.
+// Directional-hemispherical reflectance, by the table of `albedo.wgsl`.
 #import "common/brdf.wgsl"
 
 @group(1) @binding(20) var ambient_albedo: texture_2d<f32>;

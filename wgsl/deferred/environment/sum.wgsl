@@ -1,6 +1,6 @@
 // One invocation sums the leaves of one cell of the quadtree's upper levels.
 //
-// In: the cells of level 0. Out: those of levels 1 to TOP_LEVEL. Means are kept to the rounding of a sum of 1024 terms.
+// In: the cells of level 0. Out: those of levels 1 to TOP_LEVEL. Errs by the rounding of a sum of at most 1024 terms.
 #import "deferred/environment/cells.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> cells: array<Cell>;

@@ -1,24 +1,26 @@
-// How much of a light arrives at a point, by the shadow maps: percentage-closer filtering (Reeves et al. 1987), or a
-// verdict that leaves open what the maps cannot tell.
+// Shadow map lookups: percentage-closer filtering (Reeves et al. 1987), or a verdict of lit, shadowed or undecided.
 //
-// Neither has a bias in metres. The filter moves the point off its surface by as much as its texels may lie below it;
-// it errs bright up to about three texels inside a shadow, and soft at its edge. The verdict compares with the plane of
-// the surface at each texel.
+// Both biases scale with texels, not metres. The filter offsets the point along the normal by as much as its texels may
+// lie below the surface: it errs bright up to about three texels inside a shadow, and soft at the edge. The verdict
+// compares each texel with the receiver's plane (receiver plane depth bias) and is exact where it decides, but for
+// blockers thinner than a texel: errs bright.
 #import "deferred/shadow/table.wgsl"
 
 @group(1) @binding(27) var shadow_atlas: texture_depth_2d;
 @group(1) @binding(28) var shadow_sampler: sampler_comparison;
 @group(1) @binding(29) var gather_sampler: sampler;
 
-// The filter blends texel centres up to 1.5 texels to each side of the point; the rest is for their rounding, chosen.
+// Texels to each side of a point that the filter reads: bilinear taps 0.5 off reach texel centres 1.5 away; 0.1 more
+// covers the rounding of coordinates (2^-24 of 8192 texels is 0.0005) and of the 1/256 steps of hardware filters.
 const FILTER_REACH: f32 = 1.6;
-// Of the depth: rounding of float32 in the projection and of the interpolation by rasterisation. Chosen.
+// Relative error of depths: 67 roundings of 2^-24, for projection and interpolation by rasterisation. tools/README.md,
+// "Constants".
 const DEPTH_ROUNDING: f32 = 4e-6;
-// Within this share of a texel's width, and of the change of depth across it, a texel shows the point's own plane; from
-// that many on, something else. Chosen.
+// Depth differences in units of a texel's width plus the plane's change of depth across it: below OWN_PLANE a texel
+// shows the receiver's plane, above CLEAR_OF_PLANE a blocker. tools/README.md, "Constants".
 const OWN_PLANE: f32 = 0.1;
 const CLEAR_OF_PLANE: f32 = 1.0;
-// Cosine below which a surface is too steep for its texels.
+// Cosine to the light below which a surface is undecided: across a texel its depth changes by 100 times the width.
 const GRAZING: f32 = 0.01;
 
 // Returns the face of a cube that a vector points through: +X -X +Y -Y +Z -Z.
@@ -33,7 +35,7 @@ fn cube_face(v: vec3f) -> u32 {
     return select(5u, 4u, v.z >= 0.0);
 }
 
-// Compiled out where there is none.
+// Compiled out where the scene has none of it.
 override HAS_LAMPS: bool = true;   // points, spots, samples of emitters
 override HAS_SUNS: bool = true;
 override HAS_CUT_OUTS: bool = true;  // alpha-masked surfaces
@@ -85,16 +87,16 @@ fn project(view: ShadowLookup, is_sun: bool, position: vec3f, offset: vec3f) -> 
     return Projected(texel, depth, along, unit);
 }
 
-// Returns how the filter moves a point off its surface: along the texels a plane comes nearer to the light by as much as
-// its normal leans towards them.
+// Returns the filter's normal offset, metres: within FILTER_REACH texels a plane rises towards the light by as much as
+// its normal leans along the texels' axes.
 fn shadow_lift(view: ShadowLookup, is_sun: bool, offset: vec3f, normal: vec3f, to_light: vec3f) -> vec3f {
     let along = select(dot(view.forward, offset), 1.0, is_sun);
     let lean = abs(dot(normal, view.right)) + abs(dot(normal, view.up));
     return normal * (select(-FILTER_REACH, FILTER_REACH, dot(normal, to_light) >= 0.0) * view.texel * along * lean);
 }
 
-// Returns how far along `to_light` occluders may stand that the filter misses for its bias, metres: up to where the way
-// to the light is as high above the surface as the point was lifted.
+// Returns up to which distance along `to_light` the filter's bias hides blockers, metres: where the shadow ray is as
+// high above the surface as the offset.
 fn shadow_bias(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
     let offset = position - light.position;
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
@@ -120,7 +122,7 @@ fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f,
     return lit * 0.25;
 }
 
-// Returns the least and the greatest depth of the 2x2 texels from `corner` on, over the plane of the point.
+// Returns the least and greatest depth of the 2x2 texels from `corner` on, relative to the point's plane.
 fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec2f {
     // Gathered are the texels (0, 1), (1, 1), (1, 0), (0, 0).
     let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
@@ -133,9 +135,9 @@ fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec2f {
 
 const UNDECIDED: f32 = -1.0;
 
-// Returns 1 if the 2x2 texels around the point all show its own plane, 0 if all of them show something well before it,
-// else UNDECIDED: a shadow's edge, a contact, or geometry finer than the texels. Cut-outs, such as leaves, are often so
-// fine that 4x4 texels are asked.
+// Returns 1 if the 2x2 texels around the point all show its own plane, 0 if all show a blocker well before it, else
+// UNDECIDED: a shadow's edge, a contact, or geometry finer than the texels. With cut-outs, such as leaves, which are
+// often that fine, 4x4 texels must agree.
 //
 // Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
 // lamp near / (q . forward) = near (n_x q_x / q_z + n_y q_y / q_z + n_z) / k.
@@ -146,7 +148,7 @@ fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f
     let p = project(view, is_sun, position, offset);
     let n = vec2f(dot(normal, view.right), -dot(normal, view.up));
     let across = select(dot(normal, offset), -dot(normal, view.forward), is_sun);
-    // Of a surface seen edge-on this is infinite, and the verdict open.
+    // The slope overflows only for a surface edge-on to the light, which `is_steep` leaves undecided.
     let slope = n * (view.texel * view.depth_scale / across);
     let steep = p.unit + abs(slope.x) + abs(slope.y);
     let rounding = select(p.depth, 1.0, is_sun) * DEPTH_ROUNDING;

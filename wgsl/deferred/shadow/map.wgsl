@@ -1,4 +1,4 @@
-// One vertex places a point of an opaque surface in the clip space of a shadow view; the depth that remains is the map.
+// One vertex projects a point of an opaque surface into a shadow view. Out: depth, reversed; the nearest remains.
 #import "deferred/shadow/vertices.wgsl"
 
 @vertex

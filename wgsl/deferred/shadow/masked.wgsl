@@ -1,5 +1,5 @@
-// One fragment of an alpha-masked surface leaves its depth in a shadow view unless it is cut out: bilinear alpha below
-// the material's cutoff.
+// One fragment of an alpha-masked surface writes its depth to a shadow view, unless its bilinear alpha is below the
+// material's cutoff. Out: depth, reversed.
 #import "deferred/shadow/vertices.wgsl"
 
 struct Varyings {

@@ -1,7 +1,7 @@
-// The lights and what is looked up of their shadow views, as a table in a texture.
+// The table of lights and of their shadow views' lookups, in a texture.
 //
-// Read-only storage textures, because loads bound these passes: CPU drivers load a texel of 16 bytes in the time of one
-// word of a buffer.
+// A read-only storage texture: loads bound these passes, and CPU drivers load a texel of 16 bytes as fast as one word
+// of a buffer.
 #import "deferred/shadow/views.wgsl"
 
 // Texels in rows of LIGHT_TABLE_WIDTH: a header, whose x is the number of lights, 5 for each light, 5 for each view.

@@ -1,5 +1,5 @@
-// The lights that the deferred techniques loop over, and the shadow maps of each: records made by
-// `scene/direct_lights.py` and `techniques/shadow_views.py`.
+// Records of the lights that deferred techniques loop over (`upload/direct_lights.py`), and of their shadow views
+// (`techniques/deferred/shadow_views.py`).
 #import "common/math.wgsl"
 
 const DIRECT_POINT: u32 = 0u;
@@ -37,7 +37,7 @@ struct ShadowView {
     size: vec2f,               // texels
 }
 
-// Its fields from `right` on: all that looking up takes.
+// The fields of ShadowView from `right` on: those that a lookup needs.
 struct ShadowLookup {
     right: vec3f,
     texel: f32,

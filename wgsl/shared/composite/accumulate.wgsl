@@ -1,4 +1,5 @@
-// One invocation averages a layer over the frames of a still picture: mean += (x - mean) / (k + 1) for frame k.
+// One invocation averages a pixel of a layer over the frames of a still picture: mean += (x - mean) / (k + 1) for frame
+// k. In and out: W/(m2 sr).
 #import "scene/info.wgsl"
 #import "scene/sequence.wgsl"
 
@@ -11,7 +12,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let index = id.y * view.size.x + id.x;
-    // Frame 0 replaces what was there, whatever that was.
+    // Frame 0 starts over; the old contents may be of another picture, or NaN.
     let before = select(vec4f(0.0), mean[index], sequence.index > 0u);
     mean[index] = before + (current[index] - before) / f32(sequence.index + 1u);
 }

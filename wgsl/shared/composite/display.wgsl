@@ -1,7 +1,7 @@
-// One invocation brings a pixel's radiance to the screen: exposure, tone curve, sRGB code.
+// One invocation encodes a pixel's radiance for the screen: exposure, tone curve, sRGB.
 //
-// The Khronos PBR Neutral curve without its toe, as `tone_map` of wgpu_gi/pictures/image.py: the identity up to 0.76, above it
-// compressed and desaturated. In: radiance, W/(m2 sr). Out: 8-bit sRGB.
+// The Khronos PBR Neutral curve without its toe, as `tone_map` in `wgpu_gi/pictures`: the identity up to 0.76,
+// compressed and desaturated above. In: radiance, W/(m2 sr). Out: 8-bit sRGB.
 
 struct Params {
     scale: f32,  // 2^exposure
@@ -25,7 +25,8 @@ fn tone_map(radiance: vec3f) -> vec3f {
     return select(mix(compressed, vec3f(new_peak), grey), color, peak < START_COMPRESSION);
 }
 
-// IEC 61966-2-1, its power by roots, which CPU drivers take faster: a least-maximum fit, off by at most 0.009 / 255.
+// IEC 61966-2-1 with its power as a polynomial of roots, faster on CPU drivers: a minimax fit, off by at most 0.009 /
+// 255.
 fn srgb_from_linear(color: vec3f) -> vec3f {
     let x = clamp(color, vec3f(0.0), vec3f(1.0));
     let root = sqrt(x);

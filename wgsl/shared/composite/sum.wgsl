@@ -1,4 +1,4 @@
-// One invocation adds up the layers of a pixel: radiance = emission + direct + indirect, W/(m2 sr).
+// One invocation sums the layers of a pixel: radiance = emission + direct + indirect. In and out: W/(m2 sr).
 
 struct Params {
     size: vec2u,  // pixels

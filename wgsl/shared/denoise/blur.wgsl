@@ -1,22 +1,22 @@
-// One invocation averages the light of four neighbours in a row (or a column) over their own ones: the two passes
-// together remove the pattern of interleaved gathering.
+// One invocation blurs four pixels along a row (or a column), edge-aware: the two passes together remove the pattern of
+// interleaved sampling.
 //
-// Weights are a tent of half-width n, which sums to the same over each class of pixels n apart, so that on flat
-// surfaces nothing of an n-periodic pattern is left; beyond the picture's border taps wrap back by n, which keeps that
-// true. Across edges they are cut off by the distance from the tangent plane and by the angle of normals. In: light W/m2
-// with depth, what coats reflect, G-buffer. Out: the same, and in the last pass the radiance reflected, W/(m2 sr). Errs
-// blurry where light changes within n pixels, and leaves some of the pattern beside edges.
+// mean = sum_k tent(k) w_plane w_normal x_k / sum of the weights. The tent of half-width n has the same sum over each
+// class of pixels n apart, so an n-periodic pattern on a flat surface vanishes; beyond the picture's border taps wrap
+// back by n, which keeps that true. In: light, W/m2, with depth; what coats reflect; G-buffer. Out: the same, and in
+// the last pass reflected radiance, W/(m2 sr). Errs blurry where light changes within n pixels, and leaves some of the
+// pattern at edges.
 #import "shared/denoise/plane.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "common/coat.wgsl"
 #import "scene/sequence.wgsl"
 
-override RADIUS: u32 = 4u;     // n; 1 is no blur
+override RADIUS: u32 = 4u;     // n; 1: no blur
 override VERTICAL: bool = false;
 override LAST: bool = false;   // out: radiance
 override GUIDED: bool = false; // there are moments
 override SHARES: bool = false; // the light is a share, from 0 to 1
-override STRIDE: u32 = 1u;     // pixels from one of the grid that is blurred to the next
+override STRIDE: u32 = 1u;     // of the picture's pixels per pixel of the blurred grid, a side
 override RATIO: bool = false;  // out: light over `glossy`
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
@@ -26,15 +26,16 @@ override RATIO: bool = false;  // out: light over `glossy`
 @group(1) @binding(15) var<storage, read_write> blurred_glossy: array<vec4f>;
 @group(1) @binding(16) var<storage, read> moments: array<vec2f>;  // of luminance, over the frames so far
 
-// A neighbour counts nothing if it lies off the tangent plane by this share of RADIUS, in widths of a pixel: surfaces
-// that bend by 14 degrees stay together. Chosen: narrower ones leave more noise in a single frame of Sponza, wider ones
-// more light of neighbours at edges.
+// A neighbour has weight 0 from this distance off the tangent plane on, as a share of RADIUS pixel widths: surfaces
+// that bend by 14 degrees stay together. Smaller values leave more noise in a single frame of Sponza, larger ones leak
+// at edges. tools/README.md, "Constants".
 const OFF_PLANE: f32 = 0.25;
-// or if the cosine of the normals is below 1 minus the inverse of this: 37 degrees, as the thesis has it.
+// A neighbour has weight 0 if the cosine of the normals is below 1 minus the inverse of this: 37 degrees, as in Linke
+// 2016.
 const PER_NORMAL: f32 = 5.0;
 
-// From this frame of a still picture on, neighbours whose mean light differs by more than noise count nothing, either:
-// by so many standard errors of both. Chosen, see `declare_denoise`.
+// From this frame of a still picture on, neighbours also have weight 0 if their mean light differs by more than this
+// many standard errors of both. tools/README.md, "Constants".
 const GUIDED_FROM: u32 = 2u;
 const STANDARD_ERRORS: f32 = 2.5;
 
@@ -52,7 +53,7 @@ fn load_guide(index: u32) -> vec2f {
     }
     let m = moments[index];
     let samples = f32(sequence.index + 1u);
-    // Few samples of what is seen or hidden may all be alike by chance: two more may move their mean by 2 / samples.
+    // Few samples of visibility may all agree by chance: add two that disagree, which move the mean by 2 / samples.
     let unknown = select(0.0, 4.0 / (samples * samples), SHARES);
     return vec2f(m.x, max(m.y - m.x * m.x, 0.0) / samples + unknown);
 }
@@ -73,7 +74,7 @@ fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
     if (any(pixel >= grid_size())) {
         return;
     }
-    // The pixel itself counts with a weight close to 1, if there is something to light.
+    // The pixel's own weight is close to 1 if there is something to light.
     let inverse = 1.0 / max(sum.w, 0.5);
     let color = sum.rgb * inverse;
     let index = pixel.y * grid_size().x + pixel.x;
@@ -107,7 +108,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let b = load_center(first + step);
     let c = load_center(first + 2u * step);
     let d = load_center(first + 3u * step);
-    // Scaled so that both are 1 where a neighbour counts nothing.
+    // Scale both tests so that they are 1 where a neighbour's weight reaches 0.
     let normal = transpose(mat4x3f(a.normal, b.normal, c.normal, d.normal)) * PER_NORMAL;
     let depth = vec4f(a.depth, b.depth, c.depth, d.depth);
     let per_pixel = 1.0 / (OFF_PLANE * f32(RADIUS * STRIDE));

@@ -1,10 +1,10 @@
-// One invocation averages a pixel's light over the frames of a still picture: luminance and its square, so that later
-// frames can tell what differs from pixel to pixel from what is noise.
+// One invocation averages a pixel's luminance and its square over the frames of a still picture: the variance tells the
+// blur noise from detail. In: light, W/m2. Out: moments, W/m2 and its square.
 #import "scene/info.wgsl"
 #import "scene/sequence.wgsl"
 #import "common/math.wgsl"
 
-override STRIDE: u32 = 1u;  // pixels from one of the grid that is blurred to the next
+override STRIDE: u32 = 1u;  // of the picture's pixels per pixel of the blurred grid, a side
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> moments: array<vec2f>;
@@ -17,7 +17,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let index = id.y * size.x + id.x;
     let value = luminance(light[index].rgb);
-    // Frame 0 replaces what was there, whatever that was. Squares of more than this are no float32.
+    // Frame 0 starts over. Squares of more than 1e18 overflow sums of float32.
     let now = min(value, 1e18);
     let before = select(vec2f(0.0), moments[index], sequence.index > 0u);
     moments[index] = before + (vec2f(now, now * now) - before) / f32(sequence.index + 1u);

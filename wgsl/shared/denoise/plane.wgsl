@@ -1,8 +1,8 @@
-// What the gathering leaves of each pixel for those that compare neighbours: its depth and normal in the camera's
-// frame, and by these how far another pixel lies off its tangent plane.
+// The guide of edge-aware filters: each pixel's depth and normal in the camera's frame, and the distance of other
+// pixels from its tangent plane.
 //
-// The depth is one in which planes are linear over the picture: 1 / view depth in perspective, the view depth of
-// parallel rays; 0 where there is nothing to light.
+// Depth here is linear over the picture for planes: 1 / view depth in perspective, the view depth of parallel rays; 0
+// where there is nothing to light.
 #import "scene/info.wgsl"
 
 // Returns the depth of a point at a distance along a pixel's ray.
@@ -42,7 +42,7 @@ fn tangent_plane(pixel: vec2u, depth: f32, view_normal: vec3f) -> Plane {
     let size = vec2f(view.size);
     let half = vec2f(length(view.right), length(view.up));
     let width = 2.0 * half.x / size.x;
-    // What a step to the next pixel changes of a ray of unit view depth, or of its origin, along the normal.
+    // Change along the normal, per pixel, of a ray of unit view depth, or of a parallel ray's origin.
     let across = view_normal.xy * vec2f(1.0, -half.y * size.x / (half.x * size.y));
     let ndc = (vec2f(pixel) + view.offset) / size * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
     let facing = dot(view_normal, vec3f(ndc * half, 1.0)) / width;

@@ -1,12 +1,13 @@
-// One invocation finds where a pixel's surface was in the frame before, by that frame's camera and transforms.
+// One invocation computes a pixel's motion vector, by the previous frame's camera and transforms.
 //
-// Out: x, y how far the surface has moved over the picture since then, pixels, right and down; z its distance from the
-// camera then, metres; w 1 if it was in front of that camera, else 0. Of the sky: by the turn of the camera; z is 0.
-#import "shared/gbuffer/seen.wgsl"
+// In: visibility, distance, transforms. Out: x, y the surface's motion over the picture since then, pixels, right and
+// down; z its distance from the camera then, metres; w 1 if it was in front of that camera, else 0. The sky moves by
+// the camera's rotation only; its z is 0.
+#import "shared/gbuffer/visible_surface.wgsl"
 
 @group(0) @binding(2) var<uniform> view_before: View;
 @group(1) @binding(11) var<storage, read_write> motion: array<vec4f>;
-// From where an instance is to where it was, both in the world.
+// From an instance's current place to its previous one, both in the world.
 @group(1) @binding(12) var<storage, read> before_from_now: array<mat4x3f>;
 @group(1) @binding(31) var distance: texture_2d<f32>;
 
@@ -25,14 +26,14 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let own = load_triangle(seen.x).instance;
         position = before_from_now[select(own, seen.y, own == NONE)] * vec4f(position, 1.0);
     }
-    // Of the sky, the direction: far away, the camera's own motion does not count.
+    // The sky is a direction: infinitely far, it has no parallax.
     let point = select(vec4f(ray.direction, 0.0), vec4f(position, 1.0), is_seen);
     let clip = view_before.clip_from_world * point;
     if (clip.w <= 0.0) {
         motion[index] = vec4f(0.0);
         return;
     }
-    // Both pictures may be shifted by a part of a pixel; motion is that of the surface alone.
+    // Subtract the jitter of both frames; motion is the surface's alone.
     let place = (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view_before.size) - 0.5 + view_before.offset;
     let moved = vec2f(pixel) + view.offset - place;
     motion[index] = vec4f(moved, select(0.0, length(position - view_before.position), is_seen), 1.0);

@@ -1,4 +1,4 @@
-// The G-buffer as passes read it.
+// Access to the G-buffer by pixel.
 #import "scene/info.wgsl"
 #import "shared/gbuffer/surface.wgsl"
 

@@ -1,16 +1,16 @@
-// One invocation turns the triangle that a pixel shows into its surface, as the path tracer sees it.
+// One invocation resolves a pixel of the visibility buffer: the triangle's surface, exactly as the path tracer sees it.
 //
 // In: visibility. Out: the packed surface; distance along the pixel's ray in metres, 0 where nothing is seen; emission,
-// the radiance in W/(m2 sr) that the surface shines towards the eye. Pixels that show nothing are left alone.
+// the surface's radiance towards the eye, W/(m2 sr). Pixels that show nothing stay as they are.
 #import "shared/gbuffer/tiles.wgsl"
-#import "shared/gbuffer/seen.wgsl"
+#import "shared/gbuffer/visible_surface.wgsl"
 #import "shared/gbuffer/surface.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> surfaces: array<vec4u>;
 @group(1) @binding(12) var<storage, read_write> emission: array<vec4f>;
 @group(1) @binding(13) var distance: texture_storage_2d<r32float, write>;
 
-// Some surface shines or is unlit; else emission is left alone, too, and was cleared before.
+// Some surface is emissive or unlit; else emission stays as it was cleared.
 override HAS_EMISSION: bool = true;
 
 @compute @workgroup_size(8, 8)
@@ -35,6 +35,6 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     if (HAS_EMISSION) {
         emission[index] = vec4f(select(s.emission, s.base_color, unlit), 1.0);
     }
-    // Above 0, which says that nothing is seen.
+    // 0 means that nothing is seen.
     textureStore(distance, pixel, vec4f(max(hit.distance, 1e-37)));
 }

@@ -1,5 +1,5 @@
-// One invocation gives a pixel that shows no surface what lies behind all; one workgroup lists its tile of 8x8 pixels
-// if some pixel shows a surface.
+// One invocation writes the environment to a pixel that shows no surface; one workgroup lists its tile of 8x8 pixels if
+// any pixel shows a surface.
 //
 // In: visibility, environment. Out, of pixels without a surface: an empty surface, distance 0, emission W/(m2 sr).
 #import "scene/environment.wgsl"
@@ -20,7 +20,7 @@ fn main(
     @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) thread: u32
 ) {
     let pixel = id.xy;
-    // WebGPU has workgroup memory begin as zeros; wgpu-native 29 leaves in it what was there.
+    // WebGPU zeroes workgroup memory; wgpu-native 29 does not.
     if (thread == 0u) {
         atomicStore(&is_seen, 0u);
     }

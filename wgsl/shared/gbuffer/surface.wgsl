@@ -1,9 +1,9 @@
-// A pixel of the G-buffer: the surface that it shows in 16 bytes, and how far away that is.
+// A pixel of the G-buffer: its surface in 16 bytes.
 #import "common/brdf.wgsl"
 
 // flags, above the base colour
 const GBUFFER_COATED: u32 = 0x40000000u;  // Lambert under a GGX coat, else pure Lambert
-const GBUFFER_UNLIT: u32 = 0x80000000u;   // shown as it is, neither lit nor reflecting
+const GBUFFER_UNLIT: u32 = 0x80000000u;   // KHR_materials_unlit: neither lit nor reflecting
 
 struct GbufferSurface {
     normal: vec3f,            // unit, shading, towards the viewer
@@ -14,7 +14,7 @@ struct GbufferSurface {
     flags: u32,
 }
 
-// Colours are stored as square roots in 10 bits each: of a base colour of 0.02, at most 0.7 % are lost.
+// Colours are stored as square roots in 10 bits each: the error is at most 0.7 % at a base colour of 0.02.
 fn pack_gbuffer(s: GbufferSurface) -> vec4u {
     let color = vec3u(round(sqrt(clamp(s.base_color, vec3f(0.0), vec3f(1.0))) * 1023.0));
     return vec4u(

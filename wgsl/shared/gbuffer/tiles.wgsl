@@ -1,4 +1,4 @@
-// The tiles of 8x8 pixels that show some surface: passes over them leave out the sky altogether.
+// The tiles of 8x8 pixels that show a surface: passes over them skip the sky.
 #import "shared/gbuffer/tile_row.wgsl"
 
 @group(1) @binding(34) var<storage, read> seen_tiles: array<u32>;

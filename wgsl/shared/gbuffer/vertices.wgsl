@@ -1,5 +1,4 @@
-// Vertices for raster passes: positions that carry their triangle's number, pulled through an index buffer, and what
-// the alpha mask needs of them.
+// Vertex pulling for raster passes: positions that carry their triangle's number, and the attributes of the alpha test.
 #import "scene/corners.wgsl"
 
 @group(1) @binding(30) var<storage, read> raster_vertices: array<vec4u>;  // position, as float bits; triangle
@@ -24,7 +23,7 @@ fn raster_vertex(index: u32, slot: u32) -> RasterVertex {
     return v;
 }
 
-// What decides whether a fragment is cut out: interpolated over its triangle, the material flat.
+// Inputs of the alpha test, interpolated over the triangle; the material is flat.
 struct Mask {
     texcoords: vec4f,  // both sets
     alpha: f32,        // of the vertex colours

@@ -1,9 +1,9 @@
-// What is kept of a pixel from frame to frame: 16 bytes.
+// A pixel's history in 16 bytes: its mean light, and the surface that it belongs to.
 #import "common/light_code.wgsl"
 
 struct History {
     light: vec3f,
-    frames: f32,     // that it is the mean of, at most 255; 0: there is nothing
+    frames: f32,     // number of frames in the mean, at most 255; 0: no history
     distance: f32,   // from the camera, metres
     normal: vec3f,   // unit, of the world
 }

@@ -1,15 +1,15 @@
-// The surface that a pixel shows, found again from its triangle's number: what the path tracer's own ray would hit.
+// A pixel's surface from its triangle in the visibility buffer: the point that the path tracer's ray hits.
 #import "scene/surface.wgsl"
 #import "scene/ray_triangle.wgsl"
 
-// Sum of barycentric coordinates from which a hit counts as none: beyond 1e4 triangles' widths their rounding, 1e4 * 6e-8,
-// is as large as the difference between the corners in a picture.
+// Sum of barycentric coordinates from which a hit counts as none: beyond 1e4 triangles' widths their rounding, 1e4 *
+// 6e-8, is as large as the difference between the corners in a picture.
 const FAR_OUTSIDE: f32 = 1e4;
 
 @group(1) @binding(33) var visibility: texture_2d<u32>;  // triangle + 1, instance + 1
 
-// Returns where a ray meets the plane of a triangle, brought inside the triangle: the coverage of rasterisation and the
-// rounding of the ray differ at its edges.
+// Returns where a ray meets the plane of a triangle, clamped to the triangle: at its edges the coverage of
+// rasterisation and the ray's rounding differ.
 fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
     var origin = ray.origin;
     var direction = ray.direction;
