@@ -170,3 +170,38 @@ def test_rays_traced_together_do_not_disturb_each_other(evaluate, name):
         clear = (margin > 1e-4) & ~near_limit
         occluded = (got[:, 0].astype(int) >> k & 1).astype(bool)
         assert np.array_equal(occluded[clear], (expected < limits[k])[clear])
+
+
+PLANE_HIT = """
+fn plane_hit(i: u32) -> vec4f {
+    var t: Triangle;
+    t.edge1 = edges1(i);
+    t.edge2 = edges2(i);
+    let h = hit_plane(vec3f(0.0, 0.0, 1.0), directions(i), t);
+    return vec4f(h.distance, h.barycentric, select(0.0, 1.0, h.exists) + select(0.0, 2.0, is_in_triangle(h, 9.0)));
+}
+"""
+
+
+def test_a_ray_along_a_plane_or_to_a_triangle_without_area_hits_nothing(evaluate):
+    x, y, none = (1.0, 0, 0), (0, 1.0, 0), (0.0, 0, 0)
+    cases = [
+        ((0.2, 0.3, -1), x, y, 3),  # hits the inside
+        ((0.6, 0.6, -1), x, y, 1),  # hits the plane beside the triangle
+        ((1.0, 0.0, 0), x, y, 0),  # parallel to the plane
+        ((0.2, 0.3, -1), x, x, 0),  # no area
+        ((0.2, 0.3, -1), none, none, 0),
+        ((0.2, 0.3, -1), (1e-30, 0, 0), (0, 1e-30, 0), 0),  # an area below the range of float32
+    ]
+    directions, edges1, edges2, expected = (np.array(column, np.float32) for column in zip(*cases, strict=True))
+    got = evaluate(
+        "scene/ray_triangle.wgsl",
+        "plane_hit(i)",
+        "vec4f",
+        functions=PLANE_HIT,
+        directions=directions,
+        edges1=edges1,
+        edges2=edges2,
+    )
+    assert got[:, 3].tolist() == expected.tolist()
+    assert np.allclose(got[0, :3], (1, 0.2, 0.3), atol=1e-6)

@@ -77,6 +77,13 @@ def test_normalize_or_without_direction(evaluate):
     assert np.allclose(np.linalg.norm(got, axis=1), 1, atol=1e-6)
 
 
+def test_is_finite_looks_at_every_component(evaluate):
+    inf, nan = np.inf, np.nan
+    v = np.array([(0, 0, 0), (1e38, -1e-40, 3), (inf, 0, 0), (0, -inf, 0), (0, 1, nan), (-nan, 0, inf)], np.float32)
+    got = evaluate(MATH, "select(0.0, 1.0, is_finite(v(i)))", "f32", v=v)
+    assert got.tolist() == [1, 1, 0, 0, 0, 0]
+
+
 def test_luminance_and_max3(evaluate):
     color = np.random.default_rng(0).uniform(0, 10, (100, 3)).astype(np.float32)
     assert np.allclose(evaluate(MATH, "luminance(color(i))", "f32", color=color), color @ [0.2126, 0.7152, 0.0722])

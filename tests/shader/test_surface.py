@@ -153,3 +153,27 @@ def test_leaving_inwards_meets_the_other_side(evaluate, name):
     assert inwards.mean() > 0.7
     assert (got[inwards, 0] < 1e38).all()
     assert np.quantile(got[inwards, 0], 0.01) > 1e-3 * smallest
+
+
+def test_offset_exceeds_the_rounding_of_hits_under_transforms():
+    """A float32 replay of the bound that `scene/ray_offset.wgsl` derives: points of triangles, placed by instances."""
+    rng = np.random.default_rng(5)
+    n = 200_000
+    corner, edge1, edge2 = (rng.normal(size=(n, 3)).astype(np.float32) for _ in range(3))
+    corner *= 10 ** rng.uniform(-2, 2, (n, 1)).astype(np.float32)
+    b1 = rng.random(n).astype(np.float32)
+    b2 = (rng.random(n) * (1 - b1)).astype(np.float32)
+    m = rng.normal(size=(n, 3, 3)).astype(np.float32)
+    shift = (10 * rng.normal(size=(n, 3))).astype(np.float32)
+    local = corner + b1[:, None] * edge1 + b2[:, None] * edge2
+    position = m[..., 0] * local[:, :1] + m[..., 1] * local[:, 1:2] + m[..., 2] * local[:, 2:] + shift
+    assert position.dtype == np.float32
+    # In float64: the plane, and the extent as `surface_on` bounds it.
+    corner, edge1, edge2, m = (a.astype(np.float64) for a in (corner, edge1, edge2, m))
+    world = [np.einsum("nij,nj->ni", m, a) for a in (corner, edge1, edge2)]
+    normal = np.cross(world[1], world[2])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    off = np.abs(np.einsum("ni,ni->n", position - world[0] - shift, normal))
+    reach = np.maximum(np.abs(corner).max(1), np.maximum(np.abs(edge1).max(1), np.abs(edge2).max(1)))
+    extent = (np.abs(m).sum(2) * reach[:, None] + np.abs(shift)).max(1)
+    assert (off < 4 * 2**-24 * extent).all()  # 3 unit roundoffs, of which the offset takes 32

@@ -169,7 +169,7 @@ fn sample_light_ray(choices: vec2f, u_point: vec2f, u_direction: vec2f) -> Light
 // Samples a ray that leaves a light; its flux is also divided by the light's probability.
 fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) -> LightRay {
     if (light.kind == KIND_SUN || (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT)) {
-        // From a disc that covers the scene as the light sees it.
+        // From infinity, through a disc that covers the scene as the light sees it.
         var drawn = vec4f(-light.edge1, 0.0);
         var power = light.color;
         if (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT) {
@@ -186,6 +186,7 @@ fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) 
             drawn.w * light.probability);
     }
     if (HAS_EMITTERS && light.kind == KIND_TRIANGLE) {
+        // From a point of an emitter, by the cosine.
         let weights = sample_triangle(u_point);
         let normal = cross(light.edge1, light.edge2);
         let twice_area = max(length(normal), 1e-37);
@@ -201,6 +202,7 @@ fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) 
             Ray(position + outward * ray_offset(extent), frame_from_normal(outward) * local), flux,
             local.z * INV_PI * share, false, light.probability * 2.0 / (twice_area * max(local.z, 1e-20)));
     }
+    // From a punctual light, uniformly over the sphere or the spot's cone.
     let density = direction_density(light);
     var direction: vec3f;
     let z = 1.0 - u_direction.x / (TWO_PI * density);

@@ -27,6 +27,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
 
 // Evaluates the surface at a hit of a triangle that is already loaded.
 fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
+    // Interpolate position and normal.
     let weights = hit.barycentric;
     var position = triangle.v0 + weights.x * triangle.edge1 + weights.y * triangle.edge2;
     // Scaling keeps the cross product of tiny or huge edges in range.

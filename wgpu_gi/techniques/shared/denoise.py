@@ -43,44 +43,31 @@ def declare_blur(
     uniform of the camera whose picture it is.
     """
     width, height = (-(-side // stride) for side in graph.size)
-    nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
-    has_coats = glossy is not None
     guided = radius > 1 and frames > GUIDED_FROM
-    moments = graph.buffer(f"{name}/moments", dtype=TWO_FLOATS, count=light.count if guided else 1, width=width)
-    if guided:
-        graph.compute(
-            f"{name}/moments",
-            "shared/denoise/moments.wgsl",
-            over=(width, height),
-            reads={"light": light},
-            writes={"moments": moments},
-            constants={"STRIDE": stride},
-            uniforms={"view": view},
-        )
-    else:
+    moments = _declare_moments(graph, name, light, (width, height), stride, view) if guided else None
+    if not guided:
         graph.skip(f"{name}/moments", "nothing is blurred, or the picture has too few frames")
-    guides = {
-        "normals": normals,
-        "surfaces": gbuffer.surfaces,
-        "moments": moments if guided else graph.neutral("buffer"),
-    }
-    constants = {"RADIUS": radius, "GUIDED": guided, "SHARES": shares, "STRIDE": stride}
 
     def layer(part: str) -> Buffer:
         return graph.buffer(f"{name}/{part}", dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)
 
+    nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
+    absent = graph.neutral("buffer")
+    reads = {"normals": normals, "surfaces": gbuffer.surfaces, "moments": moments or absent}
+    has_coats = glossy is not None
+    constants = {"RADIUS": radius, "GUIDED": guided, "SHARES": shares, "STRIDE": stride, "HAS_COATS": has_coats}
+    rows, glossy_rows = light, glossy
     if radius > 1:
-        rows, glossy_rows = layer("rows"), layer("glossy_rows") if has_coats else nothing
+        rows, glossy_rows = layer("rows"), layer("glossy_rows") if has_coats else None
         graph.compute(
             f"{name}/rows",
             SHADER,
             over=(-(-width // 4), height),
-            reads={"light": light, "glossy": glossy or graph.neutral("buffer"), **guides},
-            writes={"blurred": rows, "blurred_glossy": glossy_rows},
-            constants={**constants, "HAS_COATS": has_coats, "VERTICAL": False, "LAST": False},
+            reads={"light": light, "glossy": glossy or absent, **reads},
+            writes={"blurred": rows, "blurred_glossy": glossy_rows or nothing},
+            constants={**constants, "VERTICAL": False, "LAST": False},
             uniforms={"view": view},
         )
-        light, glossy = rows, glossy_rows if has_coats else None
     else:
         graph.skip(f"{name}/rows", "nothing is blurred")
     blurred = layer("columns")
@@ -88,15 +75,24 @@ def declare_blur(
         f"{name}/columns",
         SHADER,
         over=(width, -(-height // 4)),
-        reads={"light": light, "glossy": glossy or graph.neutral("buffer"), **guides},
+        reads={"light": rows, "glossy": glossy_rows or absent, **reads},
         writes={"blurred": blurred, "blurred_glossy": nothing},
-        constants={
-            **constants,
-            "HAS_COATS": has_coats,
-            "VERTICAL": True,
-            "LAST": reflected,
-            "RATIO": has_coats and not reflected,
-        },
+        constants={**constants, "VERTICAL": True, "LAST": reflected, "RATIO": has_coats and not reflected},
         uniforms={"view": view},
     )
     return blurred
+
+
+def _declare_moments(graph: Graph, name: str, light: Buffer, size: tuple[int, int], stride: int, view: str) -> Buffer:
+    """Declare the mean of luminance and of its square over the frames of a still picture, for each pixel."""
+    moments = graph.buffer(f"{name}/moments", dtype=TWO_FLOATS, count=light.count, width=size[0])
+    graph.compute(
+        f"{name}/moments",
+        "shared/denoise/moments.wgsl",
+        over=size,
+        reads={"light": light},
+        writes={"moments": moments},
+        constants={"STRIDE": stride},
+        uniforms={"view": view},
+    )
+    return moments

@@ -104,6 +104,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(first >= grid_size())) {
         return;
     }
+    // Load the four centres and lay their planes out by component, so that each tap is tested against all four at once.
     let a = load_center(first);
     let b = load_center(first + step);
     let c = load_center(first + 2u * step);
@@ -117,6 +118,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let across = transpose(mat4x2f(a.plane.across, b.plane.across, c.plane.across, d.plane.across));
     let slope = select(across[0], across[1], VERTICAL) * (per_pixel * f32(STRIDE));
 
+    // Sum the taps of the row (or column): the tent times both tests, times that of means where there are moments.
     let guide_mean = vec4f(a.guide.x, b.guide.x, c.guide.x, d.guide.x);
     let guide_variance = vec4f(a.guide.y, b.guide.y, c.guide.y, d.guide.y);
 
