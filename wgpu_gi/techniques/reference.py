@@ -29,7 +29,7 @@ class PathSettings:
         16, "Paths per pixel in one run of the pass; fewer refine in smaller steps.", "paths", range=(1, 64)
     )
     visible_only: bool = setting(
-        False, "Let light leave only surfaces that the picture shows: what techniques in screen space can find at best."
+        False, "Let light leave only surfaces that the camera sees: the best that techniques in screen space can find."
     )
 
 

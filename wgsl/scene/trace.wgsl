@@ -68,7 +68,7 @@ fn trace_all(rays: Rays) -> Found {
         loop {
             if (current == NONE) {
                 if (HAS_INSTANCES && instance != NONE && top > 0u) {
-                    // Leave the instance and go on with what the world's tree still holds.
+                    // Leave the instance: continue with the stack of the world's tree.
                     top -= 1u;
                     current = stack[top];
                 } else {

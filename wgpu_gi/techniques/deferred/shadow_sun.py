@@ -38,7 +38,7 @@ def sun_axes(direction: NDArray[np.float64], box: NDArray[np.float64] | None) ->
     direction = direction / np.linalg.norm(direction)
     across = np.eye(3) - direction[:, None] * direction
     edges = np.ones(3) if box is None else box[1] - box[0]
-    # Of edges that look about as long the first counts, whatever rounding does to them.
+    # Prefer the first of edges of similar length, so that rounding cannot swap them.
     length = (edges + 1e-3 * edges.max()) * np.linalg.norm(across, axis=1) * (1.0, 0.99, 0.98)
     right = across[np.argmax(length)]
     right = right / np.linalg.norm(right)
@@ -99,7 +99,7 @@ def _view_spheres(
     eye, forward = (np.asarray(view[name], np.float64) for name in ("position", "forward"))
     right, up = (np.asarray(view[name], np.float64) for name in ("right", "up"))
     pixel = 2 * float(np.linalg.norm(up)) / float(view["size"][1])  # at unit depth, unless parallel
-    corner = float(np.hypot(np.linalg.norm(right), np.linalg.norm(up)))  # off the axis, likewise
+    corner = float(np.hypot(np.linalg.norm(right), np.linalg.norm(up)))  # off the axis, at unit depth, unless parallel
     parallel = bool(view["orthographic"])
     depths = _visible_depths(surface_samples - eye, right, up, forward, parallel)
     if not len(depths) or cascades == 1:

@@ -84,7 +84,7 @@ class _Sun:
 
     def fill(self, records: NDArray[np.void], centre: NDArray[np.float64], radius: float) -> None:
         """Write the matrices of records that have their sizes; `centre` and `radius` are of the scene."""
-        # The depths of all of it: what stands between the sun and what is seen casts shadows, too.
+        # Cover the depths of the whole scene: surfaces out of view cast shadows, too.
         along, reach = float(self.axes[2] @ centre), 1.001 * radius
         for record, sun_map in zip(records, self.maps, strict=True):
             matrix, texel = sun_matrix(self.axes, sun_map, int(record["size"][0]), along - reach, along + reach)
@@ -199,7 +199,7 @@ def _view_counts(lights: NDArray[np.void], suns: dict[int, _Sun]) -> NDArray[np.
 
 
 def _importance(lights: NDArray[np.void], probes: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """Return the mean irradiance that lights bring to points (n, 3) of the scene if nothing stands between, W/m2."""
+    """Return the mean unshadowed irradiance by each light at points (n, 3) of the scene, W/m2."""
     probes = probes[:: -(-len(probes) // PROBES)]
     offset = probes - lights["position"][:, None].astype(np.float64)
     # The light of a lamp that touches a probe has a bound.

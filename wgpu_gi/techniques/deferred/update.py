@@ -89,7 +89,7 @@ class DeferredState:
         """Send where everything was at the last call."""
         upload.update_motion(scene)
         before, shift = self._view_before, upload.origin - self._origin_before
-        # In a picture of another size nothing can be found again.
+        # A picture of another size has no history to reproject.
         if before is None or before["size"].tobytes() != view["size"].tobytes():
             before = view
         elif shift.any():

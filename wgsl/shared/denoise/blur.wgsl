@@ -148,8 +148,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let tap_guide = load_guide(index);
             let apart = guide_mean - tap_guide.x;
             let noise = (guide_variance + tap_guide.y) * (STANDARD_ERRORS * STANDARD_ERRORS);
-            let alike = max(1.0 - apart * apart / max(noise, vec4f(1e-37)), vec4f(0.0));
-            weight *= select(alike, vec4f(1.0), sequence.index < GUIDED_FROM);
+            let same_mean = max(1.0 - apart * apart / max(noise, vec4f(1e-37)), vec4f(0.0));
+            weight *= select(same_mean, vec4f(1.0), sequence.index < GUIDED_FROM);
         }
         sum[0] += tap.r * weight;
         sum[1] += tap.g * weight;

@@ -5,7 +5,7 @@
 // x, y, z workgroups, a row of tiles at most TILE_ROW long; number of tiles.
 @group(1) @binding(35) var<storage, read> tile_groups: array<u32>;
 
-// Returns the pixel of a thread of such a pass; beyond the picture where there is none.
+// Returns the pixel of a thread of such a pass; `size`, outside the picture, for threads beyond the list.
 fn pixel_of_tile(group: vec3u, thread: vec3u, size: vec2u) -> vec2u {
     let number = group.y * TILE_ROW + group.x;
     if (number >= tile_groups[3]) {
