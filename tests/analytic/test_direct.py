@@ -17,6 +17,7 @@ from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Instance, Material, PointLight, Scene, SpotLight
 from wgpu_gi.techniques.deferred.direct import DirectSettings
 from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
+from wgpu_gi.techniques.deferred.update import DeferredState
 
 ALBEDO = (700 / 1023) ** 2  # the G-buffer has it exactly
 EXACT = 1e-5  # relative: float32 rounding of a few operations
@@ -315,7 +316,7 @@ def test_filtered_shadows_begin_at_the_contact(name):
     # A texel as it lies on the floor at the shadow's end.
     way = np.array([end, 0, 0]) - light.position if hasattr(light, "position") else np.array(light.direction)
     distance = np.linalg.norm(way)
-    texel = float(renderer._deferred._records["texel"].max()) * (1 if "sun" in name else distance)
+    texel = float(renderer._kept(DeferredState)._records["texel"].max()) * (1 if "sun" in name else distance)
     texel *= distance / -way[1]
     assert 0 < x[shadow].min() < 0.006 and texel < 0.1
     deep = shadow & (x < end - 3.1 * texel)
@@ -374,7 +375,7 @@ def test_tiles_change_nothing(range_):
         pictures.append(renderer.read_back("direct"))
         if tiles:
             bits = renderer.graph.read_back("direct/tiles")
-            filled = np.unpackbits(bits.view(np.uint8)).sum() / (11 * 6 * renderer._deferred._count)
+            filled = np.unpackbits(bits.view(np.uint8)).sum() / (11 * 6 * renderer._kept(DeferredState).count)
             assert 0.02 < filled < (0.6 if range_ else 0.95)
     assert np.array_equal(*pictures) and pictures[0].any()
 
