@@ -273,7 +273,7 @@ def force_features(monkeypatch):
     monkeypatch.setattr(SceneUpload, "update", everything)
     monkeypatch.setattr(SceneUpload, "update_draws", draws)
     monkeypatch.setattr(direct_module, "TILED_FROM", 0)
-    monkeypatch.setattr(direct_module, "WRITTEN_OUT", 0)
+    monkeypatch.setattr(direct_module, "UNROLLED", 0)
 
 
 @pytest.mark.parametrize("name", ["cornell-point", "cornell", "plane-sun", "furnace"])

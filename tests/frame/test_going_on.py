@@ -9,12 +9,13 @@ from helpers.medley import at, medley
 from wgpu_gi import renderer as renderer_module
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
-from wgpu_gi.options import MAX_PIXELS, MAX_SIDE, TECHNIQUES, CameraSettings, Settings
+from wgpu_gi.options import MAX_PIXELS, TECHNIQUES, CameraSettings, Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in import scenes as builtin
 from wgpu_gi.scene.built_in.shapes import box, grid
 from wgpu_gi.scene.scene import DirectionalLight, Instance, Scene
 from wgpu_gi.techniques.reference import PathSettings
+from wgpu_gi.webgpu_limits import MAX_TEXTURE_SIDE
 
 SIZE = (48, 27)
 SHOWN = ("radiance", "display")
@@ -241,7 +242,9 @@ class Declared(Exception):
 
 
 @pytest.mark.parametrize("gi", TECHNIQUES)
-@pytest.mark.parametrize("size", [(MAX_SIDE, MAX_PIXELS // MAX_SIDE), (MAX_PIXELS // MAX_SIDE, MAX_SIDE)])
+@pytest.mark.parametrize(
+    "size", [(MAX_TEXTURE_SIDE, MAX_PIXELS // MAX_TEXTURE_SIDE), (MAX_PIXELS // MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE)]
+)
 def test_every_dispatch_reaches_the_largest_picture(gi, size, monkeypatch):
     """As far as declarations know; such a picture itself would take gigabytes."""
     renderer = Renderer(medley(), size=SIZE, settings=Settings(gi=gi))

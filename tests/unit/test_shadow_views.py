@@ -13,11 +13,12 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.settings import validate
-from wgpu_gi.techniques.deferred.shadow_atlas import LARGEST_ATLAS, SMALLEST
+from wgpu_gi.techniques.deferred.shadow_atlas import SMALLEST
 from wgpu_gi.techniques.deferred.shadow_draws import ShadowDraws
 from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings, build_shadow_views, frames_from_normals
 from wgpu_gi.techniques.shared.culling import frustum_planes, visible
 from wgpu_gi.upload.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN
+from wgpu_gi.webgpu_limits import MAX_TEXTURE_SIDE
 
 DIRECT_LIGHT = load("deferred/shadow/views.wgsl").struct_dtype("DirectLight")
 VIEW = load("scene/lights.wgsl").struct_dtype("View")
@@ -432,7 +433,7 @@ def lay_out_unchecked(lights, atlas):
 
 
 def test_more_lights_than_fit_an_atlas():
-    limit = LARGEST_ATLAS**2 // (6 * SMALLEST**2)
+    limit = MAX_TEXTURE_SIDE**2 // (6 * SMALLEST**2)
     with pytest.raises(GiError, match=f"{limit + 1} lights do not fit into 8192 x 8192 texels; use fewer"):
         lay_out_unchecked(many_points(limit + 1), 4096)
 

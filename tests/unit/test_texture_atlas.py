@@ -8,7 +8,8 @@ import pytest
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.scene import Image
 from wgpu_gi.upload import texture_atlas
-from wgpu_gi.upload.texture_atlas import MAX_LAYERS, MAX_PAGE, MIN_PAGE, mean_linear_color, pack_atlas
+from wgpu_gi.upload.texture_atlas import MAX_LAYERS, MIN_PAGE, mean_linear_color, pack_atlas
+from wgpu_gi.webgpu_limits import MAX_TEXTURE_SIDE
 
 
 def blank(width, height, name=""):
@@ -19,7 +20,7 @@ def blank(width, height, name=""):
 def check(images):
     """Pack images, assert that no texel belongs to two of them, and return the atlas."""
     atlas = pack_atlas(images)
-    assert atlas.page & (atlas.page - 1) == 0 and MIN_PAGE <= atlas.page <= MAX_PAGE
+    assert atlas.page & (atlas.page - 1) == 0 and MIN_PAGE <= atlas.page <= MAX_TEXTURE_SIDE
     assert atlas.places.keys() == {id(i) for i in images}
     pages = np.zeros((atlas.layers, atlas.page, atlas.page), bool)
     for image in images:
@@ -57,8 +58,8 @@ def test_odd_shapes():
     check([blank(256, 256), blank(1, 1)])
     check([blank(257, 1)])
     check([blank(1000, 1), blank(1, 1000), blank(1000, 1000), blank(999, 2), blank(24, 24)])
-    atlas = pack_atlas([blank(MAX_PAGE, 1), blank(1, MAX_PAGE)])
-    assert atlas.page == MAX_PAGE
+    atlas = pack_atlas([blank(MAX_TEXTURE_SIDE, 1), blank(1, MAX_TEXTURE_SIDE)])
+    assert atlas.page == MAX_TEXTURE_SIDE
 
 
 def test_an_image_listed_twice_has_one_place():
@@ -67,13 +68,13 @@ def test_an_image_listed_twice_has_one_place():
 
 
 def test_too_large():
-    with pytest.raises(GiError, match=rf"image 'wall' has a side of {MAX_PAGE + 1} pixels"):
-        pack_atlas([blank(4, 4), blank(2, MAX_PAGE + 1, "wall")])
+    with pytest.raises(GiError, match=rf"image 'wall' has a side of {MAX_TEXTURE_SIDE + 1} pixels"):
+        pack_atlas([blank(4, 4), blank(2, MAX_TEXTURE_SIDE + 1, "wall")])
     with pytest.raises(
-        GiError, match=rf"layers of {MAX_PAGE} x {MAX_PAGE}; {MAX_LAYERS} are possible: scale them down"
+        GiError, match=rf"layers of {MAX_TEXTURE_SIDE} x {MAX_TEXTURE_SIDE}; {MAX_LAYERS} are possible: scale them down"
     ):
-        pack_atlas([blank(MAX_PAGE, MAX_PAGE) for _ in range(MAX_LAYERS + 1)])
-    assert pack_atlas([blank(MAX_PAGE, MAX_PAGE) for _ in range(MAX_LAYERS)]).layers == MAX_LAYERS
+        pack_atlas([blank(MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE) for _ in range(MAX_LAYERS + 1)])
+    assert pack_atlas([blank(MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE) for _ in range(MAX_LAYERS)]).layers == MAX_LAYERS
 
 
 def test_mean_color_is_linear():

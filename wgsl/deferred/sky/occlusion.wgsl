@@ -104,10 +104,12 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let front = dot(surface.geometric_normal, ray.direction) < 0.0;
     let side = select(-surface.geometric_normal, surface.geometric_normal, front);
     let start = position + side * pixel_ray_offset(distance_seen);
-    let first = (sequence.index * class_count() + class_of(pixel, sequence.index)) * params.rays;
+    // Always `params.rays`, written so that it varies: lavapipe compiles loops up to a uniform anew for each dispatch.
+    let rays = select(0u, params.rays, distance_seen > 0.0);
+    let first = (sequence.index * class_count() + class_of(pixel, sequence.index)) * rays;
     var visible = vec3f(0.0);
     var unoccluded = vec3f(0.0);
-    for (var k = 0u; k < params.rays; k += 1u) {
+    for (var k = 0u; k < rays; k += 1u) {
         let picked = resample(surface.normal, first + k);
         unoccluded += picked.light;
         // Directions below the surface are occluded by it.
@@ -117,9 +119,9 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
             visible += select(picked.light, vec3f(0.0), found.occluded_a);
         }
     }
-    arriving[index] = vec4f(visible / f32(params.rays), plane_depth(ray, distance_seen));
+    arriving[index] = vec4f(visible / f32(rays), plane_depth(ray, distance_seen));
     if (HAS_PICTURED_ENVIRONMENT) {
-        sent[index] = vec4f(unoccluded / f32(params.rays), 1.0);
+        sent[index] = vec4f(unoccluded / f32(rays), 1.0);
     }
     normals[index] = pack_view_normal(surface.normal);
 }
