@@ -80,6 +80,6 @@ def test_the_disc_is_less_noisy():
     name = "cornell_point"
     errors = [
         relmse(drawn(name, "ssil.visibility=exact", f"ssil.form_factor={form}", frames=1), truth_of(name))
-        for form in ("disc", "plain")
+        for form in ("disc", "differential")
     ]
     assert errors[0] < errors[1]
