@@ -18,6 +18,9 @@ CORE_PACKAGES = ("wgpu", "numpy", "trimesh", "Pillow", "OpenEXR", "rich")
 EXTRAS = {
     "gltf": ("compressed glTF (Draco, meshopt)", ("DracoPy", "meshoptimizer")),
     "bench": ("perceptual errors and plots", ("flip-evaluator", "matplotlib")),
+    "video": ("videos (.mp4)", ("av",)),
+    "viewer": ("wgpu-gi view", ("glfw", "imgui-bundle")),
+    "jupyter": ("gi.show in notebooks", ("rendercanvas", "anywidget", "ipywidgets", "simplejpeg")),
 }
 SHOWN_LIMITS = (
     "max-texture-dimension-2d",
