@@ -152,7 +152,7 @@ def corridor() -> Scene:
 ERRORS: dict[str, tuple[Callable[[], Scene], float, int, Settings]] = {
     "noise": (lambda: load("cornell"), 1.0, 256, Settings(gi="path", spp=4)),
     "direct_only": (lambda: load("cornell"), 1.0, 256, Settings(gi="none")),
-    "moving": (corridor, 2.0, 512, moving("many-light")),
+    "moving": (corridor, -2.5, 512, moving("many-light")),
     "mirror": (with_metal_ball, 1.0, 256, Settings(gi="many-light")),
     "out_of_view": (lambda: load("cornell"), 1.0, 256, Settings(gi="ssil")),
 }
