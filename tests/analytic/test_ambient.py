@@ -11,6 +11,7 @@ from helpers.skies import gradient_sky, radiance, sphere_grid
 
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
+from wgpu_gi.gpu.wgsl.load import refresh
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import quad, sphere
 from wgpu_gi.scene.scene import Environment, Instance, Material, Scene
@@ -55,6 +56,7 @@ class Probe:
             rows[:, k, :3] = column
         rows[:, 0, 3], rows[:, 1, 3] = factors
         (self.folder / "probe.wgsl").write_text(SHADER.replace("EXPRESSION", expression))
+        refresh()
         floor = quad((-1, 0, 1), (self.height, 0, 0), (0, 0, -2), matte(0.5))
         self.upload.update(Scene([Instance(floor)], environment=self.environment))
         graph = self.graph
