@@ -277,7 +277,7 @@ class Renderer:
         inputs = (*seen, known)
         goes_on, up_to_date = same, None
         if still and not same:
-            # Only settings differ: the graph tells whether the frames averaged so far depend on them.
+            # Only settings differ: keep the frames averaged so far unless a pass of the mean has become stale.
             self._update(inputs)
             up_to_date = self._frame
             goes_on = not any(name.startswith(MEANS) for name in self._graph.stale())
@@ -347,10 +347,10 @@ def render(
     size: tuple[int, int] = (640, 360),
     camera: Camera | None = None,
     gi: str | None = None,
-    spp: int = 64,
+    spp: int | None = None,
     bounces: int | None = None,
-    seed: int = 0,
-    diffuse: bool = False,
+    seed: int | None = None,
+    diffuse: bool | None = None,
     quality: str | None = None,
     show: str = "radiance",
     settings: Settings | None = None,
@@ -359,11 +359,13 @@ def render(
 ) -> Picture:
     """Render one picture: (height, width, 3) float32 linear radiance in W/(m2 sr), or the buffer `show`.
 
-    The sections of `settings` give the finer knobs; its first level is replaced by the arguments here. `quality` (low,
-    medium, high) sets all knobs that have presets. Raises GiError for bad values.
+    Arguments override `settings` where they are given. `quality` (low, medium, high) overrides all settings that have
+    presets. Raises GiError for bad values.
     """
-    base = deepcopy(settings) or Settings()
-    chosen = replace(base, gi=gi or base.gi, spp=spp, bounces=bounces, seed=seed, diffuse=diffuse)
+    chosen = deepcopy(settings) or Settings()
+    for name, value in (("gi", gi), ("spp", spp), ("bounces", bounces), ("seed", seed), ("diffuse", diffuse)):
+        if value is not None:
+            setattr(chosen, name, value)
     if quality is not None:
         apply_quality(chosen, quality)
     renderer = Renderer(scene, size=size, camera=camera, settings=chosen, adapter=adapter)

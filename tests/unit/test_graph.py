@@ -698,7 +698,7 @@ def test_progress_goes_on_with_a_value_that_would_have_changed_nothing(graph):
         p = graph.compute("sum", "sum.wgsl", over=total, writes={"total": total}, params=params, settle=3)
         before = None if p.params_before is None else (float(p.params_before["gain"]), int(p.params_before["width"]))
         if goes_on:
-            p.go_on_with("width")
+            p.ignore_change_of("width")
         graph.compile([total])
         assert graph.stale() == ("sum",) and graph.run()
         gain, index, _, width = params_of(graph, "sum")

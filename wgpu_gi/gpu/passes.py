@@ -112,7 +112,7 @@ class Pass:
     layouts: tuple[Any, Any] | None = None  # of bind groups 0 and 1
     active: bool = False
     producers: dict[Pass, tuple[str, ...]] = field(default_factory=dict)  # earlier passes, and the inputs each writes
-    fellows: tuple[Pass, ...] = ()  # run whenever this one runs
+    reruns_with: tuple[Pass, ...] = ()  # run whenever this one runs
     culled_because: str = ""
     clear_first: tuple[Resource, ...] = ()  # of `clear`: those that no pass before it touches
     clear_late: tuple[Resource, ...] = ()  # of `clear`: the others
@@ -183,7 +183,7 @@ class Pass:
             return None
         return np.frombuffer(self.state.seen[0], self.params.dtype).reshape(())
 
-    def go_on_with(self, name: str) -> None:
+    def ignore_change_of(self, name: str) -> None:
         """Keep the results of a pass that has run although a field of its params is new, because they do not change."""
         before = self.params_before
         assert before is not None and self.params is not None and self.state.seen is not None

@@ -52,7 +52,7 @@ def link(passes: Sequence[Pass], outputs: Iterable[View]) -> None:
         # If a later pass overwrites what it reads, all writers must run whenever it runs.
         overwritten = {s for s in reads if any(q.active and place[q] > place[p] for q in writers.get(s, ()))}
         others = {q for s in writes | overwritten for q in writers.get(s, ()) if q.active and q is not p}
-        p.fellows = tuple(q for q in passes if q in others)
+        p.reruns_with = tuple(q for q in passes if q in others)
         # What no earlier pass touches can be cleared when the frame begins; a split pass has submissions of its own.
         p.clear_first = tuple(r for r in p.clear if r not in touched and not p.split)
         p.clear_late = tuple(r for r in p.clear if r not in p.clear_first)
@@ -84,7 +84,7 @@ def _cull(
             raise GiError(f"output {str(view)!r} is written by no pass")
         needed += found
     for p in passes:
-        p.active, p.producers, p.fellows, p.culled_because = False, {}, (), ""
+        p.active, p.producers, p.reruns_with, p.culled_because = False, {}, (), ""
     while needed:
         p = needed.pop()
         if p.active:
@@ -111,7 +111,7 @@ def stale_passes(order: list[Pass], force: bool = False) -> dict[Pass, Stale]:
     todo = list(stale)
     while todo:
         p = todo.pop()
-        for q in p.fellows:
+        for q in p.reruns_with:
             if q not in stale:
                 stale[q] = Stale("repeated", f"pass {p.name} needs its results")
                 todo.append(q)

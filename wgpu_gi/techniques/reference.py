@@ -160,7 +160,7 @@ def _keep_full_runs(trace: Pass, spp: int) -> None:
     """
     before = trace.params_before
     if before is not None and (trace.state.settle_index + 1) * before["samples"] <= min(spp, before["spp"]):
-        trace.go_on_with("spp")
+        trace.ignore_change_of("spp")
 
 
 def declare_primary(graph: Graph, scene: SceneInputs) -> Primary:

@@ -7,10 +7,10 @@ struct Shine {
     lobe: f32,       // D V, 1/sr
 }
 
-// Returns the coat's response to a VPL. `to_vpl` in metres; `squared`: its length squared with the geometry term's
+// Returns the coat's response to a VPL. `to_source` in metres; `squared`: its length squared with the geometry term's
 // bound, m2.
-fn shine_of(brdf: Brdf, normal: vec3f, to_eye: vec3f, to_vpl: vec3f, squared: f32, area: f32) -> Shine {
-    let w_i = to_vpl * inverseSqrt(max(dot(to_vpl, to_vpl), 1e-30));
+fn shine_of(brdf: Brdf, normal: vec3f, to_eye: vec3f, to_source: vec3f, squared: f32, area: f32) -> Shine {
+    let w_i = to_source * inverseSqrt(max(dot(to_source, to_source), 1e-30));
     let sum = w_i + to_eye;
     let h = sum * inverseSqrt(max(dot(sum, sum), 1e-30));
     let cos_i = max(dot(normal, w_i), 0.0);

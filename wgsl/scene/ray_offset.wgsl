@@ -1,5 +1,5 @@
-// Where a ray starts that leaves a surface: off it along the geometric normal, by more than the surface's point is
-// rounded.
+// The origin of a ray that leaves a surface: offset along the geometric normal by more than the rounding error of the
+// hit point.
 //
 // start = p +- n offset, offset = 32 u E, on the side that the ray leaves by. u = 2^-24 is the unit roundoff of
 // float32; E, the extent, bounds the magnitude of all coordinates that p is computed from, in metres.

@@ -9,7 +9,7 @@
 // dark behind occluders thinner than they seem.
 #import "ssdo/depth_test.wgsl"
 
-// Points along each direction. An override, as DIRECTIONS of `ssdo/occlusion.wgsl`, and not a param: lavapipe compiles
+// Points along each direction. An override, as DIRECTIONS of `ssdo/search.wgsl`, and not a param: lavapipe compiles
 // anew what loops up to a uniform, and Mesa 22.3.6 writes beyond its memory where the end of a loop depends on a
 // uniform and on values of the thread at once.
 override STEPS: u32 = 16u;

@@ -26,7 +26,7 @@ class EnvironmentSettings:
     ambient: bool = setting(True, "Light surfaces by the environment.")
     rays: int = setting(
         1,
-        "Rays per pixel and frame for the environment's occlusion; 0 for none. Has no effect with --gi none.",
+        "Rays per pixel and frame for the environment's occlusion; 0 for none. Only many-light and ssil use it.",
         "rays",
         range=(0, 64),
         presets={"high": 4},

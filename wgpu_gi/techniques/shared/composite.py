@@ -35,7 +35,7 @@ def declare_mean(graph: Graph, name: str, layer: Buffer) -> Buffer:
     mean = graph.buffer(MEANS + name, dtype=FOUR_FLOATS, count=layer.count, width=graph.size[0], nonnegative=True)
     graph.compute(
         MEANS + name,
-        "shared/composite/accumulate.wgsl",
+        "shared/composite/mean.wgsl",
         over=graph.size,
         reads={"current": layer},
         writes={"mean": mean},

@@ -15,7 +15,7 @@ from ...settings import setting
 from .gbuffer import Gbuffer
 from .scene_inputs import SceneInputs
 
-SHADER = "shared/temporal/accumulate.wgsl"
+SHADER = "shared/temporal/reproject.wgsl"
 
 
 @dataclass

@@ -23,7 +23,7 @@ from ..shared.upsample import Guide, declare_guide
 from .settings import SsdoSettings
 from .sources import Sources
 
-SHADER = "ssdo/occlusion.wgsl"
+SHADER = "ssdo/search.wgsl"
 # Sources other than the first layer are lit at every second pixel of every second row, their sky at every eighth, with
 # every second step along each direction. tools/README.md, "Constants".
 SENDER_STRIDE = 2

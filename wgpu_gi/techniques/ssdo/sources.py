@@ -40,7 +40,7 @@ class Sources:
         return view_name(max(number - len(self.layers) + 1, 0))
 
     def is_outward(self, number: int) -> bool:
-        """Return whether a source may show insides of surfaces, whose outsides are lit: layers but the first do."""
+        """Return True for deeper layers: they may show back faces, whose front is lit instead."""
         return 0 < number < len(self.layers)
 
     def reads(self, graph: Graph) -> dict[str, Handle]:

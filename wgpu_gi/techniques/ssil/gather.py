@@ -1,8 +1,9 @@
 """One bounce of SSIL: irradiance by samples at every level, combined from the coarsest level to the finest.
 
-Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: the pixels
-of the next finer level gather from a level, each with a quarter of the samples (interleaved sampling); unrepresented
-pixels gather at full resolution; the default radius is twice the least that covers the screen.
+Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: pixels
+of level k - 1 gather from level k, each with a quarter of the samples, so four neighbours use the full set (interleaved
+sampling); unrepresented pixels gather at full resolution; the default radius is twice the smallest that covers the
+screen.
 """
 
 from __future__ import annotations
@@ -19,20 +20,21 @@ from ...gpu.wgsl.load import load
 from .inputs import SsilInputs
 from .levels import Levels, level_buffer
 from .light import SentLight
-from .shade import Fine
+from .shade import Upsampling
 from .voxels import NO_GRID, Voxels
 
-# An unrepresented pixel takes one in so many of its samples in a frame, as pixels of the rings do: pixels differ, and
-# a still picture takes all in four frames.
+# An unrepresented pixel uses a quarter of its samples per frame, another quarter than its neighbours; four frames use
+# all.
 UNREPRESENTED_PARTS = 4
 _INTERLEAVE, _PATTERNS = (int(load("ssil/interleaving.wgsl").constants[name]) for name in ("INTERLEAVE", "PATTERNS"))
 
 
 @dataclass(frozen=True)
 class GatherInputs:
-    """What the bounces share. `last`: the coarsest level that samples can lie at. `bounded`: form factor of a disc.
+    """What the bounces share.
 
-    `kept`: where the first bounce leaves its irradiance for the next frame, if bounces are amortised.
+    last: the coarsest level that samples can lie on. bounded: True for the point-to-disc form factor, False for that of
+    a differential area. kept: the irradiance that the first bounce stores for the next frame, if bounces are amortised.
     """
 
     scene: SsilInputs
@@ -42,16 +44,17 @@ class GatherInputs:
     visibility: str
     bounded: bool
     voxels: Voxels | None
-    fine: Fine | None
+    fine: Upsampling | None
     kept: Buffer | None
 
 
 def default_radius(size: tuple[int, int], levels: int) -> float:
-    """Return the radius, in pixels of a level, for a first level of `size`: twice the least that covers the screen.
+    """Return the radius, in pixels of a level, for a first level of `size`: twice the smallest that covers the screen.
 
-    So the last ring but one reaches from corner to corner, the last is left out, and far light is sampled at a finer
-    level. Rays for visibility, 320x180, start half, 4 levels, one bounce against the path tracer with `visible_only`:
-    relMSE 0.015 instead of 0.098 on Cornell's spot, 0.020 instead of 0.047 with the point light, at the same time.
+    Then the second-coarsest ring already spans the picture, the coarsest is not needed, and far light is sampled on a
+    finer level. Rays for visibility, 320x180, start half, 4 levels, one bounce, against the path tracer with
+    `visible_only`: relMSE 0.015 instead of 0.098 on Cornell's spot, 0.020 instead of 0.047 with the point light, at the
+    same time.
     """
     return max(math.hypot(*size) / 2 ** (levels - 2), 1.0)
 
@@ -75,7 +78,7 @@ def declare_pattern(graph: Graph, samples: int, radius: float, seed: int) -> Buf
     return pattern
 
 
-def declare_bounce(
+def declare_gathering(
     graph: Graph, inputs: GatherInputs, light: SentLight, suffix: str, before: Buffer | None
 ) -> tuple[Buffer, Buffer]:
     """Declare the irradiance of the first level, W/m2, by the light of a bounce, and its sum with `before`.

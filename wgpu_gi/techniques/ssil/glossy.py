@@ -28,7 +28,7 @@ def declare_glossy(
 ) -> Buffer | None:
     """Declare what coats reflect at the first level, W/(m2 sr) over their tint; None where nothing is coated.
 
-    `light`: of all levels. `samples`: of a pixel at each level, within `radius` pixels of the level.
+    light: the light of all levels. samples: how many per pixel and level, within `radius` pixels of that level.
     """
     if not scene.features["HAS_COATS"] or not samples:
         graph.skip("ssil/glossy", "every material is Lambert" if samples else "ssil.glossy_samples is 0")

@@ -30,7 +30,7 @@ class SentLight:
     peak: Buffer
 
 
-def declare_direct_light(
+def declare_sent_light(
     graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, levels: Levels, direct: Buffer, has_reflectors: bool
 ) -> tuple[SentLight, Buffer]:
     """Declare the light that surfaces send of `direct` light, and the reflectors: light over irradiance, m2/sr.

@@ -20,7 +20,7 @@ from .levels import Levels
 
 
 @dataclass(frozen=True)
-class Fine:
+class Upsampling:
     """How pixels of the picture get light of the first level.
 
     irradiance: what unrepresented pixels gather at full resolution, W/m2, in the order of their list; None: they
@@ -31,7 +31,7 @@ class Fine:
     irradiance: Buffer | None
 
 
-def declare_fine(graph: Graph, levels: Levels, unrepresented: bool) -> Fine | None:
+def declare_guides(graph: Graph, levels: Levels, unrepresented: bool) -> Upsampling | None:
     """Declare the upsampling from the first level to the picture; None where the first level is the picture."""
     if not unrepresented or levels.first == 0:
         reason = "gathering starts at full resolution" if unrepresented else "ssil.unrepresented is off"
@@ -41,9 +41,9 @@ def declare_fine(graph: Graph, levels: Levels, unrepresented: bool) -> Fine | No
     reads = {"surfels": levels.surfels[0], "coarse_surfels": levels.surfels[levels.first]}
     guide = declare_guide(graph, "ssil", reads, stride=1 << levels.first, centred=True)
     if not unrepresented:
-        return Fine(guide, None)
+        return Upsampling(guide, None)
     irradiance = graph.buffer("ssil/unrepresented_irradiance", dtype=FOUR_FLOATS, count=guide.room, nonnegative=True)
-    return Fine(guide, irradiance)
+    return Upsampling(guide, irradiance)
 
 
 def declare_shading(
@@ -55,7 +55,7 @@ def declare_shading(
     levels: Levels,
     irradiance: Buffer,
     glossy: Buffer | None,
-    fine: Fine | None,
+    fine: Upsampling | None,
 ) -> Buffer:
     """Declare the radiance, W/(m2 sr), that pixels of the picture reflect of `irradiance` and of `glossy`, if any.
 
@@ -77,7 +77,7 @@ def _declare_full(
     coarse: Buffer,
     name: str,
     glossy: Buffer | None,
-    fine: Fine | None,
+    fine: Upsampling | None,
     variant: dict[str, bool],
 ) -> Buffer:
     """Declare the irradiance or the radiance of the picture, of `coarse` irradiance; `variant`: constants."""

@@ -1,8 +1,8 @@
 """Indirect light in screen space: pixels gather from all that the picture shows, far light from coarse levels.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination". Departures: those of the modules
-beside this one; amortised bounces are not two on alternate frames: a frame gathers once, of direct light and of the
-irradiance of the frame before, so light takes one more bounce each frame, without end.
+beside this one; Soler computes two bounces on alternate frames; with amortised bounces, each frame here adds one
+bounce to the irradiance of the previous frame, without limit.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from ...gpu.handles import Buffer
 from ...settings import setting
 from ..shared.gbuffer import Gbuffer
 from ..shared.temporal import TemporalSettings
-from .gather import GatherInputs, declare_bounce, declare_pattern, default_radius, last_level
+from .gather import GatherInputs, declare_gathering, declare_pattern, default_radius, last_level
 from .glossy import declare_glossy
 from .inputs import SsilInputs
 from .levels import declare_levels, level_buffer
-from .light import SentLight, declare_direct_light, declare_feedback, declare_reflected_light
-from .shade import declare_fine, declare_shading
+from .light import SentLight, declare_feedback, declare_reflected_light, declare_sent_light
+from .shade import declare_guides, declare_shading
 from .voxels import Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
@@ -117,7 +117,7 @@ def declare_bounces(
 
     # Declare the light of the first bounce, with that of the frame before if amortised.
     count = settings.bounces if bounces is None else min(bounces, MOST_BOUNCES)
-    light, reflectors = declare_direct_light(graph, scene, gbuffer, levels, direct, count > 1)
+    light, reflectors = declare_sent_light(graph, scene, gbuffer, levels, direct, count > 1)
     kept: Buffer | None = None
     if is_amortised(settings, bounces):
         kept = level_buffer(graph, f"ssil/combined_{levels.first}", levels.size, history=True)
@@ -128,7 +128,7 @@ def declare_bounces(
         graph.skip("ssil/feedback", given if settings.amortised else "ssil.amortised is off")
 
     # Gather.
-    fine = declare_fine(graph, levels, settings.unrepresented)
+    fine = declare_guides(graph, levels, settings.unrepresented)
     last = last_level(levels, radius)
     for k in range(last + 1, levels.gathered.stop):
         graph.skip(f"ssil/gather_{k}", "its ring begins beyond the picture")
@@ -150,7 +150,7 @@ def _declare_further_bounces(
 
     That is the light of all bounces but the last: the coat is the last to scatter it.
     """
-    total = irradiance = declare_bounce(graph, inputs, first, "", None)[0]
+    total = irradiance = declare_gathering(graph, inputs, first, "", None)[0]
     glossy_light = first
     coated = inputs.scene.features["HAS_COATS"] and settings.glossy_samples > 0
     if settings.visibility_bounces == "first":
@@ -162,5 +162,5 @@ def _declare_further_bounces(
             glossy_light = declare_reflected_light(*common, total, *limits, "_all", first.codes)
         suffix = f"_bounce_{bounce}"
         light = declare_reflected_light(*common, irradiance, *limits, suffix)
-        irradiance, total = declare_bounce(graph, inputs, light, suffix, total)
+        irradiance, total = declare_gathering(graph, inputs, light, suffix, total)
     return total, glossy_light

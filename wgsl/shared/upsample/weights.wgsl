@@ -1,6 +1,6 @@
 // Joint bilateral upsampling (Kopf et al. 2007): how much the four coarse pixels around a fine pixel count for it.
 //
-// w_k = (b_k + FLOOR) (s_k + FLOOR): b_k is the bilinear weight, s_k in 0 to 1 the similarity of both surfaces, s_k =
+// w_k = (b_k + WEIGHT_FLOOR) (s_k + WEIGHT_FLOOR): b_k is the bilinear weight, s_k in 0 to 1 the similarity of both surfaces, s_k =
 // max(1 - d_k^2, 0) max(n . n_k, 0), where d_k is the distance of the coarse surface from the tangent plane of the
 // fine one, in widths of a coarse pixel. Errs where no coarse pixel shows the surface: the most similar ones count.
 #import "scene/info.wgsl"

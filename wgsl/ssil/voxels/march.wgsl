@@ -3,7 +3,7 @@
 //
 // Both ends are lifted off their surfaces along the normals by the extent of a voxel in that direction: so a plane does
 // not occlude itself, and an occluder close to an end still counts. Errs bright: within the lifts, between steps longer
-// than a cell, in slices outside of the word of a step's middle; dark where two surfaces share a voxel.
+// than a cell, in slices that lie in another 32-bit word than the step's midpoint; dark where two surfaces share a voxel.
 // Who imports this declares `params` with grid_size, cell, and step, cells along the longer axis.
 #import "ssil/voxels/slices.wgsl"
 
