@@ -19,7 +19,7 @@ COMMON = (
     "position",
     "instance",
 )
-# What any technique can show.
+# What at least one technique can show.
 BUFFERS = (*COMMON, *dict.fromkeys(name for technique in TECHNIQUES.values() for name in technique.extra))
 
 

@@ -1,7 +1,8 @@
 """The render graph: textures, buffers and passes declared by name, checked against their shaders, run when needed.
 
-A technique calls `texture`, `buffer`, `compute` and `raster`; the renderer calls `begin` before and `compile` after,
-and `run` each frame. A pass runs only if an output needs it and one of its inputs changed since its last run.
+A technique calls `texture` and `buffer` (`declare_resources.py`), `compute` and `raster` (`declare_passes.py`); the
+renderer calls `begin` before and `compile` after, and `run` each frame. A pass runs only if an output needs it and
+one of its inputs changed since its last run.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""Direct light: every light through its shadow map, the environment unoccluded, and exact visibility where a shadow's
-edge crosses a pixel.
+"""Direct light: shadow maps, with rays where a shadow's edge crosses a pixel; and the environment's light.
 
 Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows". Departure: rays go only where the
 filter finds texels that see the light beside texels that do not.

@@ -1,7 +1,7 @@
 """Many-light (`--gi many-light`): virtual point lights, gathered with rays or imperfect shadow maps.
 
-Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination". The order of
-its stages is `declare_many_light`; each has a module of its own.
+Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination".
+`declare_many_light` and `_declare_indirect` list its stages in order.
 """
 
 from __future__ import annotations
