@@ -175,3 +175,16 @@ def test_a_technique_is_known_in_its_folder_in_options_and_in_the_frame():
     # "none" and "path" are also words for other things.
     for gi in ("many-light", "ssdo", "ssil", "ssao"):
         assert not {"renderer", "buffers"} & {*naming[gi]}, gi
+
+
+def test_functions_and_shaders_are_short():
+    """At most 60 lines for a function, 300 for a shader, so that each can be read at once."""
+    long = []
+    for name, path in modules().items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= 60:
+                long.append(f"{name}.{node.name}")
+    for path in (ROOT / "wgsl").rglob("*.wgsl"):
+        if len(path.read_text(encoding="utf-8").splitlines()) > 300:
+            long.append(str(path.relative_to(ROOT)))
+    assert not long
