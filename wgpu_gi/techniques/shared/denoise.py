@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from ...gpu.formats import FOUR_FLOATS, TWO_FLOATS
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer
+from ...gpu.handles import Buffer, Handle
 from ...gpu.wgsl.load import load
 from .gbuffer import Gbuffer
 
@@ -44,16 +44,14 @@ def declare_blur(
     """
     width, height = (-(-side // stride) for side in graph.size)
     guided = radius > 1 and frames > GUIDED_FROM
-    moments = _declare_moments(graph, name, light, (width, height), stride, view) if guided else None
-    if not guided:
-        graph.skip(f"{name}/moments", "nothing is blurred, or the picture has too few frames")
+    moments = _declare_moments(graph, name, light, (width, height), stride, view, guided)
 
     def layer(part: str) -> Buffer:
         return graph.buffer(f"{name}/{part}", dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)
 
     nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
     absent = graph.neutral("buffer")
-    reads = {"normals": normals, "surfaces": gbuffer.surfaces, "moments": moments or absent}
+    reads = {"normals": normals, "surfaces": gbuffer.surfaces, "moments": moments}
     has_coats = glossy is not None
     constants = {"RADIUS": radius, "GUIDED": guided, "SHARES": shares, "STRIDE": stride, "HAS_COATS": has_coats}
     rows, glossy_rows = light, glossy
@@ -83,8 +81,13 @@ def declare_blur(
     return blurred
 
 
-def _declare_moments(graph: Graph, name: str, light: Buffer, size: tuple[int, int], stride: int, view: str) -> Buffer:
+def _declare_moments(
+    graph: Graph, name: str, light: Buffer, size: tuple[int, int], stride: int, view: str, guided: bool
+) -> Handle:
     """Declare the mean of luminance and of its square over the frames of a still picture, for each pixel."""
+    if not guided:
+        graph.skip(f"{name}/moments", "nothing is blurred, or the picture has too few frames")
+        return graph.neutral("buffer")
     moments = graph.buffer(f"{name}/moments", dtype=TWO_FLOATS, count=light.count, width=size[0])
     graph.compute(
         f"{name}/moments",
