@@ -43,7 +43,7 @@ SAME_MEAN = 1e-3
 PARTED = 0.02  # share of pixels at such edges
 SIGMAS = 5.0  # of noisy layers' means; chosen
 # Of techniques whose pixels see the same random lights, so that their noise does not average out over the picture.
-OTHER_SEEDS = {"many-light": 4, "ssdo": 4, "ssil": 4}
+OTHER_SEEDS = {"many-light": 4, "ssdo": 4, "ssao": 4, "ssil": 4}
 
 
 def make_settings(technique: str, frames: int = 1, **fields: object) -> Settings:
