@@ -1,9 +1,9 @@
-"""Compile every shader with naga, through wgpu, and with Tint, through Debian's chromium where that is installed.
+"""Compile every shader with naga, through wgpu, and with Tint, through Debian's chromium if that is installed.
 
     python tools/check_wgsl.py [shader.wgsl ...]      # paths below wgsl/; without any: all that have an entry point
 
-Browsers run Tint or naga; what passes both runs everywhere. Tint also checks that control flow is uniform where WGSL
-asks for it, which naga does not.
+Browsers use Tint or naga, so shaders that pass both run everywhere. Only Tint checks that control flow is uniform where
+WGSL requires it.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from wgpu_gi.gpu.wgsl.load import ShaderSource, load
 from wgpu_gi.resources import resource_dir
 
 CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
-# The SwiftShader that chromium carries is a Vulkan driver on the CPU, so that no GPU is needed. Its sandbox does not
-# start for root, and the pages are ours.
+# Chromium includes SwiftShader, a Vulkan driver on the CPU, so no GPU is needed. Chromium's sandbox does not start for
+# root; it is not needed, since the page is our own.
 CHROMIUM_FLAGS = (
     "--headless",
     "--no-sandbox",
@@ -38,7 +38,7 @@ CHROMIUM_FLAGS = (
     "--use-webgpu-adapter=swiftshader",
     "--disable-extensions",
     "--no-first-run",
-    "--remote-debugging-port=0",  # keeps it running until the answer is there
+    "--remote-debugging-port=0",  # keeps chromium running until the answer arrives
 )
 TINT_TIMEOUT = 120.0  # seconds
 PAGE = """<!doctype html><script type="module">
@@ -98,7 +98,7 @@ def tint_errors(chromium: str, sources: Sequence[ShaderSource]) -> list[str]:
 
 
 def _ask_page(chromium: str, sources: dict[str, str]) -> dict[str, list]:
-    """Serve the page to a chromium on this machine; return what the page posts: messages by shader, or "": a reason."""
+    """Serve the page to a local chromium; return what the page posts: messages by shader, or {"": reason}."""
     answer: queue.Queue[dict[str, list]] = queue.Queue()
 
     class Handler(BaseHTTPRequestHandler):
@@ -136,14 +136,14 @@ def _ask_page(chromium: str, sources: dict[str, str]) -> dict[str, list]:
 
 
 def main() -> int:
-    """Check the shaders named on the command line, or all; return 1 if a compiler has something to say."""
+    """Check the shaders named on the command line, or all; return 1 if a compiler reports anything."""
     try:
         sources = [load(path) for path in sys.argv[1:] or entry_shaders()]
         errors = [error for source in sources for error in naga_errors(source)]
         compilers = "naga"
         chromium = find_chromium()
         if chromium is None:
-            print("Tint: not asked, since there is no chromium (Debian: apt-get install chromium)", file=sys.stderr)
+            print("Tint: skipped, chromium is not installed (Debian: apt-get install chromium)", file=sys.stderr)
         else:
             errors += tint_errors(chromium, sources)
             compilers = "naga and Tint"

@@ -1,4 +1,4 @@
-"""Set the project up on a bare machine, then do one of these; standard library only.
+"""Set up the project on a bare machine, then run one of these commands; standard library only.
 
     python3 tools/dev.py render [wgpu-gi render arguments]   # a picture: out.png
     python3 tools/dev.py view [wgpu-gi view arguments]       # a window
@@ -43,7 +43,7 @@ class SetupError(Exception):
 
 
 def main() -> int:
-    """Carry out the verb; return the exit code."""
+    """Run the command; return the exit code."""
     verb, arguments = (sys.argv[1] if len(sys.argv) > 1 else ""), sys.argv[2:]
     # Mesa complains once per device if this is not set.
     os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())
@@ -75,7 +75,7 @@ def view(arguments: list[str]) -> int:
 
 
 def notebook(arguments: list[str]) -> int:
-    """Open JupyterLab with a copy of the example in the current folder; a copy that is there already stays as it is."""
+    """Open JupyterLab with a copy of the example in the current folder; an existing copy stays unchanged."""
     copy = Path("example.ipynb")
     if not copy.exists():
         shutil.copyfile(EXAMPLE, copy)
@@ -90,7 +90,7 @@ def bench(arguments: list[str]) -> int:
 
 
 def lint(arguments: list[str]) -> int:
-    """Run all linters, also after one has complained; return 1 if any has."""
+    """Run all linters, even if one complains; return 1 if any does."""
     if arguments:
         raise SetupError(f"lint takes no arguments, not {' '.join(arguments)}")
     linters: list[list] = [
@@ -131,8 +131,8 @@ VERBS = {
 
 
 def set_up(extras: tuple[str, ...]) -> None:
-    """Bring `.venv` and the driver to what `pyproject.toml` asks for; do nothing if the stamp says it is done."""
-    if sys.version_info < (3, 10):  # noqa: UP036 - this file is what tells an older Python
+    """Install what `pyproject.toml` requires, unless the stamp says that it is done; ensure a Vulkan driver."""
+    if sys.version_info < (3, 10):  # noqa: UP036 - an older Python must get this message
         raise SetupError(f"Python 3.10 or newer is needed, not {platform.python_version()}")
     found = STAMP.read_text().splitlines() if STAMP.is_file() else []
     place, content = stamp_lines()
@@ -165,7 +165,7 @@ def stamp_lines() -> tuple[str, str]:
 
 def make_venv() -> None:
     """Make an empty virtual environment, marked as incomplete from the start."""
-    if importlib.util.find_spec("ensurepip") is None:  # Debian keeps it in a package of its own
+    if importlib.util.find_spec("ensurepip") is None:  # Debian has it in a separate package
         apt_install("python3-venv")
         if not succeeds([sys.executable, "-c", "import ensurepip"]):
             raise SetupError("this Python has no ensurepip, which venv needs; on Debian: apt-get install python3-venv")
@@ -206,7 +206,7 @@ def ensure_display_tools() -> None:
 
 
 def has_vulkan_device() -> bool:
-    """Count devices in a new process, which finds libraries installed since this one started and may crash."""
+    """Count devices in a new process: it finds newly installed libraries, and only it crashes if a driver does."""
     return succeeds([sys.executable, Path(__file__).resolve(), "_vulkan"])
 
 
@@ -240,7 +240,7 @@ def apt_install(*packages: str) -> None:
 
 
 def run_tool(command: list, folder: Path | None = None) -> int:
-    """Run a command in the foreground; leave Ctrl-C to it; return its exit code."""
+    """Run a command in the foreground, which handles Ctrl-C itself; return its exit code."""
     process = subprocess.Popen([str(part) for part in command], cwd=folder)
     while True:
         try:
@@ -256,7 +256,7 @@ def run_quietly(command: list, what: str) -> None:
     )
     if result.returncode:
         print(result.stdout[-4000:], result.stderr[-4000:], sep="\n", file=sys.stderr)
-        raise SetupError(f"{what} failed (its output is above); once that is put right, run this again")
+        raise SetupError(f"{what} failed (its output is above); fix that, then run this again")
 
 
 def succeeds(command: list) -> bool:

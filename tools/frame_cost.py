@@ -1,11 +1,11 @@
-"""What the main thread spends on a frame besides the GPU's work, and what makes it compile pipelines.
+"""Measure the main thread's time per frame, without the GPU's work, and find what compiles pipelines.
 
 python tools/frame_cost.py [TECHNIQUE ...] [--settings]
 
 Milliseconds are processor time of the main thread alone (`time.thread_time`), medians on the built-in Cornell box at
-64x36. A driver that rasterises on the CPU does so in threads of its own, which do not count; each step begins when they
-have finished the one before. `--settings` changes each number among the settings, one at a time, and lists those that
-compile pipelines.
+64x36. The threads of a driver that renders on the CPU do not count; each step begins when they have finished the
+previous one. `--settings` changes each number among the settings, one at a time, and lists those that compile
+pipelines.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from wgpu_gi.settings import Row, describe
 
 TECHNIQUES = ("none", "many-light", "ssil", "ssdo")
 SIZE = (64, 36)
-STEPS = 31  # of which the median is taken
+STEPS = 31  # measured steps; the result is their median
 SHOW = ("display",)
-# Of wgpu's object counts: what must not grow with the number of changes.
+# wgpu's objects whose counts must not grow with the number of changes.
 COUNTED = ("ComputePipeline", "RenderPipeline", "ShaderModule")
 
 
 class Compiled:
-    """Counts the pipelines that a device is asked for, by the name of their pass."""
+    """Records the pipelines that a device creates, by the name of their pass."""
 
     def __init__(self, gpu: Any) -> None:
         self.names: list[str] = []
@@ -59,7 +59,7 @@ class Compiled:
 
 @contextmanager
 def file_calls() -> Iterator[list[str]]:
-    """Collect the paths that are opened, listed or asked for their state meanwhile."""
+    """Collect the paths that are opened, listed or queried during the block."""
     calls: list[str] = []
 
     def noting(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -92,18 +92,18 @@ class Stopwatch:
         Graph.compile = lambda graph, *arguments: self.compile(graph, *arguments)  # type: ignore[method-assign]
 
     def begin(self, graph: Graph, *arguments: Any) -> None:
-        """Start the watch, then `Graph.begin`."""
+        """Start the watch, then call `Graph.begin`."""
         self._started = time.thread_time()
         self._begin(graph, *arguments)
 
     def compile(self, graph: Graph, *arguments: Any) -> None:
-        """`Graph.compile`, then note the time."""
+        """Call `Graph.compile`, then record the time."""
         self._compile(graph, *arguments)
         self.declared.append((time.thread_time() - self._started) * 1e3)
 
 
 def milliseconds(device: Any, step: Callable[[], Any]) -> float:
-    """Return the processor time of the main thread that a call takes, with the GPU idle when it begins."""
+    """Return the main thread's processor time for a call that begins with an idle GPU."""
     device.wait()
     started = time.thread_time()
     step()
@@ -111,7 +111,7 @@ def milliseconds(device: Any, step: Callable[[], Any]) -> float:
 
 
 def measure(scene: Any, technique: str, watch: Stopwatch) -> dict[str, Any]:
-    """Return the costs of one technique, by what is done."""
+    """Return the costs of one technique by action."""
     settings = gi.Settings()
     settings.gi, settings.exposure = technique, 0.0
     renderer = gi.Renderer(scene, size=SIZE, settings=settings)
@@ -169,7 +169,7 @@ def measure(scene: Any, technique: str, watch: Stopwatch) -> dict[str, Any]:
 
 
 def other_values(row: Row) -> list[float | int]:
-    """Return two other values of a setting that is a number, within its range; none if it is no number."""
+    """Return two other values of a number setting, within its range; none for other settings."""
     if row.kind not in (int, float):
         return []
     low, high = row.range or (-1e30, 1e30)
@@ -182,7 +182,7 @@ def other_values(row: Row) -> list[float | int]:
 def sweep(scene: Any, technique: str) -> tuple[int, dict[str, list[str]]]:
     """Change one number of the settings at a time; return how many there are, and which compiled which passes.
 
-    Each takes two other values. Of an integer only the second counts: the first may be what switches a feature on.
+    Each number takes two other values. For an integer, only the second counts: the first may switch a feature on.
     """
     settings = gi.Settings()
     settings.gi = technique

@@ -4,7 +4,7 @@
 
 The layers are linear radiance by number of scatterings: emit (none: light sources seen directly), direct (one), one
 (two: one indirect bounce), multi (three and more); indirect = one + multi, full = the sum of all. They are differences
-of pictures with more and fewer bounces, of the same paths.
+of pictures of the same paths with more and fewer bounces.
 se_direct, se_one, se_multi, se_indirect, se_full: standard errors, from the spread of independent runs, to 4 bits.
 depth (metres along the ray through the centre; 0: nothing there), normal (towards the viewer), albedo. All of it is
 float16, row 0 on top. meta: JSON.
@@ -41,24 +41,24 @@ from wgpu_gi.scene.scene import Scene
 
 EPILOG = """\
 Materials are Lambert with their base colour, as in `wgpu-gi render --diffuse`: metallic, roughness and normal maps are
-ignored. Glossy references are not offered, since Mitsuba's `principled` is another BRDF than that of glTF.
+ignored. Glossy references are not offered, since Mitsuba's `principled` BRDF differs from glTF's.
 Refused: unlit materials, masked emitters, a texture under vertex colours, textures that wrap differently along u and v,
 or of one material with different coordinates, spots wider than 80 degrees from their axis.
 Files hold float16: pictures that do not fit (above 65504, or so dim that its steps show) are refused.
 Mitsuba starts rays 0.1 mm or more off a surface: scale up scenes whose details are smaller than centimetres.
-Rendering takes every core; start it with `nice` where others work. Needs Mitsuba 3, pip install 'wgpu_gi[truth]', and
+Rendering uses every core; use `nice` on a shared machine. Needs Mitsuba 3, pip install 'wgpu_gi[truth]', and
 LLVM 19 or newer, on Debian apt-get install libllvm19, elsewhere its library named in DRJIT_LIBLLVM_PATH.
 """
 
-# Older ones are refused by Dr.Jit (14) or end the process with "Cannot select" (15, 16).
+# Dr.Jit refuses 14; 15 and 16 end the process with "Cannot select".
 OLDEST_LLVM = 19
 LLVM_PLACES = ("/usr/lib/*/libLLVM*", "/usr/lib64/libLLVM*", "/usr/lib/libLLVM*", "/usr/lib/llvm-*/lib/libLLVM*")
 
-# Paths that are traced together, which bounds the memory. Chosen.
+# Paths that are traced together; bounds the memory. Chosen.
 MOST_PATHS = 1 << 21
 
-# Not the others, which have half of its variance, but are biased where a run has few samples: in a closed box, at 64
-# samples a run, the layer multi was 0.8 % too dark with `stratified` (nine standard errors), 0.4 % too bright with
+# The other samplers have half of its variance, but are biased if a run has few samples: in a closed box, at 64 samples
+# per run, the layer multi was 0.8 % too dark with `stratified` (nine standard errors), 0.4 % too bright with
 # `multijitter` (four).
 SAMPLER = {"type": "independent"}
 
@@ -123,8 +123,8 @@ def render(
             points += np.random.default_rng(number).random(points.shape) - 0.5
         rays = _rays(mi, camera, size, points, origin)
         for name, integrator in integrators.items():
-            # The same random numbers for all: a path with few bounces is the beginning of one with many, so that the
-            # difference of two pictures has no noise of what they share.
+            # All integrators use the same random numbers: a path with few bounces is the beginning of one with many, so
+            # the difference of two pictures has no noise from their common part.
             sampler.seed(number, len(points))
             radiance = np.array(integrator.sample(world, sampler, rays)[0], np.float64)
             pictures[name][run] += radiance.reshape(3, len(centres), samples).sum(2).T / (spp // runs)
@@ -148,7 +148,7 @@ def _first_hits(mi: Any, world: Any, rays: Any, size: tuple[int, int]) -> dict[s
     """Return distance, shading normal towards the viewer and albedo where the rays through the pixel centres hit."""
     dr = importlib.import_module("drjit")
     hit = world.ray_intersect(rays)
-    # Go on behind what a mask cuts out.
+    # Continue rays where a mask cuts out the surface.
     while dr.any(hole := hit.is_valid() & (hit.bsdf().eval_null_transmission(hit)[0] > 0.5)):
         hit = dr.select(hole, world.ray_intersect(hit.spawn_ray(rays.d), hole), hit)
     seen = hit.is_valid()
@@ -176,7 +176,7 @@ def build_parser() -> Parser:
     add("--size", type=parse_size, default=(160, 90), metavar="WxH", help="pixels (default: 160x90)")
     add("--spp", type=int, default=4096, metavar="N", help="samples per pixel (default: 4096)")
     add("--runs", type=int, default=16, metavar="N", help="independent runs that share the samples (default: 16)")
-    add("--seed", type=int, default=0, metavar="N", help="of the random numbers (default: 0)")
+    add("--seed", type=int, default=0, metavar="N", help="seed of the random numbers (default: 0)")
     add("--env", metavar="ENV", help="environment: an .hdr or .exr file, or a constant radiance R,G,B")
     add("--light", action="append", default=[], metavar="LIGHT", help='add "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
     add("--jitter", action="store_true", help="rays through random points of the pixels, not their centres")
@@ -235,7 +235,7 @@ def make_reference(arguments: argparse.Namespace) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code: 0, 2 for what a user can put right, 130 after Ctrl-C."""
+    """Run the command line. Return 0, 2 after an error that the user can fix, or 130 after Ctrl-C."""
     try:
         print(make_reference(build_parser().parse_args(argv)))
     except GiError as error:

@@ -1,8 +1,8 @@
-"""A scene of ours as one of Mitsuba 3: every surface Lambert with its base colour, lights and rays as we define them.
+"""Convert a scene to Mitsuba 3: every surface Lambert with its base colour, lights and rays as in this package.
 
-What is one to one: triangles, vertex normals, instances (placed in float64), base colour factor x texture (bilinear or
-nearest, without mip levels) or vertex colour, punctual lights, emission from the counter-clockwise side, environments.
-What is approximate: the alpha mask (bilinear alpha against the cutoff, cut on a grid finer than the texels), the spot's
+Exact: triangles, vertex normals, instances (placed in float64), base colour factor x texture (bilinear or nearest,
+without mip levels) or vertex colour, punctual lights, emission from the counter-clockwise side, environments.
+Approximate: the alpha mask (bilinear alpha against the cutoff, cut on a grid finer than the texels), the spot's
 fall-off (a picture of it), double-sided emitters (two sheets a hair apart), vertex normals of emitters (left out).
 """
 
@@ -22,7 +22,7 @@ from wgpu_gi.scene.scene import DirectionalLight, Environment, Light, Material, 
 
 Words = dict[str, Any]  # what mitsuba.load_dict takes
 
-# The spot's fall-off is drawn on a plane across its axis, which wide cones stretch without bound.
+# The spot's fall-off is a picture on a plane across its axis; wide cones would stretch it without bound.
 WIDEST_SPOT = math.radians(80.0)
 SPOT_PIXELS = 2048
 
@@ -30,7 +30,7 @@ SPOT_PIXELS = 2048
 MASK_STEPS = 8
 MASK_SIDE = 8192
 
-# How far the two sheets of a double-sided emitter stand from the surface, in diagonals of the scene: far above float32
+# Distance of the two sheets of a double-sided emitter from the surface, in diagonals of the scene: far above float32
 # rounding (6e-8), far below what a picture shows.
 SHEET = 2e-5
 
@@ -73,8 +73,8 @@ def spot_pixels(light: SpotLight, size: int = SPOT_PIXELS) -> NDArray[np.float32
 def environment_pixels(environment: Environment) -> NDArray[np.float32]:
     """Return the radiance of a pictured environment, (2 h + 1, w, 3).
 
-    Mitsuba puts the first and the last row onto the poles, we put pixel centres half a row off: with the means of
-    neighbours put between the rows, and the outer rows repeated at the poles, both interpolate alike.
+    Mitsuba puts the first and the last row onto the poles; in this package, pixel centres are half a row off. Both
+    interpolate alike with the means of neighbours between the rows, and the outer rows repeated at the poles.
     """
     assert environment.image is not None
     image = np.asarray(environment.image, np.float64) * np.asarray(environment.color, np.float64)
@@ -112,7 +112,7 @@ def camera_rays(camera: Camera, size: tuple[int, int], points: Floats) -> tuple[
 
 
 def mitsuba_scene(mi: Any, scene: Scene, origin: Floats) -> Any:
-    """Return the scene as Mitsuba's, moved so that `origin` (world, metres) is at its origin."""
+    """Return the scene in Mitsuba's form, moved so that `origin` (world, metres) is at its origin."""
     words: Words = {"type": "scene"}
     distance = SHEET * float(np.linalg.norm(np.diff(scene.bounds(), axis=0)))
     for surface in surfaces(scene):
@@ -129,12 +129,12 @@ def mitsuba_scene(mi: Any, scene: Scene, origin: Floats) -> Any:
 
 
 def needs_null_surfaces(scene: Scene) -> bool:
-    """Say whether rays must pass through parts of a surface, because of an alpha mask with a picture."""
+    """Tell whether rays must pass through parts of a surface, because of an alpha mask with a picture."""
     return any(m.alpha_mode == "mask" and m.base_color_texture is not None for m in scene.materials)
 
 
 def _mesh(mi: Any, surface: Surface, origin: Floats, name: str) -> Any:
-    """Return a mesh of three vertices a triangle, so that nothing is shared that differs."""
+    """Return a mesh with three vertices per triangle: triangles may differ in the attributes of a shared corner."""
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(_bsdf(mi, surface))
     if shines(surface.material):
@@ -214,7 +214,7 @@ def _light(mi: Any, light: Light, origin: Floats) -> Words:
         raise GiError(f"light {light.name!r} is a spot wider than {widest} degrees from its axis; make it narrower")
     axis = np.asarray(light.direction, np.float64) / np.linalg.norm(light.direction)
     up = (0.0, 1.0, 0.0) if abs(axis[1]) < 0.9 else (1.0, 0.0, 0.0)
-    # The plugin's own ramp, linear in the angle, is left no room; the picture is the fall-off.
+    # Equal angles switch off the plugin's own ramp, which is linear in the angle; the picture is the fall-off.
     cone = math.degrees(light.outer_cone_angle)
     return {
         "type": "spot",

@@ -5,7 +5,7 @@
     python tools/readme_pictures.py sponza sponza.glb truth.npz
     python tools/readme_pictures.py sky sponza.glb truth.npz
 
-Sponza's truth is by Mitsuba 3, of the same camera, sky and sun:
+Mitsuba 3 renders Sponza's truth, with the same camera, sky and sun:
 
     python tools/make_references.py sponza.glb --jitter --size 640x360 --spp 2048 -o truth.npz --env 3,4,6 \\
         --light "sun 0.19518,-0.9759,0.09759 100,95,85" --camera view.json
@@ -83,7 +83,7 @@ def sponza(model: str, truth_file: str) -> None:
 
 
 def sky(model: str, truth_file: str) -> None:
-    """Draw Sponza by SSDO at low quality beside its truth: for a kind of error, as `error` does."""
+    """Draw Sponza by SSDO at low quality beside its truth, as one more kind of error."""
     truth = stored_truth(truth_file)
     picture = render(sponza_scene(model), (truth.shape[1], truth.shape[0]), low("ssdo"))
     print(f"sky: relMSE {relmse(picture, truth):.2g}, bias {bias(picture, truth):+.1%}", flush=True)
@@ -118,7 +118,7 @@ def render(scene: Scene, size: tuple[int, int], settings: Settings) -> Array:
 
 
 def moving(gi: str) -> Settings:
-    """Return the settings of a single frame, which is all that a moving camera has of each view."""
+    """Return the settings of a single frame: a moving camera has one frame per view."""
     settings = Settings(gi=gi)
     settings.camera.frames = 1
     return settings
@@ -159,7 +159,7 @@ ERRORS: dict[str, tuple[Callable[[], Scene], float, int, Settings]] = {
 
 
 def shown(radiance: Array, exposure: float) -> Array:
-    """Return what a screen shows of linear radiance."""
+    """Return linear radiance as displayed on a screen."""
     return display_layer("radiance", radiance, exposure)
 
 

@@ -3,9 +3,9 @@
     python tools/readme_plots.py techniques    # from the table "Error against time" of tools/README.md
     python tools/readme_plots.py peers         # measures many-light first
 
-What other renderers take and miss was measured once, on two cores with a CPU as Vulkan adapter, in pictures of 640x360
-against 4096 samples per pixel: relMSE = mean((x - t)^2 / (t^2 + 0.01)). Their sun stands slightly differently, so ours
-has the brightness at which direct light alone has their error.
+Time and error of other renderers were measured once, on two cores with a CPU as Vulkan adapter, in pictures of 640x360
+against 4096 samples per pixel: relMSE = mean((x - t)^2 / (t^2 + 0.01)). The direction of their sun differs slightly, so
+our sun is scaled until direct light alone has their error.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from wgpu_gi.settings import QUALITIES, apply_quality
 
 FOLDER = Path(__file__).parents[1] / "scenes" / "cornell"
 TABLE = Path(__file__).parent / "README.md"
-# Scenes of the table (with the column), and what the path tracer takes there: milliseconds, relMSE.
+# For each scene: its column in the table; milliseconds and relMSE of the path tracer.
 PANELS = {"Cornell box, area light": (2, 3200, 0.015), "Sponza, sun and sky": (4, 6700, 0.46)}
-FRAMES = {"low": 4, "medium": 24, "high": 64}  # that a still picture averages
-# Okabe and Ito 2008, for every eye.
+FRAMES = {"low": 4, "medium": 24, "high": 64}  # frames of a still picture
+# Okabe and Ito 2008, for any colour vision.
 COLORS = {"many-light": "#0072b2", "ssdo": "#d55e00", "ssil": "#009e73", "none": "0.35"}
 SIZE = (640, 360)
 SUN = DirectionalLight((0.35, -0.6, 0.72), 10.0)
 TRUTH_SPP = 512
-DIRECT_ERROR = 0.169  # of theirs
+DIRECT_ERROR = 0.169  # relMSE of direct light alone for their sun
 TIMED_FRAMES = 5
-# Milliseconds a frame (of Cycles and Mitsuba: of the picture), relMSE.
+# Milliseconds per frame (for Cycles and Mitsuba: per picture), relMSE.
 PEERS: dict[str, tuple[float, float]] = {
     "three.js SSGI": (230, 0.068),
     "three.js voxel cones": (450, 0.028),
@@ -140,7 +140,7 @@ def _relmse(x: NDArray[np.float64], t: NDArray[np.float64], truth: NDArray[np.fl
 
 
 def _scale(direct: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
-    """Return the factor of the sun's light by which direct light alone errs by DIRECT_ERROR."""
+    """Return the factor on the sun's light for which direct light alone has the relMSE DIRECT_ERROR."""
     low, high = 1e-3, 1e3
     for _ in range(60):
         middle = (low * high) ** 0.5
@@ -149,7 +149,7 @@ def _scale(direct: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
 
 
 def _frame_ms(renderer: Renderer) -> float:
-    """Return the CPU time of a frame with everything forced, over two cores."""
+    """Return the milliseconds of a frame with every pass forced: CPU time over two cores."""
     times = []
     for _ in range(2 + TIMED_FRAMES):
         start = time.process_time()

@@ -17,9 +17,9 @@ from wgpu_gi.scene.scene import Scene
 
 Array = NDArray[np.float32]
 
-# Most scatterings of each picture that is rendered, as Mitsuba counts: 1 is emission alone, -1 no limit.
+# Largest path depth of each rendered picture, as Mitsuba counts: 1 is emission alone, -1 no limit.
 DEPTHS = {"emit": 1, "direct": 2, "one": 3, "all": -1}
-# A relative error that float16 (11 bits) must not exceed, as relMSE: far below any noise worth storing.
+# Largest rounding error of float16 (11 bits), as relMSE: far below any noise worth storing.
 MOST_ROUNDING = 1e-6
 ERROR_BITS = 4
 FLOAT16_BITS = 11
@@ -43,7 +43,7 @@ def layers_of(pictures: dict[str, NDArray[np.float64]]) -> dict[str, Array]:
 
 
 def noise_of(layers: dict[str, Array]) -> dict[str, float]:
-    """Return the relMSE that a perfect picture has, over the pixels that hit a surface; none for black layers."""
+    """Return the relMSE of a perfect picture by layer, over the pixels that hit a surface, without black layers."""
     sums = {
         "direct": layers["direct"],
         "one": layers["one"],

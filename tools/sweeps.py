@@ -1,4 +1,4 @@
-"""Sweep constants of shaders and modules: the error and the time that other values have, as Markdown tables.
+"""Sweep constants of shaders and modules: print error and time of several values as Markdown tables.
 
     python tools/sweeps.py                     # list the constants
     python tools/sweeps.py STEP_WIDTH FLAT     # sweep these; a name may also be a file, or a row of REFERENCES
@@ -6,8 +6,7 @@
 
 Each value is put into a copy of the package, which then renders three scenes of 128x72 pixels in a process of its own:
 every material Lambert, rays through pixel centres, medium quality, the mean of 8 frames. References are those of
-`tests/truth`. A table gives relMSE / bias for each scene, and the CPU time of a frame in which every pass
-runs.
+`tests/truth`. A table gives relMSE / bias for each scene, and the CPU time of a frame in which every pass runs.
 `tools/README.md`, "Constants", holds the tables.
 """
 
@@ -24,7 +23,7 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-# The package comes from PYTHONPATH, which leads a worker to its copy, before it comes from this checkout.
+# Append these paths: PYTHONPATH, which leads a worker to its copy of the package, must come before this checkout.
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
@@ -85,7 +84,7 @@ REFERENCES = {
     # Its truth is the light of visible surfaces; with the spot, all that is lit is in view.
     "ssil": Reference("indirect", 1, ("one",), ("cornell_point", "cornell_area", "cornell_spot")),
 }
-# Rows of REFERENCES that are no technique: what renders them.
+# The technique of each row of REFERENCES that is not named after one.
 TECHNIQUE = {
     "sky": "many-light",
     "sky map": "many-light",
@@ -99,7 +98,7 @@ TECHNIQUE = {
 
 @dataclass(frozen=True)
 class Sweep:
-    """A constant of a file, below wgsl/ or wgpu_gi/, the values to try, and the settings without which it is unused."""
+    """A constant of a file, below wgsl/ or wgpu_gi/, the values to try, and the settings that make it take effect."""
 
     file: str
     constant: str
@@ -198,7 +197,7 @@ def definition(text: str, constant: str) -> re.Match[str]:
     pattern = rf"^(?:(?:const|override)\s+)?{constant}\b(?:\s*:\s*\w+)?\s*=\s*(?P<value>[^;#\n]*[^;#\s])"
     found = list(re.finditer(pattern, text, re.M))
     if len(found) != 1:
-        raise SystemExit(f"sweeps.py: error: {constant} is defined {len(found)} times where it should be once")
+        raise SystemExit(f"sweeps.py: error: {constant} is defined {len(found)} times, not once")
     return found[0]
 
 
@@ -246,7 +245,7 @@ def measure(reference: str, texts: list[str]) -> dict[str, tuple[float, float, f
 
 
 def turn_into(renderer: Renderer, show: str) -> None:
-    """Render the frames of a camera that turns by half a degree a frame and comes to rest one before its view."""
+    """Render frames of a camera that turns towards its view by half a degree per frame, up to the frame before it."""
     view = renderer.camera
     for step in range(FRAMES - 1, 0, -1):
         angle = np.radians(0.5 * step)
@@ -262,7 +261,7 @@ def turn_into(renderer: Renderer, show: str) -> None:
 
 
 def truth_of(reference: Reference, name: str, scene: Scene) -> NDArray[np.float32] | None:
-    """Return what a picture of a scene should be; None where only the time counts."""
+    """Return the truth of a scene; None if only the time is measured."""
     if not reference.layers:
         return None
     if name in MADE:
@@ -299,7 +298,7 @@ def pictured_sky() -> Scene:
 
 
 def lamps() -> Scene:
-    """Return the Cornell box with six point lights and six spots, each half as bright as the one before."""
+    """Return the Cornell box with six point lights and six spots, each half as bright as the previous one."""
     scene = load("cornell-point")
     random = np.random.default_rng(1)
     scene.lights = []
@@ -364,7 +363,7 @@ def main(arguments: list[str]) -> int:
     known = {key for s in SWEEPS for key in (s.constant, s.file, s.reference)} | {"all"}
     unknown = [name for name in arguments if name not in known]
     if unknown:
-        print(f"sweeps.py: error: no sweep is of {', '.join(unknown)}; call it without arguments for the list")
+        print(f"sweeps.py: error: no sweep matches {', '.join(unknown)}; call it without arguments for the list")
         return 2
     for sweep in SWEEPS:
         if not arguments:

@@ -1,4 +1,4 @@
-"""Drive the example notebook in a real browser, JupyterLab in Chromium, as a person would; screenshots to look at.
+"""Drive the example notebook in JupyterLab in Chromium, as a user would, and take screenshots.
 
 pip install -e '.[jupyter]' jupyterlab playwright      # and, on Debian: apt-get install chromium
 python tools/try_notebook.py [FOLDER FOR SCREENSHOTS]
@@ -28,8 +28,8 @@ from playwright.sync_api import sync_playwright
 
 EXAMPLE = Path(__file__).resolve().parent.parent / "tests/notebook/example.ipynb"
 CANVAS = ".renderview-wrapper img.renderview-view"
-SECONDS = 60.0  # for what takes a moment
-DRAG_SECONDS = 5.0  # over which frames are counted
+SECONDS = 60.0  # longest wait for each condition
+DRAG_SECONDS = 5.0  # length of the drag during which frames are counted
 
 
 def main() -> int:
@@ -63,7 +63,7 @@ def main() -> int:
 
 
 def start_lab(home: Path, port: int) -> subprocess.Popen[bytes]:
-    """Start JupyterLab, which only this machine reaches, and wait until it answers."""
+    """Start JupyterLab, reachable from this machine only, and wait until it answers."""
     options = [f"--port={port}", "--ip=127.0.0.1", "--no-browser", "--allow-root", "--IdentityProvider.token="]
     command = [sys.executable, "-m", "jupyterlab", *options, f"--ServerApp.root_dir={home}"]
     environment = {**os.environ, "JUPYTER_CONFIG_DIR": str(home / "config"), "JUPYTER_DATA_DIR": str(home / "data")}
@@ -74,7 +74,7 @@ def start_lab(home: Path, port: int) -> subprocess.Popen[bytes]:
 
 
 def answers(port: int) -> bool:
-    """Tell whether the server does."""
+    """Tell whether the server answers."""
     try:
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/api/status", timeout=5):
             return True
@@ -83,9 +83,9 @@ def answers(port: int) -> bool:
 
 
 def drive(page: Any, folder: Path, notebook: Path) -> None:
-    """Run the notebook; turn, brighten, choose; look at what remains."""
+    """Run the notebook, drag the view, change exposure and buffer, and check the saved notebook."""
     page.wait_for_selector(".jp-Notebook .jp-Cell", timeout=SECONDS * 1e3)
-    page.get_by_text("| Idle").wait_for(timeout=SECONDS * 1e3)  # a cell that is run before the kernel is there is lost
+    page.get_by_text("| Idle").wait_for(timeout=SECONDS * 1e3)  # a cell that is run before the kernel is ready is lost
     page.get_by_text("Run", exact=True).first.click()
     page.get_by_text("Run All Cells", exact=True).click()
     page.wait_for_selector(CANVAS, timeout=SECONDS * 1e3)
@@ -149,7 +149,7 @@ COUNT_FRAMES = f"""() => {{
 
 
 def still_there(page: Any, folder: Path, notebook: Path) -> None:
-    """Save, and look at the notebook again without its kernel: the picture must be there."""
+    """Save the notebook and reload it without its kernel: the picture must be there."""
     page.keyboard.press("Control+s")
     until(lambda: "base64" in notebook.read_text(encoding="utf-8"), "the saved notebook holds no picture")
     page.get_by_text("Kernel", exact=True).first.click()
@@ -164,7 +164,7 @@ def still_there(page: Any, folder: Path, notebook: Path) -> None:
 
 
 def until(done: Callable[[], bool], otherwise: str) -> None:
-    """Wait until something is so."""
+    """Wait until `done` returns True; fail with `otherwise` after SECONDS."""
     deadline = time.monotonic() + SECONDS
     while not done():
         assert time.monotonic() < deadline, otherwise

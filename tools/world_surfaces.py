@@ -1,7 +1,7 @@
-"""The triangles of a scene in world space by material, for renderers that know neither instances nor our materials.
+"""The triangles of a scene in world space by material, for renderers without instances and glTF materials.
 
-Emitters are flat-shaded; a double-sided one becomes two sheets a hair apart. What cannot be said by one texture
-coordinate and one texture or vertex colour for each material raises GiError: see `_refuse`.
+Emitters are flat-shaded; a double-sided one becomes two sheets a hair apart. A material that needs more than one
+texture coordinate, or both a texture and vertex colours, raises GiError: see `_refuse`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 @dataclass
 class Surface:
-    """Triangles of one material in world space: `corners` (m, 3, 3) metres, the rest per corner, too, or None."""
+    """Triangles of one material in world space: `corners` (m, 3, 3) metres; other arrays are per corner, or None."""
 
     material: Material
     corners: Floats
@@ -33,7 +33,7 @@ class Surface:
 def surfaces(scene: Scene) -> list[Surface]:
     """Return the triangles of a scene in world space by material, smooth ones apart from flat ones.
 
-    Without those that have no area or that a mask without a texture cuts out. Raises GiError for what `_refuse` names.
+    Leaves out triangles without area and those that a mask without a texture cuts out. Raises GiError like `_refuse`.
     """
     parts: dict[tuple[int, bool], list[Surface]] = {}
     for instance in scene.instances:
@@ -81,7 +81,7 @@ def _area_normals(corners: Floats) -> Floats:
 
 
 def _texcoords(mesh: Mesh, material: Material, triangles: NDArray[np.int64]) -> Floats | None:
-    """Return where the corners lie in the material's pictures, (m, 3, 2), v downwards; None without a picture."""
+    """Return the texture coordinates of the corners, (m, 3, 2), v downwards; None without a texture."""
     texture = material.base_color_texture or material.emission_texture
     if texture is None:
         return None
@@ -94,7 +94,7 @@ def _texcoords(mesh: Mesh, material: Material, triangles: NDArray[np.int64]) -> 
 
 
 def shines(material: Material) -> bool:
-    """Say whether a material emits."""
+    """Tell whether a material emits."""
     return max(material.emission) > 0
 
 
@@ -121,7 +121,7 @@ def _refuse(part: Surface) -> None:
 
 
 def _joined(parts: list[Surface]) -> Surface:
-    """Join surfaces of one material; the ones without vertex colours are white."""
+    """Join surfaces of one material; those without vertex colours become white."""
     colors = None
     if any(p.colors is not None for p in parts):
         colors = np.concatenate([np.ones((*p.corners.shape[:2], 4)) if p.colors is None else p.colors for p in parts])
@@ -133,7 +133,7 @@ def _joined(parts: list[Surface]) -> Surface:
 
 
 def sheets(surface: Surface, distance: float) -> list[Surface]:
-    """Return a surface, or for a double-sided emitter its front and its back, each `distance` outside of it."""
+    """Return a surface, or the front and the back of a double-sided emitter, each `distance` off the surface."""
     if not (surface.material.double_sided and shines(surface.material)):
         return [surface]
     normals = _area_normals(surface.corners)

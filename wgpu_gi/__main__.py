@@ -11,14 +11,14 @@ from .cli.arguments import build_parser
 from .errors import GiError
 
 FAILED = 2
-INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+INTERRUPTED = 130  # 128 + SIGINT, the convention of shells
 READER_GONE = 141  # 128 + SIGPIPE
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code: 0, 2 for what a user can put right, 130 after Ctrl-C.
+    """Run the command line. Return 0, 2 after an error that the user can fix, or 130 after Ctrl-C.
 
-    141 if the reader of the output has gone (`wgpu-gi render --set help | head`).
+    Return 141 if the reader of the output has closed the pipe (`wgpu-gi render --set help | head`).
     """
     try:
         try:
@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except BrokenPipeError:
-        # The interpreter flushes once more when it ends.
+        # The interpreter flushes stdout again at exit; /dev/null takes that.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return READER_GONE
     except GiError as error:
@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Namespace) -> int:
-    """Import the module of the command, and nothing else that takes time, and run it."""
+    """Import only the module of the command, to start fast, and run it."""
     if arguments.command == "info":
         from .cli.info import info
 

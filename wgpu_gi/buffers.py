@@ -1,4 +1,4 @@
-"""What can be read back and shown of a frame, by name."""
+"""The names of the buffers and debug views of each technique."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from .gpu.handles import Handle
 from .options import TECHNIQUES, technique_of
 
-# What every technique can show.
+# Buffers of every technique.
 COMMON = (
     "radiance",
     "direct",
@@ -19,12 +19,12 @@ COMMON = (
     "position",
     "instance",
 )
-# What at least one technique can show.
+# Buffers of at least one technique.
 BUFFERS = (*COMMON, *dict.fromkeys(name for technique in TECHNIQUES.values() for name in technique.extra))
 
 
 def buffers_of(gi: str) -> tuple[str, ...]:
-    """Return the names of what a technique can show."""
+    """Return the names of the buffers of a technique."""
     return (*COMMON, *technique_of(gi).extra)
 
 
@@ -35,7 +35,7 @@ def views_of(gi: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Source:
-    """Where a buffer lies: a handle with four values per pixel, and which of them; without a handle it is zero."""
+    """Locates a buffer: `count` of the four values per pixel of `handle`, from `first`. Without a handle it is zero."""
 
     handle: Handle | None
     first: int = 0

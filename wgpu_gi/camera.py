@@ -58,7 +58,7 @@ class Camera:
         back /= length
         right = np.cross(upward, back)
         if np.linalg.norm(right) < 1e-9 * max(float(np.linalg.norm(upward)), 1e-300):
-            # The view is parallel to `up`: take -Z, as for a camera that was tilted down from the front.
+            # The view is parallel to `up`: use -Z for a vertical view (a camera tilted down from the front), else +Y.
             right = np.cross((0.0, 0.0, -1.0) if abs(back[1]) > 0.5 else (0.0, 1.0, 0.0), back)
         right /= np.linalg.norm(right)
         world_from_view = np.eye(4)
@@ -84,7 +84,7 @@ class Camera:
         """Return the (4, 4) projection of positions relative to `origin` for a picture of `size` (width, height).
 
         Perspective depth is near / view depth; orthographic depth falls from 1 at the camera to 0 at `far` metres.
-        `offset` is where rays pass through their pixels; the picture is shifted accordingly (subpixel jitter).
+        `offset` is the position of the sample inside its pixel (subpixel jitter); (0.5, 0.5) is the centre.
         """
         half_height = np.tan(self.yfov / 2) if self.orthographic_height is None else self.orthographic_height / 2
         half_width = half_height * size[0] / size[1]

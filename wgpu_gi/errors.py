@@ -1,15 +1,15 @@
-"""The exception for problems that a user can solve (bad files, bad values, missing drivers), and hints at names."""
+"""The exception for errors that a user can fix (bad files, bad values, missing drivers), and hints for wrong names."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
 
-FEW = 8  # names that a sentence can list
+FEW = 8  # the most names that a message lists in full
 
 
 class GiError(Exception):
-    """Its message is one sentence: what is wrong, where (file, node, field), and what to do.
+    """An error that a user can fix. Its message is one sentence: what is wrong, where (file, node, field), what to do.
 
     The command line prints the message without a traceback and exits with code 2.
     """
@@ -18,7 +18,7 @@ class GiError(Exception):
 def known_names(name: str, known: Iterable[str]) -> str:
     """Return the end of a sentence about an unknown name: all known names if they are few, else the nearest three.
 
-    A name with dots or slashes is also near to one whose last part it resembles.
+    Of a known name with dots or slashes, the last part alone may match, too.
     """
     names = list(known)
     if len(names) <= FEW:

@@ -1,4 +1,4 @@
-"""The frame: light by one technique, its mean over frames, and the picture for a screen. The first page to read."""
+"""Declares a frame: the light of one technique, its mean over frames, and the displayed picture. Read this first."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .techniques.ssil import declare_ssil
 
 
 def declare_frame(graph: Graph, settings: Settings, scene: Any) -> dict[str, Source]:
-    """Declare the passes of a frame; return what can be shown of it, by name.
+    """Declare the passes of a frame; return its buffers and views by name.
 
-    `scene` is what the technique's `inputs` returned.
+    `scene` is the return value of the technique's `inputs`.
     """
     # Light: each technique is a folder of techniques/.
     match settings.gi:
@@ -45,7 +45,7 @@ def declare_frame(graph: Graph, settings: Settings, scene: Any) -> dict[str, Sou
     # For the screen: exposure and tone curve.
     assert layers["radiance"] is not None
     display = declare_display(graph, layers["radiance"], settings.exposure or 0.0)
-    # What the centres of pixels show. Passes run only for what is asked for.
+    # The surfaces at the pixel centres. Only the passes of requested buffers run.
     primary = declare_primary(graph, scene)
     return {
         **{name: Source(layer) for name, layer in (layers | light.views).items()},

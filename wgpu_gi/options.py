@@ -1,4 +1,4 @@
-"""The techniques there are, and every setting of a picture."""
+"""The table of techniques, and every setting of a picture."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from .techniques.ssil.ssil import SsilSettings
 from .techniques.ssil.voxels import VoxelSettings
 from .webgpu_limits import MAX_TEXTURE_SIDE
 
-MAX_PIXELS = 2**25  # 96 bytes of running means and results each: 3 GiB
+MAX_PIXELS = 2**25  # each takes 96 bytes of running means and results: 3 GiB
 PIXEL_BYTES = 16  # of the largest buffer per pixel, array<vec4f>
 
 
-# A technique for indirect light is a folder of `techniques/`, an entry here, and its line in `frame.py`. All that takes
-# any technique (the command line, benchmarks, tests of invariance) reads this table.
+# A technique for indirect light has a folder in `techniques/`, an entry here, and a line in `frame.py`. Code for all
+# techniques (the command line, benchmarks, tests of invariance) reads this table.
 TECHNIQUES = {
     "path": reference.TECHNIQUE,
     "none": deferred.TECHNIQUE,
@@ -45,18 +45,18 @@ FOR_ALL = ("gi", "exposure", "diffuse", "camera")  # settings and sections that 
 
 @dataclass
 class Settings:
-    """What to render and how well. Sections are reached as `section.name` by `--set`."""
+    """What to render and how well. `--set` reaches sections as `section.name`."""
 
     gi: str = setting(
         "many-light",
         "Technique for indirect light: " + ", ".join(TECHNIQUES) + ".",
         choices=(*TECHNIQUES,),
     )
-    bounces: int | None = setting(None, "Indirect bounces; none for all of them.", "bounces", range=(0, 10_000))
+    bounces: int | None = setting(None, "Number of indirect bounces; none means all.", "bounces", range=(0, 10_000))
     spp: int = setting(64, "Samples per pixel of the path tracer.", "samples", range=(1, 10_000_000))
     seed: int = setting(0, "Seed of all random numbers.", range=(0, 2**32 - 1))
     exposure: float | None = setting(
-        None, "Scale what is displayed by 2^exposure; none for automatic exposure.", "EV", range=(-60, 60)
+        None, "Scale the displayed picture by 2^exposure; none means automatic.", "EV", range=(-60, 60)
     )
     diffuse: bool = setting(False, "Treat every material as Lambert with its base colour.")
     camera: CameraSettings = field(default_factory=CameraSettings)
@@ -91,14 +91,14 @@ def uses(gi: str, name: str) -> bool:
 
 
 def picture_count(settings: Settings) -> int:
-    """Return how many frames make a still picture: one if the technique averages samples itself, or nothing varies."""
+    """Return the number of frames of a still picture: one if the technique averages samples, or if nothing varies."""
     technique = technique_of(settings.gi)
     varies = settings.camera.jitter or technique.is_random
     return settings.camera.frames if varies and not technique.averages_samples else 1
 
 
 def check_size(width: int, height: int, device: Device | None = None) -> None:
-    """Raise GiError if a picture of this size cannot be rendered, at all or on a device."""
+    """Raise GiError if a picture of this size cannot be rendered, in general or on `device`."""
     if width < 1 or height < 1:
         raise GiError(f"size {width}x{height}: a picture has at least 1x1 pixels")
     if width > MAX_TEXTURE_SIDE or height > MAX_TEXTURE_SIDE or width * height > MAX_PIXELS:

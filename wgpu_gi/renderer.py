@@ -68,9 +68,9 @@ class Renderer:
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
         self._inputs: tuple[Any, ...] | None = None  # all that determines the picture
-        self._frame = 0  # of those that a still picture averages; negative during the warm-up
+        self._frame = 0  # index among the frames of a still picture; negative during the warm-up
         self._rested = False  # nothing has moved in the last step
-        self._ran: dict[str, Stale] = {}  # the passes of the last step that ran any, and why
+        self._ran: dict[str, Stale] = {}  # why each pass ran, in the last step that ran any
         self._complete = False  # every pixel is known to have all its samples
         self._refining = False  # the technique has planned more runs than were declared
 
@@ -91,7 +91,7 @@ class Renderer:
 
     @property
     def buffers(self) -> tuple[str, ...]:
-        """The names of what the technique in the settings can show."""
+        """The names of the buffers of the technique in the settings."""
         return buffers_of(self.settings.gi)
 
     @property
@@ -107,16 +107,16 @@ class Renderer:
             self._upload = None
 
     def forget(self) -> None:
-        """Drop all that earlier frames left behind; the next one is that of a new renderer. The scene stays."""
+        """Drop all state of earlier frames; the next frame is that of a new renderer. The scene stays on the GPU."""
         self._graph.release()
         self._graph, self._declared, self._inputs = Graph(self._device), None, None
         self._sources = {}
         self._kept = Kept()
 
     def reload(self) -> bool:
-        """Look whether shader files have changed; if so, return True, and the next step takes them as they are then.
+        """Return True if shader files have changed; the next step then loads them.
 
-        Without this, steps touch no file.
+        Steps do not read shader files otherwise.
         """
         before, self._shaders = self._shaders, refresh()
         if self._shaders == before:
@@ -126,11 +126,11 @@ class Renderer:
 
     @property
     def has_history(self) -> bool:
-        """True if a pass of the last step works with what the frame before it left behind."""
+        """True if a pass of the last step reads contents of the previous frame."""
         return any(p.reads_history for p in self._graph.order)
 
     def __del__(self) -> None:
-        """Textures and buffers of wgpu linger until destroyed."""
+        """Free GPU memory; wgpu keeps textures and buffers until they are destroyed."""
         if hasattr(self, "_graph"):
             self._graph.release()
             if self._upload is not None:
@@ -144,11 +144,11 @@ class Renderer:
         check: bool = False,
         timings: bool = False,
     ) -> None:
-        """Render until the picture has all its samples or frames; `progress` is called with the fraction done, 0 to 1.
+        """Render until the picture has all its samples or frames; `progress` receives the fraction done, 0 to 1.
 
-        `show` names the buffers that will be read back, None all that the technique has: passes that none of them
-        needs are not run. `check` raises GiError at the first NaN, infinite or negative value that a pass writes;
-        `timings` measures each pass.
+        `show` names the buffers to read back, None all of the technique; passes that none of them needs do not run.
+        `check` raises GiError at the first NaN, infinite or negative value that a pass writes; `timings` measures each
+        pass.
         """
         while self.step(progress, show=show, check=check, timings=timings):
             pass
@@ -164,7 +164,7 @@ class Renderer:
         timings: bool = False,
         force: bool = False,
     ) -> bool:
-        """Render one frame, a refinement of the one before if nothing changed; return False if there was nothing to do.
+        """Render one frame, which refines the last one if nothing changed. Return False if there was nothing to do.
 
         `force` runs every pass that `show` needs, changed or not.
         """
@@ -210,11 +210,11 @@ class Renderer:
     def read_back(self, name: str = "radiance") -> Picture:
         """Return a buffer of the last run as (height, width, 3) float32; `depth` as (height, width).
 
-        radiance, direct, indirect, emission, standard_error: W/(m2 sr). depth: metres along the ray, 0 where nothing is
-        seen. position: world, metres. normal: unit, towards the viewer. motion: pixels right and down since the frame
-        before, and the distance then in metres. instance: its place in the scene's list, from 1; 0 where nothing is
-        seen. display: (height, width, 3) uint8, sRGB with exposure and tone curve,
-        for screens. Raises GiError for a buffer that there is not.
+        radiance, direct, indirect, emission, standard_error: W/(m2 sr). depth: metres along the ray, 0 without a
+        surface. position: world, metres. normal: unit, towards the viewer. motion: pixels right and down since the
+        previous frame, and the distance in that frame in metres. instance: place in the scene's list, from 1; 0 without
+        a surface. display: (height, width, 3) uint8, sRGB with exposure and tone curve, for screens. Raises GiError for
+        an unknown buffer.
         """
         self._check_buffers((name,))
         source = self._source(name)
@@ -321,7 +321,7 @@ class Renderer:
         self._declared = declared
 
     def _source(self, name: str) -> Source:
-        """Return where a buffer of the last frame lies. Raises GiError if that frame has none of this name."""
+        """Return the source of a buffer of the last frame. Raises GiError if that frame does not have the buffer."""
         if name not in self._sources:
             absent = technique_of(self.settings.gi).views.get(name) if self._sources else None
             raise GiError(
@@ -336,7 +336,7 @@ class Renderer:
 
 
 def _copy(settings: Settings) -> Settings:
-    """Return settings with sections of their own; all other values are immutable."""
+    """Return a copy with copies of the sections; all other values are immutable."""
     sections: dict[str, Any] = {name: copy(value) for name, value in vars(settings).items() if is_dataclass(value)}
     return replace(settings, **sections)
 

@@ -1,4 +1,4 @@
-"""Settings with a sentence, a unit and a range each: declared once, checked, listed, and set from text.
+"""Settings, each with a sentence, a unit and a range: declared once, checked, listed, and set from text.
 
 A technique declares a dataclass of `setting()` fields; the renderer's settings hold such dataclasses as sections:
 
@@ -21,7 +21,7 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hint
 
 from .errors import GiError, known_names
 
-QUALITIES = ("low", "medium", "high")  # the defaults of all settings are those of medium
+QUALITIES = ("low", "medium", "high")  # the defaults of all settings are for medium
 
 _TRUTHS = {"true": True, "1": True, "yes": True, "on": True, "false": False, "0": False, "no": False, "off": False}
 _NO_VALUE = ("none", "unlimited")
@@ -99,8 +99,8 @@ def assign(settings: Any, text: str) -> None:
 def apply_quality(settings: Any, quality: str) -> None:
     """Set every setting with presets, in all sections, to its value at `quality`.
 
-    Call it before `assign`, which it would override. Raises GiError for an unknown quality, and for a preset outside
-    the setting's own range.
+    Call it before `assign`, because it overrides assigned values. Raises GiError for an unknown quality, and for a
+    preset outside the range of its setting.
     """
     if quality not in QUALITIES:
         raise GiError(f"there is no quality {quality!r}; there is {', '.join(QUALITIES)}")

@@ -1,3 +1,3 @@
-"""Limits that WebGPU promises on every device, whatever the adapter."""
+"""Limits that WebGPU guarantees on every device."""
 
 MAX_TEXTURE_SIDE = 8192  # texels: maxTextureDimension2D

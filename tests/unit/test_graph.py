@@ -219,7 +219,7 @@ def test_what_no_output_needs_is_culled(graph):
     chain(graph)
     graph.run()
     assert state_of(graph, "d").state == "culled" and "no output needs d" in state_of(graph, "d").reason
-    with pytest.raises(GiError, match="'d' holds nothing"):
+    with pytest.raises(GiError, match="'d' is not allocated"):
         graph.read_back("d")
     chain(graph, outputs=("d",))
     assert ran(graph) == ["d"]  # what it needs was kept

@@ -41,4 +41,4 @@ def test_a_copy_differs_in_one_line(tmp_path):
 
 def test_an_unknown_name_is_refused(capsys):
     assert sweeps.main(["NOTHING"]) == 2
-    assert "no sweep is of NOTHING" in capsys.readouterr().out
+    assert "no sweep matches NOTHING" in capsys.readouterr().out

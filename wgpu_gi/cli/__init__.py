@@ -1,1 +1,1 @@
-"""The command line `wgpu-gi`: a module for each command, and what they share in `common`."""
+"""The command line `wgpu-gi`: one module per command; `common` holds what the commands share."""

@@ -1,4 +1,4 @@
-"""The arguments of every command, their help, and how text becomes a value. Imports nothing that takes time."""
+"""The arguments of every command, their help, and the parsers of their values. Imports no slow module."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .epilogs import BENCH_EPILOG, COMPARE_EPILOG, INFO_EPILOG, MAIN_EPILOG, REN
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one sentence, as all others of this program."""
+    """An argument parser that reports an error in one sentence, as the rest of the program does."""
 
     def error(self, message: str) -> NoReturn:
         """Raise GiError instead of printing the usage."""
@@ -48,14 +48,14 @@ def build_parser() -> Parser:
             allow_abbrev=False,
         )
 
-    # Their arguments.
+    # Add the arguments of each command.
     render = command("render", "render a scene to a picture, or to a sequence of pictures", RENDER_EPILOG, USAGE)
     _add_picture_arguments(render, size="640x360")
     _add_render_arguments(render)
-    _add_messages(render, "what --plan or --timings asks for")
+    _add_messages(render, "the output of --plan and --timings")
     view = command("view", "show a scene in a window", VIEW_EPILOG, USAGE)
     _add_picture_arguments(view, size="960x540")
-    _add_messages(view, "commands that are copied")
+    _add_messages(view, "copied commands")
     _add_compare_arguments(command("compare", "measure the error of a picture against a truth", COMPARE_EPILOG))
     bench = command("bench", "measure error and time of techniques", BENCH_EPILOG, "[OPTIONS] [SCENE ...]")
     _add_bench_arguments(bench)
@@ -66,7 +66,7 @@ def build_parser() -> Parser:
 
 USAGE = "[OPTIONS] [SCENE]"
 ADAPTER_HELP = "use the adapter whose name contains NAME (wgpu-gi info lists them)"
-SET_HELP = "change a setting, repeatable; 'help' lists those of the technique, 'help=all' all"
+SET_HELP = "change a setting, repeatable; 'help' lists the technique's settings, 'help=all' lists all"
 
 
 def _add_picture_arguments(parser: Parser, size: str) -> None:
@@ -90,18 +90,18 @@ def _add_picture_arguments(parser: Parser, size: str) -> None:
         metavar="GI",
         help="technique, default many-light; 'help' lists them, 'path' is the truth",
     )
-    add("--quality", choices=QUALITIES, default="medium", help="presets of the settings, default medium")
+    add("--quality", choices=QUALITIES, default="medium", help="preset of the settings, default medium")
     add("--bounces", type=parse_bounces, metavar="N", help="indirect bounces: 0, 1 ... or unlimited, the default")
     add("--spp", type=int, default=64, metavar="N", help="samples per pixel of --gi path, default 64")
     add("--visible-only", action="store_true", help="with --gi path: only surfaces in the picture send light")
     add("--seed", type=int, default=0, metavar="N", help="seed of the random numbers, default 0")
     add("--set", action="append", default=[], metavar="NAME=VALUE", help=SET_HELP)
 
-    # What to make of it.
+    # How to show it.
     picture = parser.add_argument_group("picture")
     add = picture.add_argument
     add("--size", type=parse_size, default=parse_size(size), metavar="WxH", help=f"pixels, default {size}")
-    add("--exposure", type=parse_exposure, metavar="EV", help="scale what is displayed by 2^EV; default automatic")
+    add("--exposure", type=parse_exposure, metavar="EV", help="scale the displayed picture by 2^EV; default automatic")
     add("--adapter", metavar="NAME", help=ADAPTER_HELP)
 
 
@@ -154,7 +154,7 @@ def _add_render_arguments(parser: Parser) -> None:
         "--frames",
         type=parse_frames,
         metavar="A:B[:STEP]",
-        help="render frames; OUT holds {frame}, as f_{frame:04d}.exr",
+        help="render frames; OUT contains {frame}, such as f_{frame:04d}.exr",
     )
     add("--turntable", action="store_true", help="move the camera once round the scene")
     add("--camera-path", metavar="FILE", help="move the camera along the keys of a .json file")
@@ -175,7 +175,7 @@ def _add_compare_arguments(parser: Parser) -> None:
     add("truth", metavar="B", help="the truth that A is measured against")
     add("--layer", metavar="LAYER", help="the layer of A and B, unless they name one")
     add("--noise", metavar="C", help="standard error of the truth: FILE or FILE:LAYER")
-    add("--mask", metavar="MASK", help="a row for each distinct value of this .png or FILE:LAYER, at most 64")
+    add("--mask", metavar="MASK", help=".png or FILE:LAYER with at most 64 values: one region, and row, per value")
     add("--html", default="compare.html", metavar="OUT", help="the page to write, default compare.html")
     add("--no-html", dest="html", action="store_const", const=None, help="write no page")
     add("--json", metavar="OUT", help="write the numbers to this .json")
@@ -198,7 +198,7 @@ def _add_bench_arguments(parser: Parser) -> None:
     technique = parser.add_argument_group("what to measure")
     add = technique.add_argument
     add("--gi", metavar="A,B,C", help="techniques, default all; path is always measured, as the reference")
-    add("--quality", default="medium", metavar="A,B,C", help="qualities out of low,medium,high; default medium")
+    add("--quality", default="medium", metavar="A,B,C", help="some of low,medium,high; default medium")
     add(
         "--set",
         action="append",
@@ -208,7 +208,7 @@ def _add_bench_arguments(parser: Parser) -> None:
     )
     add("--sweep", action="append", default=[], metavar="NAME=A,B", help="measure every value of a setting, repeatable")
     add("--frames", type=int, default=20, metavar="N", help="frames measured in each case, default 20")
-    add("--truth", default="path", metavar="FILE", help="an .npz or .exr with layers, or path, the default: render it")
+    add("--truth", default="path", metavar="FILE", help="an .npz or .exr with layers; path, the default, renders it")
     add("--truth-spp", type=int, default=256, metavar="N", help="samples per pixel of --truth path, default 256")
     add("--adapter", metavar="NAME", help=ADAPTER_HELP)
 
@@ -217,11 +217,11 @@ def _add_bench_arguments(parser: Parser) -> None:
     add = output.add_argument
     add("--json", metavar="OUT", help="write all numbers to this .json")
     add("--plot", metavar="OUT", help="plot error against time to this .png, .svg or .pdf")
-    add("--compare", metavar="OLD", help="a .json of an earlier run: print the ratios to it")
+    add("--compare", metavar="OLD", help="print the ratios to this .json of an earlier run")
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Return width and height in pixels of text such as 640x360."""
+    """Parse text such as 640x360 as (width, height) in pixels."""
     match = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"a size is WIDTHxHEIGHT in pixels, such as 640x360, not {text!r}")
@@ -229,7 +229,7 @@ def parse_size(text: str) -> tuple[int, int]:
 
 
 def parse_frames(text: str) -> range:
-    """Return the frame numbers of text such as 0:240 or 0:240:2."""
+    """Parse text such as 0:240 or 0:240:2 as frame numbers."""
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})(?::([1-9]\d{0,8}))?", text)
     frames = range(int(match[1]), int(match[2]), int(match[3] or 1)) if match else range(0)
     if not frames:
@@ -238,7 +238,7 @@ def parse_frames(text: str) -> range:
 
 
 def parse_shard(text: str) -> tuple[int, int]:
-    """Return (I, N) of text such as 2/8."""
+    """Parse text such as 2/8 as (I, N)."""
     match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
     if match is None or not 1 <= int(match[1]) <= int(match[2]):
         raise argparse.ArgumentTypeError(f"a shard is I/N from 1/N to N/N, such as 2/8, not {text!r}")
@@ -246,7 +246,7 @@ def parse_shard(text: str) -> tuple[int, int]:
 
 
 def parse_bounces(text: str) -> int | None:
-    """Return a number of indirect bounces, None for unlimited."""
+    """Parse a number of indirect bounces; None means unlimited."""
     if text == "unlimited":
         return None
     if not text.isdecimal():
@@ -255,7 +255,7 @@ def parse_bounces(text: str) -> int | None:
 
 
 def parse_exposure(text: str) -> float | None:
-    """Return a number of stops, None for automatic."""
+    """Parse an exposure in stops; None means automatic."""
     if text in ("automatic", "auto"):
         return None
     try:

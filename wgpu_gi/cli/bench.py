@@ -1,4 +1,4 @@
-"""`wgpu-gi bench`: from arguments to measurements of scenes, techniques and presets, tables, a JSON file and a plot."""
+"""`wgpu-gi bench`: measures techniques and presets on scenes; prints tables, writes a JSON file and a plot."""
 
 from __future__ import annotations
 
@@ -27,33 +27,33 @@ from .common import LISTS, prepare_scene, print_settings, warn_of_cpu
 from .messages import Messages
 
 DEFAULT_SIZE = (640, 360)
-# Settings that bench sets itself, and why, or what to use instead.
+# Settings that --set and --sweep refuse, with the reason or the flag to use instead.
 OWN_SETTINGS = {
     "gi": "use --gi",
     "diffuse": "use --diffuse",
     "spp": "a frame of the path tracer is one run; use --set path.samples_per_run",
-    "camera.jitter": "pictures are of the pixel centres, as the truth is",
-    "camera.frames": "pictures are of the pixel centres, so there is nothing to average",
+    "camera.jitter": "pictures and truth are sampled at the pixel centres",
+    "camera.frames": "pictures are sampled at the pixel centres, so there is nothing to average",
 }
 TABLE_WIDTH = 140  # characters, if the output is no terminal
 MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
 
 
 def bench(arguments: Namespace) -> int:
-    """Carry out `wgpu-gi bench`; return the exit code. Raises GiError for all that the user can put right."""
+    """Run `wgpu-gi bench` and return the exit code. Raises GiError for an error that the user can fix."""
     if not set(LISTS).isdisjoint(arguments.set):
         print_settings(Settings(), everything=True)
         return 0
     say = Messages(arguments.verbose, arguments.quiet)
 
-    # Refuse what cannot work before any time is spent on it.
+    # Check the arguments before any slow step.
     candidates = candidates_from(arguments)
     check_outputs(arguments)
     scenes = list(dict.fromkeys(arguments.scene))
     size = size_from(arguments, scenes)
     old = None if arguments.compare is None else load_json(arguments.compare)
 
-    # Look at the machine.
+    # Compare the machine with that of the earlier run.
     here = machine(arguments.adapter)
     warn_of_cpu(here["adapter"], here["is_cpu"], say)
     difference = None if old is None else different_machine(old, here)
@@ -74,7 +74,7 @@ def bench(arguments: Namespace) -> int:
 
 
 def candidates_from(arguments: Namespace) -> list[Candidate]:
-    """Return what `--gi`, `--quality`, `--set` and `--sweep` ask for: each technique at each quality and variant."""
+    """Return a candidate for each technique, quality and variant that the arguments ask for."""
     # The path tracer is always measured, as the reference.
     names = [name for name in TECHNIQUES if name != "path"]
     if arguments.gi is not None:
@@ -98,7 +98,7 @@ def candidates_from(arguments: Namespace) -> list[Candidate]:
 
 
 def _candidate(arguments: Namespace, gi: str, quality: str, variant: str) -> Candidate:
-    """Return a technique with its settings, at the pixel centres."""
+    """Return a technique with its settings, sampled at the pixel centres."""
     settings, preset = Settings(), Settings()
     apply_quality(settings, quality)
     apply_quality(preset, quality)
@@ -113,7 +113,7 @@ def _candidate(arguments: Namespace, gi: str, quality: str, variant: str) -> Can
 
 
 def check_outputs(arguments: Namespace) -> None:
-    """Raise GiError for numbers out of range, and for files that could not be written at the end."""
+    """Raise GiError for numbers out of range and for output files that cannot be written."""
     for flag, number, least, most in (
         ("--frames", arguments.frames, 1, MOST_FRAMES),
         ("--truth-spp", arguments.truth_spp, 2, MOST_SPP),
@@ -128,11 +128,11 @@ def check_outputs(arguments: Namespace) -> None:
 
 
 def size_from(arguments: Namespace, scenes: list[str]) -> tuple[int, int]:
-    """Return the size of all pictures: as given, or that of the truth's file. Raises GiError if the two differ."""
+    """Return the size of all pictures: `--size`, or that of the truth file. Raises GiError if the two differ."""
     size: tuple[int, int] = arguments.size or DEFAULT_SIZE
     if arguments.truth != "path":
         if len(scenes) > 1:
-            raise GiError(f"--truth {arguments.truth} is of one scene, but {len(scenes)} are given; bench one by one")
+            raise GiError(f"--truth {arguments.truth} has one scene, but {len(scenes)} are given; bench one at a time")
         stored = truth_from_file(arguments.truth).size
         if arguments.size is not None and arguments.size != stored:
             raise GiError(
@@ -191,7 +191,7 @@ def truth_source(
     visible_only: bool,
     report: Progress,
 ) -> Callable[[int | None], Truth]:
-    """Return a function from indirect bounces to the truth, as `--truth` says."""
+    """Return a function that takes a number of indirect bounces and returns the truth of `--truth`."""
     if arguments.truth != "path":
         return partial(truth_from_file, arguments.truth)
     return lambda bounces: truth_by_path(
@@ -216,7 +216,7 @@ def print_report(report: Report) -> None:
 
 
 def print_ratios(old: Report, new: Report, old_name: str) -> None:
-    """Print the ratios to an earlier report, or that there is nothing to compare."""
+    """Print the ratios to an earlier report, or a sentence if no case is in both."""
     rows = ratios(old, new)
     if rows:
         print()
@@ -233,7 +233,7 @@ def _print_table(title: str, table: Table) -> None:
 
 
 def _swept(text: str) -> list[str]:
-    """Return the settings that `--sweep name=a,b` stands for."""
+    """Split `--sweep name=a,b` into name=a and name=b."""
     name, equals, values = text.partition("=")
     if not equals or not values.strip(" ,"):
         raise GiError(f"--sweep takes a setting and its values, such as vpl.count=512,2048, not {text!r}")

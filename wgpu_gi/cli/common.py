@@ -1,4 +1,4 @@
-"""What several commands share: settings, scene, renderer and buffers from arguments, and a picture's metadata."""
+"""Makes settings, scene, renderer, buffers and a picture's metadata from the arguments of several commands."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LISTS = ("help", "help=all")  # what --set takes in place of a setting
 
 
 def list_names(arguments: Namespace) -> bool:
-    """Print the techniques or the settings if arguments ask for them; return whether they do."""
+    """Print the techniques or the settings if the arguments ask for a list; return whether they do."""
     if arguments.gi == "help":
         print("\n".join(f"{name:<12} {technique.sentence}" for name, technique in TECHNIQUES.items()))
         return True
@@ -45,7 +45,7 @@ def list_names(arguments: Namespace) -> bool:
 
 
 def print_settings(settings: Settings, everything: bool = False) -> None:
-    """Print the settings that the technique uses, or all; wrapped to a terminal, else one on each line."""
+    """Print the settings that the technique uses, or all: wrapped on a terminal, else one per line."""
     rows = describe(settings)
     used = [row for row in rows if everything or uses(settings.gi, row.name)]
     if sys.stdout.isatty():
@@ -61,11 +61,11 @@ def print_settings(settings: Settings, everything: bool = False) -> None:
     else:
         print(format_rows(used))
     if len(used) < len(rows):
-        print(f"{len(rows) - len(used)} more that --gi {settings.gi} does not use: --set help=all")
+        print(f"--gi {settings.gi} does not use {len(rows) - len(used)} more settings; --set help=all lists them")
 
 
 def settings_from(arguments: Namespace, first: Sequence[str] = ()) -> Settings:
-    """Return the settings that the flags, then `first`, then every `--set` ask for, checked."""
+    """Return checked settings: from the flags, then `first`, then every `--set`. Later values win."""
     settings = Settings(
         gi=arguments.gi,
         bounces=arguments.bounces,
@@ -84,7 +84,7 @@ def settings_from(arguments: Namespace, first: Sequence[str] = ()) -> Settings:
 
 
 def without_effect(settings: Settings, texts: Sequence[str]) -> list[str]:
-    """Return a sentence for each setting that the technique ignores, of `--set` (`texts`) and of flags."""
+    """Return a sentence for each flag and each `--set` (`texts`) that the technique ignores."""
     gi, technique, notes = settings.gi, TECHNIQUES[settings.gi], []
     most = technique.most_bounces
     if most is not None and (settings.bounces or 0) > most:
@@ -99,7 +99,7 @@ def without_effect(settings: Settings, texts: Sequence[str]) -> list[str]:
 
 
 def load_scene(source: str, env: str | None, lights: Sequence[str], changes: Sequence[str]) -> Scene:
-    """Load a scene with an environment, further lights and changed lights, each as the command line writes them."""
+    """Load a scene, set its environment, add `lights` and apply `changes` to lights; all in command-line syntax."""
     notes: list[str] = []
     added = [parse_light(text) for text in lights]
     environment = None if env is None else load_environment(env, notes)
@@ -111,7 +111,7 @@ def load_scene(source: str, env: str | None, lights: Sequence[str], changes: Seq
 
 
 def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Scene, Camera]:
-    """Load a scene as the arguments say, choose its camera, and tell what there is to note."""
+    """Load the scene of the arguments, choose its camera and print its notes."""
     with say.timed(f"loading {source}"):
         scene = load_scene(source, arguments.env, arguments.light, arguments.relight)
         camera = choose_camera(scene, arguments.camera, Path(source).parent)
@@ -126,7 +126,7 @@ def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Sce
 
 
 def renderer_from(arguments: Namespace, settings: Settings, say: Messages) -> Renderer:
-    """Load the scene and return a renderer of it; tell which settings have no effect, and a slow adapter."""
+    """Load the scene and return its renderer. Note settings without effect; warn of a slow adapter."""
     scene, camera = prepare_scene(arguments, arguments.scene, say)
     for note in without_effect(settings, arguments.set):
         say.note(note)
@@ -136,7 +136,7 @@ def renderer_from(arguments: Namespace, settings: Settings, say: Messages) -> Re
 
 
 def warn_of_cpu(adapter: str, is_cpu: bool, say: Messages) -> None:
-    """Tell the adapter, and warn if it is a CPU."""
+    """Print the adapter as a detail; warn if it is a CPU."""
     if is_cpu:
         say.warning(f"{adapter} is a CPU, not a GPU: rendering is slow")
     else:
@@ -144,7 +144,7 @@ def warn_of_cpu(adapter: str, is_cpu: bool, say: Messages) -> None:
 
 
 def checked_buffers(names: Sequence[str], gi: str) -> list[str]:
-    """Return the buffers to write, each once, in the order given. Raises GiError for one that the technique lacks."""
+    """Return the buffers to write, in order, without duplicates. Raises GiError for one that the technique lacks."""
     known = (*buffers_of(gi), *views_of(gi))
     for name in names:
         if name not in known:
@@ -160,7 +160,7 @@ def exposure_for(output: str, settings: Settings, name: str, layer: ArrayLike) -
 
 
 def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> dict[str, object]:
-    """Return what a picture file says of its making; equal for equal commands, so that files can be compared."""
+    """Return the metadata of a picture file. Equal commands give equal metadata, so files can be compared."""
     return {
         "software": f"wgpu_gi {__version__}",
         "scene": arguments.scene,

@@ -1,4 +1,4 @@
-"""`wgpu-gi compare`: two linear pictures to a table of errors, a page for the browser and a JSON file."""
+"""`wgpu-gi compare`: prints the errors of a linear picture against a truth; writes an HTML page and a JSON file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..pictures.image import Array, load_image
 from ..version import __version__
 
 LINEAR_FORMATS = (".npy", ".npz", ".exr")
-MAIN_LAYER = "radiance"  # of an .npz; an .exr says by its channels R, G, B which one is the main layer
+MAIN_LAYER = "radiance"  # of an .npz; in an .exr, the channels R, G, B are the main layer
 MISSING = "-"
 
 
@@ -37,7 +37,7 @@ class Picture:
 
 
 def compare(arguments: Namespace) -> int:
-    """Carry out `wgpu-gi compare`; return the exit code. Raises GiError for all that the user can put right."""
+    """Run `wgpu-gi compare` and return the exit code. Raises GiError for an error that the user can fix."""
     # Read the inputs.
     _check_output("--html", arguments.html, ".html")
     _check_output("--json", arguments.json, ".json")
@@ -45,7 +45,7 @@ def compare(arguments: Namespace) -> int:
     truth = load_picture(arguments.truth, arguments.layer)
     _check_same_size(image, truth)
     if not truth.values.mean() > 0:
-        raise GiError(f"{truth.name} is black: there is no error relative to it; compare another layer or file")
+        raise GiError(f"{truth.name} is black, so it has no relative error; compare another layer or file")
     noise = None if arguments.noise is None else load_noise(arguments.noise, truth)
     masks = {} if arguments.mask is None else load_regions(arguments.mask, truth)
 
@@ -74,8 +74,8 @@ def compare(arguments: Namespace) -> int:
 def load_picture(text: str, default_layer: str | None = None) -> Picture:
     """Read `FILE`, `FILE:layer` or `FILE:a+b`, a sum of layers; `default_layer` applies to files with layers.
 
-    Without any layer, .exr means its R, G, B, and .npz its layer `radiance`. Raises GiError for a file that is no
-    linear picture, for a missing layer, and for NaN and Inf, naming the first pixel that holds one.
+    Without a layer, an .exr gives its R, G, B and an .npz its layer `radiance`. Raises GiError for a file that is not
+    a linear picture, for a missing layer, and for NaN or Inf; the message names the first such pixel.
     """
     path, layer = split_layer(text)
     suffix = path.suffix.lower()
@@ -107,7 +107,7 @@ def split_layer(text: str) -> tuple[Path, str | None]:
 
 
 def load_noise(text: str, truth: Picture) -> Picture:
-    """Read the standard error of the truth, one layer shaped like it."""
+    """Read the standard error of the truth: one layer of the same shape."""
     _, layer = split_layer(text)
     if layer is not None and "+" in layer:
         raise GiError(f"--noise {text}: standard errors cannot be added; name the one layer of the truth")
@@ -149,7 +149,7 @@ def measured(
         rows[f"region {name}"] = measure(image.values, truth.values, standard_error, mask, flip_error) if lit else None
     black = [name for name, errors in rows.items() if errors is None]
     if black:
-        remarks.append(f"the truth is black in {', '.join(black)}: there is no error relative to it")
+        remarks.append(f"the truth is black in {', '.join(black)}, so there is no relative error")
     near = [name for name, e in rows.items() if e is not None and e.floor is not None and e.relmse <= e.floor]
     if near:
         remarks.append(f"the relMSE is within the noise of the truth in: {', '.join(near)}; lower values mean nothing")
@@ -157,7 +157,7 @@ def measured(
 
 
 def table_cells(rows: dict[str, Errors | None]) -> list[list[str]]:
-    """Return header and rows of the table as text; without the column of the floor if no row knows it."""
+    """Return header and rows of the table as text; the noise floor has a column only if a row has one."""
     with_floor = any(errors is not None and errors.floor is not None for errors in rows.values())
     header = ["", "relMSE", "noise floor", "bias", "99.9th percentile", "FLIP", "pixels"]
     cells = [header]
@@ -167,7 +167,7 @@ def table_cells(rows: dict[str, Errors | None]) -> list[list[str]]:
             continue
         floor = MISSING if e.floor is None else f"{e.floor:.3g}"
         flip = "not installed" if e.flip is None else f"{e.flip:.4f}"
-        bias = f"{round(100.0 * e.bias, 2) + 0.0:+.2f} %"  # + 0.0 takes the sign off a rounded zero
+        bias = f"{round(100.0 * e.bias, 2) + 0.0:+.2f} %"  # + 0.0 turns -0.0 into 0.0
         cells.append([name, f"{e.relmse:.3g}", floor, bias, f"{e.percentile:.3g}", flip, str(e.pixels)])
     return cells if with_floor else [line[:2] + line[3:] for line in cells]
 
@@ -247,7 +247,7 @@ def _check_same_size(one: Picture, truth: Picture) -> None:
 
 
 def _check_output(flag: str, path: str | None, suffix: str) -> None:
-    """Raise GiError for a path that cannot be written, or with another suffix, which could overwrite a picture."""
+    """Raise GiError for a path that cannot be written, or for another suffix: it could overwrite a picture."""
     if path is None:
         return
     if Path(path).suffix.lower() != suffix:

@@ -1,4 +1,4 @@
-"""What the help of each command ends with: examples, file formats, definitions."""
+"""The last part of each command's help: examples, file formats, definitions."""
 
 MAIN_EPILOG = """\
 first steps:
@@ -28,9 +28,9 @@ output:
 
 sequences:
   --frames A:B renders frames A to B-1 and skips those whose files exist, so the same command resumes a stopped run.
-  --shard I/N renders part I of N; the frames do not depend on the parts. A .json beside them holds the command and
-  every camera; another command is refused. Techniques with a temporal history restart it every 32 frames, after 8
-  frames of warm-up that are not written.
+    --shard I/N renders part I of N; frames do not depend on the split. A .json beside the frames holds the command
+    and every camera; a different command is refused. Techniques with a temporal history clear it every 32 frames and
+    then render 8 warm-up frames that are not written.
   --camera-path FILE holds a list of keys: [{"frame": 0, "position": [0, 1, 5], "target": [0, 1, 0]}, ...].
 """
 
@@ -40,7 +40,7 @@ examples:
   wgpu-gi view scene.glb --gi none --size 1280x720
   wgpu-gi view scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8" --exposure 1
 
-It needs a display and pip install 'wgpu_gi[viewer]'. Saved shader files are reloaded.
+It needs a display and pip install 'wgpu_gi[viewer]'. Shader files are reloaded when saved.
 """
 
 COMPARE_EPILOG = """\

@@ -1,4 +1,4 @@
-"""The files of a sequence of frames: pictures, their layers, and a .json that says what made them."""
+"""The files of a sequence of frames: pictures, their layers, and a .json with the command and the cameras."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Pictures = dict[str, NDArray]
 
 
 class FrameFiles:
-    """The files of a sequence: a picture for each frame, its layers beside it, and a .json with what made them."""
+    """The files of a sequence: a picture for each frame, its layers beside it, and one .json for all frames."""
 
     def __init__(self, output: str, shown: Sequence[str], layers: Sequence[str]) -> None:
-        """Make the folder. Raises GiError for names that cannot be."""
+        """Make the folder. Raises GiError for invalid file names."""
         self.output, self.shown, self.layers = output, list(shown), list(layers)
         self._job = Path(_NUMBER.sub("job", output)).with_suffix(".json")
         if len(_NUMBER.findall(Path(output).name)) != 1 or _NUMBER.search(str(Path(output).parent)):
-            raise GiError(f"-o {output}: the names of frames hold {{frame}} once, such as f_{{frame:04d}}.exr")
+            raise GiError(f"-o {output}: the file name must contain {{frame}} once, such as f_{{frame:04d}}.exr")
         if layers and Path(output).suffix.lower() == ".npz":
             raise GiError(f"-o {output}: --layers writes .npz files of the same name; use --show here instead")
         try:
@@ -53,8 +53,8 @@ class FrameFiles:
         save_image(name, shown, exposure=exposure, metadata={**metadata, "frame": frame})
 
     def claim(self, command: dict[str, object], cameras: dict[int, dict[str, object]]) -> None:
-        """Write the .json. Raises GiError if another command made the one that exists."""
-        # As it will be read: without tuples, and with text for keys.
+        """Write the .json. Raises GiError if the existing one is from another command."""
+        # Convert to what a JSON reader returns: lists for tuples, and text for keys.
         now = json.loads(json.dumps({"command": command, "cameras": cameras}))
         before = self._read()
         if before is None:
@@ -69,7 +69,7 @@ class FrameFiles:
             )
 
     def exposure(self, measure: Callable[[], float | None]) -> float | None:
-        """Return the exposure of the sequence: as the .json has it, else measured and written there."""
+        """Return the exposure of the sequence from the .json; if it has none, measure it and write it there."""
         job = self._read()
         assert job is not None
         if "exposure" not in job:

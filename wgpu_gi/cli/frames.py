@@ -1,7 +1,7 @@
-"""`wgpu-gi render --frames`: a sequence of pictures, in parts on several machines, resumed where it was stopped.
+"""`wgpu-gi render --frames`: renders a sequence, in shards on several machines; resumes a stopped run.
 
-A picture depends on its command alone, not on what the same process rendered before it. Where a technique has a
-temporal history, frames come in blocks; each block starts without history and renders some frames that are not written.
+A picture depends only on its command, not on what the process rendered before. Techniques with a temporal history
+render blocks of frames. Each block starts without history, with warm-up frames that are not written.
 """
 
 from __future__ import annotations
@@ -22,33 +22,33 @@ from .common import checked_buffers, exposure_for, metadata_of, renderer_from
 from .frame_files import FrameFiles, Pictures
 from .messages import Messages, Report
 
-# Frames that share a history, and frames before them to fill it: the warm-up costs a quarter, and an average over 8
-# frames, as the viewer has it, is full.
+# Frames per block, and warm-up frames before each block. The warm-up adds a quarter to the cost; 8 frames fill the
+# average that the viewer uses.
 BLOCK, WARM_UP = 32, 8
 
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be rendered of a sequence."""
+    """The frames to render, with their cameras and buffers."""
 
     frames: range
     shard: tuple[int, int]  # (I, N), from 1
     camera_at: CameraAt
     show: tuple[str, ...]
-    exists: Callable[[int], bool]  # the files of a frame
+    exists: Callable[[int], bool]  # tells whether the files of a frame exist
     check: bool = False
     timings: bool = False
 
 
 def render_frames(arguments: Namespace, settings: Settings, shown: list[str], say: Messages) -> int:
-    """Render the frames that do not exist yet; return the exit code. Raises GiError for what a user can put right."""
-    # Refuse what cannot work before any time is spent on it.
+    """Render the missing frames; return the exit code. Raises GiError for an error that the user can fix."""
+    # Check the arguments before any slow step.
     layers = checked_buffers(arguments.layers.split(","), settings.gi) if arguments.layers else []
     _check(arguments, shown)
     files = None if is_video(arguments.output) else FrameFiles(arguments.output, shown, layers)
     path = None if arguments.camera_path is None else load_camera_path(arguments.camera_path)
 
-    # Load the scene, and see what is to be rendered of it.
+    # Load the scene and list what to render.
     renderer = renderer_from(arguments, settings, say)
     sequence = Job(
         frames=arguments.frames,
@@ -63,7 +63,7 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
     if files is not None:
         files.claim(_command(arguments, shown, layers, metadata), _cameras(sequence))
 
-    # Choose the exposure of all frames, by the first.
+    # The first frame sets the exposure of all frames.
     def measure() -> float | None:
         return _exposure(renderer, settings, sequence, arguments.output, shown[0], say)
 
@@ -86,7 +86,7 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
             files.add(frame, pictures, exposure, metadata)
             count += 1
 
-    # Tell what was done.
+    # Print the reports and the result.
     if arguments.plan:
         print(renderer.plan())
     if arguments.timings:
@@ -105,7 +105,9 @@ def _check(arguments: Namespace, shown: Sequence[str]) -> None:
     if not is_video(arguments.output):
         return
     if arguments.shard or arguments.layers or len(shown) > 1:
-        raise GiError(f"-o {arguments.output}: a video is made in one go, of one buffer; for more write frames first")
+        raise GiError(
+            f"-o {arguments.output}: a video has one buffer, without --shard or --layers; write frames instead"
+        )
     check_video(arguments.output, arguments.size, arguments.fps)
 
 
@@ -120,7 +122,7 @@ def _without_path(arguments: Namespace, renderer: Renderer, say: Messages) -> Ca
 def _command(
     arguments: Namespace, shown: Sequence[str], layers: Sequence[str], metadata: dict[str, object]
 ) -> dict[str, object]:
-    """Return what must not change from part to part; the adapter may."""
+    """Return what must be equal in all shards; the adapter may differ."""
     frames = arguments.frames
     return {
         **{name: value for name, value in metadata.items() if name != "adapter"},
@@ -133,7 +135,7 @@ def _command(
 
 
 def _cameras(sequence: Job) -> dict[int, dict[str, object]]:
-    """Return pose and lens of every frame, as cameras of a data set need them."""
+    """Return the pose and the lens of every frame, for use as the cameras of a data set."""
     cameras = {}
     for frame in sequence.frames:
         camera = sequence.camera_at(frame)
@@ -148,7 +150,7 @@ def _cameras(sequence: Job) -> dict[int, dict[str, object]]:
 def _exposure(
     renderer: Renderer, settings: Settings, sequence: Job, output: str, name: str, say: Messages
 ) -> float | None:
-    """Return the exposure of every frame, None for a file without; the first frame is rendered if it decides."""
+    """Return the exposure of all frames, None if the file has none. Automatic exposure renders the first frame."""
     given = exposure_for(output, settings, name, [[0.0]])
     if given is None or settings.exposure is not None:
         return given
@@ -163,7 +165,7 @@ def _render(renderer: Renderer, sequence: Job, say: Messages) -> Iterator[tuple[
     frames, exists = sequence.frames, sequence.exists
     if all(map(exists, frames)):
         return
-    # A history is known once the frame is declared. `motion` depends on the last frame, too.
+    # `has_history` is known once a frame is declared. `motion` also depends on the previous frame.
     renderer.camera = sequence.camera_at(frames[0])
     renderer.step(show=sequence.show)
     has_history = renderer.has_history or "motion" in sequence.show
@@ -191,7 +193,7 @@ def _blocks(frames: range, shard: tuple[int, int], length: int) -> Iterator[rang
 
 
 def _with_warm_up(frames: range, block: range, exists: Callable[[int], bool]) -> tuple[int, ...]:
-    """Return the frames to render for those of a block that do not exist: from its warm-up to the last of them."""
+    """Return the frames to render for a block: from its first warm-up frame to its last missing frame."""
     start = frames.index(block[0])
     end = start + max(i for i, frame in enumerate(block) if not exists(frame))
     return tuple(frames[max(start - WARM_UP, 0) : end + 1])
@@ -203,7 +205,7 @@ def _pictures(renderer: Renderer, sequence: Job, report: Report) -> Pictures:
     options: dict[str, Any] = {"show": show, "check": sequence.check, "timings": sequence.timings}
     pictures: Pictures = {}
     if "motion" in show:
-        # Only the first step knows the motion: none of the following sees a change.
+        # Only the first step has motion: nothing changes in the later steps.
         renderer.step(**options)
         pictures["motion"] = renderer.read_back("motion")
     renderer.run(report, **options)
@@ -211,7 +213,7 @@ def _pictures(renderer: Renderer, sequence: Job, report: Report) -> Pictures:
 
 
 def _part_of(report: Report, done: int, total: int) -> Report:
-    """Return what takes the fraction of one frame, after `done` of `total` frames, and reports that of all."""
+    """Return a report for one frame, after `done` of `total`, that converts its fraction to that of all frames."""
 
     def part(fraction: float, what: str | None = None) -> None:
         report((done + fraction) / total, what or f"frame {done + 1} of {total}")

@@ -1,4 +1,4 @@
-"""`wgpu-gi info`: versions, adapters, which one is used, and what is missing with how to install it."""
+"""`wgpu-gi info`: prints versions, adapters, the adapter in use, and how to install what is missing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages of the command line: notes and warnings, details with -v, progress of anything that takes long.
+"""Messages of the command line: notes and warnings, details with -v, progress of long steps.
 
 They go to stderr; only the line of a result goes to stdout. rich respects NO_COLOR.
 """
@@ -14,15 +14,15 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Protocol
 
-BAR_SECONDS = 1.0  # before the bar appears: what takes two seconds has it for half of them
-LINE_SECONDS = 30.0  # from line to line where stderr is no terminal: a log of an hour has 120
+BAR_SECONDS = 1.0  # delay of the bar: a step of two seconds shows it for one second
+LINE_SECONDS = 30.0  # between lines if stderr is no terminal: 120 lines per hour
 
 
 class Report(Protocol):
-    """Takes the fraction done, 0 to 1, and optionally the present step."""
+    """Takes the fraction done, 0 to 1, and optionally the name of the current step."""
 
     def __call__(self, fraction: float, what: str | None = None, /) -> None:
-        """Show it."""
+        """Show the progress."""
 
 
 class Messages:
@@ -63,8 +63,8 @@ class Messages:
     def progress(self, what: str, known: bool = True) -> Iterator[Report]:
         """Yield a function that takes the fraction done and shows it: a bar on a terminal, else a line now and then.
 
-        Without `known` fractions the bar only shows the time passed. The function raises KeyboardInterrupt if Ctrl+C
-        came during a callback from C code, which drops exceptions.
+        If `known` is False, the bar shows only the elapsed time. C code drops exceptions of its callbacks, so the
+        function raises KeyboardInterrupt if Ctrl+C came during one.
         """
         if self.quiet:
             yield _nothing
@@ -86,12 +86,12 @@ def _nothing(fraction: float, what: str | None = None) -> None:
 
 @contextmanager
 def _bar(what: str, known: bool) -> Iterator[Report]:
-    """Yield a function that moves a bar with the time left, which appears after BAR_SECONDS."""
+    """Yield a function that updates a bar with the time left. The bar appears after BAR_SECONDS."""
     # Before the first fraction, a renderer uploads the scene, builds its hierarchy and compiles shaders.
     state: dict[str, Any] = {"what": "preparing" if known else what}
     lock = threading.Lock()
 
-    # A timer shows the bar, so that quick commands show none and do not import rich.
+    # A timer shows the bar, so quick commands show none and do not import rich.
     def appear() -> None:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -130,7 +130,7 @@ def _bar(what: str, known: bool) -> Iterator[Report]:
 
 @contextmanager
 def _interruptible() -> Iterator[Callable[[], None]]:
-    """Note Ctrl+C; yield a function that raises KeyboardInterrupt once it came."""
+    """Record Ctrl+C; yield a function that raises KeyboardInterrupt if it was pressed."""
     came = False
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -150,7 +150,7 @@ def _interruptible() -> Iterator[Callable[[], None]]:
 
 
 def _lines(what: str) -> Report:
-    """Return what prints a line every LINE_SECONDS."""
+    """Return a report that prints a line every LINE_SECONDS."""
     start = last = time.monotonic()
 
     def report(fraction: float, now: str | None = None) -> None:
@@ -165,7 +165,7 @@ def _lines(what: str) -> Report:
 
 
 def _time_left(seconds: float, fraction: float) -> str:
-    """Return the time left at the pace so far, in words; empty while there is no pace."""
+    """Return the time left at the current rate, as text; empty while `fraction` is 0."""
     if fraction <= 0.0:
         return ""
     left = round(seconds * (1.0 - min(fraction, 1.0)) / fraction)

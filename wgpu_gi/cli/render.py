@@ -1,4 +1,4 @@
-"""`wgpu-gi render`: from arguments to a scene, a renderer and a file."""
+"""`wgpu-gi render`: renders the scene of the arguments to a file."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .messages import Messages
 
 
 def render(arguments: Namespace) -> int:
-    """Carry out `wgpu-gi render`; return the exit code. Raises GiError for all that the user can put right."""
+    """Run `wgpu-gi render` and return the exit code. Raises GiError for an error that the user can fix."""
     if list_names(arguments):
         return 0
     settings = settings_from(arguments)
     if "help" in arguments.show:
         print(*buffers_of(settings.gi), *views_of(settings.gi), sep="\n")
         return 0
-    # Refuse what cannot work before any time is spent on it.
+    # Check the arguments before any slow step.
     shown = checked_buffers(arguments.show or ["radiance"], settings.gi)
     check_size(*arguments.size)
     say = Messages(arguments.verbose, arguments.quiet)
@@ -50,7 +50,7 @@ def render(arguments: Namespace) -> int:
         told = f"exposure {metadata['exposure']}, "
     save_image(arguments.output, layers, exposure=exposure, metadata=metadata)
 
-    # Tell what was done.
+    # Print the reports and the result.
     if arguments.plan:
         print(renderer.plan())
     if arguments.timings:
@@ -72,4 +72,4 @@ def check_single(arguments: Namespace) -> None:
     }
     for name, given in of_sequences.items():
         if given:
-            raise GiError(f"{name} is for several frames; add --frames 0:240, say")
+            raise GiError(f"{name} needs several frames; add --frames, such as --frames 0:240")

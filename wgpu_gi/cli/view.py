@@ -1,4 +1,4 @@
-"""`wgpu-gi view`: from arguments to a scene in a window."""
+"""`wgpu-gi view`: shows the scene of the arguments in a window."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FIRST = ("path.samples_per_run=1",)  # settings of a viewer: the path tracer sho
 
 
 def view(arguments: Namespace) -> int:
-    """Carry out `wgpu-gi view`; return the exit code. Raises GiError for all that the user can put right."""
+    """Run `wgpu-gi view` and return the exit code. Raises GiError for an error that the user can fix."""
     if list_names(arguments):
         return 0
     settings = settings_from(arguments, FIRST)

@@ -1,1 +1,1 @@
-"""The GPU layer: device, shaders, render graph; it knows nothing of scenes or light."""
+"""The GPU layer: device, shaders, render graph. It does not depend on scenes or light."""

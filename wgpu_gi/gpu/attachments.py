@@ -1,4 +1,4 @@
-"""Matches the color and depth targets and the index buffer of a raster pass with its shader; raises GiError."""
+"""Checks the color targets, depth target and index buffer of a raster pass against its shader; raises GiError."""
 
 from __future__ import annotations
 

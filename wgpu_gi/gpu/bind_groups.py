@@ -1,4 +1,4 @@
-"""Bind groups and params buffers of the passes that run: made when first needed, kept while their resources stay."""
+"""Bind groups and params buffers of passes: created at the first run, reused while the resources stay the same."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from .handles import Buffer, Resource, Shared, Texture
 from .messages import reason
 from .passes import Pass, Use
 
-# Of one pass: for each combination of three swapped histories. More are of resources that are gone.
+# Per pass: 2^3, one for each state of three swapped histories. Any more belong to resources that are gone.
 MOST_GROUPS = 8
 
 _BOUND = attrgetter("bound")
 
 
 def write_params(device: Device, p: Pass, first_workgroup: int) -> None:
-    """Send the params struct, if there is one and its values are others than those on the GPU."""
+    """Write the params struct, if there is one and its values differ from those on the GPU."""
     if p.params is None:
         return
     state = p.state
@@ -40,9 +40,9 @@ def write_params(device: Device, p: Pass, first_workgroup: int) -> None:
 
 
 def bind_groups(device: Device, p: Pass) -> tuple[Any, Any]:
-    """Return the bind groups of shared uniforms (None without any) and of the rest.
+    """Return bind group 0, the shared uniforms (None without any), and bind group 1, all other bindings.
 
-    They are made when a combination of wgpu objects is bound for the first time.
+    Each new combination of wgpu objects creates them once.
     """
     key = tuple(map(_BOUND, p.resources))
     found = p.state.bind_groups.get(key)

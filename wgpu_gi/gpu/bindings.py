@@ -1,4 +1,4 @@
-"""Matches shared uniforms, params, constants and dispatch size of a declaration with its shader; raises GiError."""
+"""Checks shared uniforms, params, constants and dispatch size of a declaration against its shader; raises GiError."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def shared_uniforms(
 
 
 def params_binding(where: str, used: Mapping[str, Binding], values: Mapping[str, Any]) -> Binding | None:
-    """Return the binding of the uniform struct `params`, None if the entry points use none and no values are given."""
+    """Return the binding of the uniform struct `params`; None if the entry points and `values` do not use it."""
     binding = next((b for b in used.values() if b.group == 1 and is_params(b)), None)
     if binding is None and values:
         raise GiError(f"{where}: params {names_of(values)} given, but its entry point uses no uniform `params`")
@@ -64,7 +64,7 @@ def params_binding(where: str, used: Mapping[str, Binding], values: Mapping[str,
 
 
 def params_block(where: str, source: ShaderSource, binding: Binding, values: Mapping[str, Any]) -> np.ndarray:
-    """Fill the `params` struct by name; special fields are left zero."""
+    """Return the `params` struct, filled by field name; special fields stay zero."""
     dtype = source.layout(binding.type).dtype
     fields = [n for n in dtype.names or () if not n.startswith("_")]
     ours = [n for n in fields if n not in SPECIAL_PARAMS]
@@ -109,7 +109,7 @@ def override_values(
 def workgroup_size(
     where: str, source: ShaderSource, entry: EntryPoint, constants: Mapping[str, float]
 ) -> tuple[int, int, int]:
-    """Return the workgroup size of a compute entry point with its overrides in place."""
+    """Return the workgroup size of a compute entry point with its overrides applied."""
     if not entry.workgroup_size:
         raise GiError(f"{where}: it has no @workgroup_size")
     sizes = []

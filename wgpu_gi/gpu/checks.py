@@ -29,7 +29,7 @@ USAGES = {
     "texture": wgpu.TextureUsage.TEXTURE_BINDING,
     "storage_texture": wgpu.TextureUsage.STORAGE_BINDING,
 }
-# Per stage, what WebGPU guarantees (its specification, section 3.6.2).
+# The limits per stage that WebGPU guarantees (specification, section 3.6.2).
 MOST_BINDINGS = {
     "storage": (8, "storage buffers"),
     "storage_texture": (4, "storage textures"),
@@ -38,7 +38,7 @@ MOST_BINDINGS = {
 
 
 def entry_point(where: str, source: ShaderSource, stage: str, name: str | None) -> EntryPoint | None:
-    """Return the entry point `name` of a stage; without a name the only one, or None if there is none."""
+    """Return the entry point `name` of a stage. Without a name, return the only one, or None if there is none."""
     found = {e.name: e for e in source.entry_points.values() if e.stage == stage}
     if name is None:
         if len(found) > 1:
@@ -106,7 +106,7 @@ def resource_uses(
             if binding is None or binding.group != 1 or is_params(binding):
                 hint = " (group 0: set it with set_uniform)" if binding is not None and binding.group == 0 else ""
                 raise GiError(f"{where}: {name!r} is no binding{hint}; there is {names_of(wanted)}")
-            # A resource that the entry points do not use is not bound, and makes no pass stale.
+            # A resource that the entry points do not use is not bound and cannot make the pass stale.
             if access == "read" and name not in used:
                 continue
             if binding.space == "sampler":
@@ -154,7 +154,7 @@ def check_hazards(where: str, uses: Iterable[Use]) -> None:
 def check_sampling(
     where: str, source: ShaderSource, uses: Iterable[Use], samplers: Iterable[tuple[Binding, Sampler]]
 ) -> None:
-    """Raise GiError if a texture that cannot be filtered meets a filtering sampler."""
+    """Raise GiError if the shader samples a texture that cannot be filtered with a filtering sampler."""
     kinds = {binding.name: sampler.kind for binding, sampler in samplers}
     types = {use.name: use.sample_type for use in uses}
     for texture, sampler in sorted(source.module.sampled):
@@ -266,5 +266,5 @@ def _dimension(kind: Type) -> str:
 
 
 def names_of(names: Iterable[str]) -> str:
-    """Return names as a list for people."""
+    """Return names separated by commas, or "none"."""
     return ", ".join(names) or "none"

@@ -1,4 +1,4 @@
-"""The passes of a declaration, checked against their shaders; a pass declared as before is taken over unchecked."""
+"""Declares passes and checks them against their shaders. An unchanged pass is reused without a check."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from .wgsl.module import EntryPoint
 
 
 class PassDeclarations(ResourceDeclarations):
-    """All passes of a frame. A pass declared as before keeps its state."""
+    """All passes of a frame. An unchanged pass keeps its state."""
 
     def __init__(self, device: Any, shader_root: Path | str | None = None) -> None:
         super().__init__(device)
         self.shader_root = shader_root
         self.passes: dict[str, Pass] = {}
-        self.planned: dict[str, Pass | str] = {}  # all that was declared, in order: a pass, or why there is none
+        self.planned: dict[str, Pass | str] = {}  # in order of declaration: a pass, or why it is skipped
         self.timing = Timing(device)
         self._declaring = False
         self._old_passes: dict[str, Pass] = {}
@@ -49,15 +49,15 @@ class PassDeclarations(ResourceDeclarations):
         split: bool = False,
         clear: Iterable[Buffer] = (),
     ) -> Pass:
-        """Declare a compute pass with a thread for each pixel of a texture, element of a buffer, or of `over` threads.
+        """Declare a compute pass. `over` is a texture (one thread per pixel), a buffer (per element) or a thread count.
 
         The keys of `reads` and `writes` are WGSL variable names; read_write bindings go in `writes`. `params` fills the
-        uniform struct of this name by field; constants are `override`s, each value of which compiles a pipeline.
-        `uniforms` binds shared uniforms of other names than in the shader: {"view": "view_second"}. After each change
-        of an input it runs `settle` times. With `split`, consecutive ranges of workgroups along x are dispatched one by
-        one; the shader adds `params.first_workgroup` to its workgroup_id.x. `clear` are buffers zeroed before each run.
-        `indirect` is a buffer of three u32 group counts, instead of `over`. Raises GiError where this does not match
-        the shader.
+        fields of the uniform struct `params`. `constants` sets `override`s; each new value compiles a pipeline.
+        `uniforms` maps shader variables to shared uniforms of another name: {"view": "view_second"}. The pass runs
+        `settle` times after each change of an input. With `split`, it dispatches ranges of workgroups along x one by
+        one; the shader adds `params.first_workgroup` to its workgroup_id.x. Buffers in `clear` are zeroed before each
+        run. `indirect` replaces `over`: a buffer of three u32 group counts. Raises GiError if the declaration does not
+        match the shader.
         """
         source = self._load(name, shader)
         clear = tuple(clear)
@@ -114,11 +114,11 @@ class PassDeclarations(ResourceDeclarations):
     ) -> Pass:
         """Declare a raster pass; the keys of `color` are the names of the fragment shader's outputs.
 
-        `draw` records draw calls on the render pass encoder it is given, or is (vertices, instances). Functions that
-        compare equal, such as instances of a frozen dataclass, are the same to a redeclaration. `index` is a buffer of
-        uint32 that is bound before; counts are then of indices. Targets are cleared unless `load`. Depth is reversed:
-        1 near, cleared to 0, greater wins. `entry` is (vertex, fragment); the rest is as in `compute`. Raises GiError
-        where this does not match the shader.
+        `draw` is (vertices, instances), or a function that records draw calls on a render pass encoder. Redeclaration
+        treats functions that compare equal, such as instances of a frozen dataclass, as unchanged. `index` is an index
+        buffer of uint32; `draw` then counts indices. Targets are cleared unless `load`. Depth is reversed: 1 near,
+        cleared to 0, greater wins. `entry` is (vertex, fragment); the rest is as in `compute`. Raises GiError if the
+        declaration does not match the shader.
         """
         source = self._load(name, shader)
         # Take over the same pass of the declaration before.
@@ -145,7 +145,7 @@ class PassDeclarations(ResourceDeclarations):
         return self._add_new(p)
 
     def skip(self, name: str, reason: str) -> None:
-        """Say in the plan why a pass is not declared: "no alpha-masked material"."""
+        """Record for the plan why a pass is not declared: "no alpha-masked material"."""
         self._check_new_pass(name, f"pass {name!r}", "skipped")
         self.planned[name] = reason
 
@@ -174,7 +174,7 @@ class PassDeclarations(ResourceDeclarations):
         settle: int,
         more: tuple[Use, ...],
     ) -> Pass:
-        """Check what compute and raster passes have in common; `more` are uses that are not bound by name."""
+        """Check what compute and raster passes have in common. `more` are uses outside `reads` and `writes`."""
         where = f"pass {name!r} ({source.path})"
         self._check_new_pass(name, where)
         used = checks.bindings_used(where, source, entries)
@@ -192,9 +192,9 @@ class PassDeclarations(ResourceDeclarations):
         return p
 
     def _unchanged(self, name: str, arguments: tuple, params: Mapping[str, Any] | None, settle: int) -> Pass | None:
-        """Return the pass of the declaration before if its arguments were the same, with these params and `settle`.
+        """Return the pass of the previous declaration if its arguments are equal, with new params and `settle`.
 
-        Return None if there is none, or if what it binds has changed since: then it must be checked.
+        Return None if there is none, or if the objects that it binds have changed: the pass then needs a check.
         """
         p = self._old_passes.get(name)
         if p is None or p.arguments != arguments:
@@ -215,7 +215,7 @@ class PassDeclarations(ResourceDeclarations):
         return self._add(p)
 
     def _add_new(self, p: Pass) -> Pass:
-        """Add a pass that is checked; if it is the same as before after all, it takes over the state."""
+        """Add a checked pass. It takes over the state of the previous pass if their signatures are equal."""
         if not any(use.writes for use in p.uses):
             raise GiError(f"{p.where}: it writes nothing")
         for resource in p.resources:
@@ -240,12 +240,12 @@ def _items(given: Mapping[str, Any] | None) -> tuple:
 
 
 def _comparable(params: Mapping[str, Any] | None) -> tuple:
-    """Return params for comparison with later ones: what could change in place as its bytes."""
+    """Return params in comparable form: values that could change in place become bytes."""
     if not params:
         return ()
     return tuple((n, v if type(v) in (int, float, bool, tuple) else np.asarray(v).tobytes()) for n, v in params.items())
 
 
 def _bound(p: Pass) -> tuple[int, ...]:
-    """Return what identifies the wgpu objects of shared resources: others may be too small or of another format."""
+    """Identify the wgpu objects of shared resources: a new object may be too small or have another format."""
     return tuple(r.bound for r in p.shared)

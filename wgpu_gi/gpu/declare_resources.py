@@ -1,4 +1,4 @@
-"""The resources of a declaration by name: textures, buffers, uniforms, samplers, and what others own."""
+"""Declares resources by name: textures, buffers, uniforms, samplers, and resources owned outside the graph."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ R = TypeVar("R", bound=Resource)
 
 
 class ResourceDeclarations:
-    """All that passes can bind. A resource declared as before keeps its handle and its contents."""
+    """All that passes can bind. An unchanged resource keeps its handle and its contents."""
 
     def __init__(self, device: Any) -> None:
         self.device = device
@@ -43,12 +43,12 @@ class ResourceDeclarations:
         dimension: str = "2d",
         nonnegative: bool = False,
     ) -> Texture:
-        """Declare a texture; without `size` it has the viewport's, times `scale` and rounded up.
+        """Declare a texture. Without `size`, it has the size of the viewport times `scale`, rounded up.
 
-        With `history`, `.previous` holds what was there before the last run. `nonnegative` is checked by `check=True`.
-        Raises GiError for a size, a format or a number of layers or mip levels that the device does not have.
+        With `history`, `.previous` holds the contents before the last run. `check=True` checks `nonnegative`. Raises
+        GiError for a size, a format or a number of layers or mip levels that the device does not support.
         """
-        # Take over the same texture of the declaration before.
+        # Reuse the texture of the previous declaration if it is unchanged.
         width, height = size or (math.ceil(self.size[0] * scale), math.ceil(self.size[1] * scale))
         known = self._known(name, ("texture", format, (width, height), layers, mips, history, dimension))
         if isinstance(known, Texture):
@@ -97,9 +97,9 @@ class ResourceDeclarations:
         return self._add_resource(buffer, nonnegative)
 
     def share(self, name: str, resource: Any, version: Any = 0) -> Shared:
-        """Declare, or update at any time, a wgpu buffer, texture or view that someone else owns.
+        """Declare, or update at any time, a wgpu buffer, texture or view that is owned outside the graph.
 
-        Passes that read it are stale if `version` or the object itself differs from that of their last run.
+        A pass that reads it is stale if `version` or the object has changed since the pass last ran.
         """
         known = self.resources.get(name) or self._old_resources.get(name)
         if isinstance(known, Shared) and known.can_be(resource):
@@ -112,7 +112,7 @@ class ResourceDeclarations:
     def uniform(self, name: str, value: Any) -> Uniform:
         """Declare a uniform for bind group 0, by its WGSL variable name; `value` is a dtype or a numpy value.
 
-        It stays, whatever `begin` does, until it is declared with another dtype.
+        It survives `begin`; only a declaration with another dtype replaces it.
         """
         is_value = isinstance(value, np.generic | np.ndarray)
         dtype = value.dtype if is_value else np.dtype(value)
@@ -125,7 +125,7 @@ class ResourceDeclarations:
     def set_uniform(self, name: str, value: Any) -> None:
         """Set a shared uniform; if its bytes change, the passes that bind it are stale.
 
-        Raises GiError for an unknown name or another number of bytes.
+        Raises GiError for an unknown name or a wrong number of bytes.
         """
         uniform = self.uniforms.get(name)
         if uniform is None:
@@ -163,7 +163,7 @@ class ResourceDeclarations:
         return found
 
     def _known(self, name: str, spec: tuple) -> Resource | None:
-        """Return the resource of the declaration before if it had the same `spec`."""
+        """Return the resource of the previous declaration if it had the same `spec`."""
         self._check_new(name)
         old = self._old_resources.get(name)
         return old if isinstance(old, Texture | Buffer) and old.spec == spec else None

@@ -13,9 +13,9 @@ from .timing import Timing
 
 @dataclass(frozen=True)
 class Row:
-    """A pass in the plan: `state` is ran, kept or culled, `bytes` are of what it writes.
+    """A pass in the plan: `state` is ran, kept or culled; `bytes` is the size of what it writes.
 
-    `ms` is the median of its runs that were measured, `p95` their 95th percentile.
+    `ms` is the median of its measured runs, `p95` their 95th percentile.
     """
 
     name: str
@@ -29,7 +29,7 @@ class Row:
 def plan(planned: Mapping[str, Pass | str], last_run: Mapping[str, Stale], timing: Timing) -> list[Row]:
     """Describe what each declared pass did in a run, in the order of declaration.
 
-    `planned` gives each pass, or the reason why it was not declared; `last_run` the passes that ran, and why.
+    `planned` maps each name to the pass or to why it was not declared; `last_run` holds why each pass ran.
     """
     return [_row(name, what, last_run.get(name), timing) for name, what in planned.items()]
 
@@ -47,7 +47,7 @@ def _row(name: str, what: Pass | str, stale: Stale | None, timing: Timing) -> Ro
 
 
 def _inputs(p: Pass) -> list[str]:
-    """Return the names of all that could make a pass stale."""
+    """Return the names of the inputs that can make a pass stale."""
     names = ["params"] * (p.params is not None)
     names += [uniform.name for _, uniform in p.uniforms]
     names += [use.view.resource.name for use in p.uses if not use.writes and not use.view.previous]

@@ -1,7 +1,7 @@
-"""Chooses the adapter, its features and its limits, and works around what wgpu and its drivers get wrong.
+"""Chooses the adapter, its features and its limits; works around errors of wgpu and of drivers.
 
-Only Vulkan, Metal and Direct3D 12 are used: wgpu falls back to OpenGL silently, where sampling a mip view returns wrong
-data without an error. Once a device exists, new processes must be spawned, not forked: a forked child hangs.
+Only Vulkan, Metal and Direct3D 12 are used. wgpu would fall back to OpenGL silently; there, sampling a mip view returns
+wrong data without an error. Once a device exists, spawn new processes: a forked child hangs.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ WANTED_FEATURES = {"timestamp-query", "float32-filterable", "rg11b10ufloat-rende
 PREFERENCE = ("DiscreteGPU", "IntegratedGPU", "CPU")
 LARGE_BUFFER = 2**31 - 4  # the largest multiple of 4 that drivers with 32-bit signed sizes accept
 
-# The default limits of the WebGPU specification (section 3.6.2). wgpu would grant the adapter's own limits; with these,
-# what runs here runs on every adapter.
+# The default limits of the WebGPU specification (section 3.6.2). wgpu would grant the adapter's own limits; with the
+# default limits, what runs here runs on every adapter.
 DEFAULT_LIMITS = {
     "max-texture-dimension-1d": MAX_TEXTURE_SIDE,
     "max-texture-dimension-2d": MAX_TEXTURE_SIDE,
@@ -122,8 +122,8 @@ class Device:
 def open_device(adapter: str | None = None, large_buffers: bool = False) -> Device:
     """Return the device of the best adapter, or of the first whose name contains `adapter` (case-insensitive).
 
-    Limits are WebGPU's defaults; `large_buffers` raises those on buffer and storage binding size to what the adapter
-    has, at most 2 GiB. Raises GiError if there is no adapter, or none of that name.
+    Limits are WebGPU's defaults. `large_buffers` raises the limits of buffer size and storage binding size to the
+    adapter's, at most 2 GiB. Raises GiError if there is no adapter, or none of that name.
     """
     found = _adapters()
     usable = [a for a in found if not _why_not(a)]
@@ -142,7 +142,7 @@ def open_device(adapter: str | None = None, large_buffers: bool = False) -> Devi
 
 
 def list_adapters() -> list[AdapterInfo]:
-    """Return all adapters, the one that `open_device()` takes first; an empty list if there is no driver."""
+    """Return all adapters, the choice of `open_device()` first; an empty list if there is no driver."""
     return [
         AdapterInfo(
             name=_name(a),
@@ -160,7 +160,7 @@ def list_adapters() -> list[AdapterInfo]:
 
 @cache
 def _adapters() -> list[Any]:
-    """Ask the drivers, once per process, without waking OpenGL."""
+    """List the adapters, once per process, without loading OpenGL."""
     # Mesa's device-select layer prints errors to stderr if this is unset.
     os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())
     set_instance_extras(backends=["Vulkan", "Metal", "DX12"])
@@ -187,7 +187,7 @@ def _why_not(adapter: Any) -> str:
     backend = adapter.info["backend_type"]
     if backend not in BACKENDS:
         return f"{backend} returns wrong data for mip views; a Vulkan, Metal or Direct3D 12 driver is needed"
-    # A limit of 0 is one that the driver does not report. Of alignments, smaller ones are better.
+    # 0 means that the driver does not report the limit. Smaller alignments are better.
     for name, needed in DEFAULT_LIMITS.items():
         has = adapter.limits.get(name, 0)
         if has and (has > needed if name.startswith("min-") else has < needed):

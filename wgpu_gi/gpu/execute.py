@@ -20,10 +20,10 @@ from .schedule import Stale
 from .timing import Timing
 from .watch import check_written
 
-# A part of a split pass takes 0.1 to 0.3 s: short enough that no driver takes it for a hang (2 s and up) and that
-# Ctrl-C is prompt, long enough that submit and wait (0.1 ms) do not matter.
+# A chunk of a split pass takes 0.1 to 0.3 s: far below the hang detection of drivers (2 s and up) and short enough for
+# a prompt Ctrl-C, but long enough that submit and wait (0.1 ms) do not matter.
 CHUNK_SECONDS = (0.1, 0.2, 0.3)
-CHUNK_STEP = (0.25, 8.0)  # bounds on the change from part to part; the first run includes compilation by the driver
+CHUNK_STEP = (0.25, 8.0)  # bounds on the change from chunk to chunk; the first run includes compilation by the driver
 
 _stamps = itertools.count(1)
 
@@ -38,8 +38,8 @@ def run(
 ) -> None:
     """Run the stale passes of `order`; `timing` measures each of them.
 
-    `check` reads back what each pass writes and raises GiError at the first bad value. `on_chunk` is called with the
-    fraction that is done of a split pass. After any exception, all that was stale starts from its beginning.
+    `check` reads back what each pass writes and raises GiError at the first bad value. `on_chunk` receives the
+    finished fraction of a split pass. After any exception, all stale passes start over.
     """
     frame = _Frame(device, timing, check, on_chunk)
     if timing is not None:
@@ -48,7 +48,7 @@ def run(
         for resource in {r for p in stale for r in p.written if r.history}:
             resource.swap()
         if timing is None:
-            # A clear ends the compute pass: do all that can be done before the first one begins.
+            # A clear ends the compute pass, so do all possible clears before the first compute pass begins.
             frame.clear(r for p in order if p.clear_first and p in stale for r in p.clear_first)
         for p in order:
             if p in stale:
@@ -56,7 +56,7 @@ def run(
                 frame.run(p)
         frame.submit()
     except BaseException:
-        # Half a frame is on the GPU.
+        # The GPU holds half a frame.
         for p in stale:
             p.state.restart()
         raise
@@ -65,7 +65,7 @@ def run(
 
 
 class _Frame:
-    """One command encoder, submitted once, unless a split pass, a measurement or a check comes between."""
+    """One command encoder, submitted once; a split pass, a measurement or a check submits earlier."""
 
     def __init__(
         self, device: Device, timing: Timing | None, check: bool, on_chunk: Callable[[float], None] | None
@@ -76,18 +76,18 @@ class _Frame:
         self.check = check
         self.on_chunk = on_chunk
         self.encoder: Any = None
-        self.compute: Any = None  # the compute pass encoder that is open: it takes all dispatches up to a clear or draw
-        self.pipeline: Any = None  # what is set on it
-        self.shared: Any = None  # its bind group 0
+        self.compute: Any = None  # the open compute pass encoder: takes all dispatches up to a clear or draw
+        self.pipeline: Any = None  # the pipeline set on `compute`
+        self.shared: Any = None  # bind group 0 set on `compute`
 
     def run(self, p: Pass) -> None:
-        """Record a pass, or run it at once where it must be alone."""
+        """Record a pass; submit at once if it must run alone."""
         timing = self.timing
         if timing is None and p.raster is None and not p.split and not self.check:
             self.clear(p.clear_late)
             self.record_compute(p, p.groups)
             return
-        # A split pass, and one that is measured without timestamps, waits for what comes before it.
+        # A split pass, and a pass measured without timestamps, waits for the passes before it.
         by_wait = timing is not None and not timing.has_timestamps(p)
         if by_wait or p.split:
             self.submit()
@@ -128,7 +128,7 @@ class _Frame:
             self.begin().clear_buffer(resource.object())
 
     def submit(self) -> None:
-        """Send what is recorded. Raises GiError for what only the driver finds wrong."""
+        """Submit the recorded commands. Raises GiError for an error that only the driver detects."""
         if self.encoder is None:
             return
         encoder, self.encoder = self.begin(), None
@@ -138,7 +138,7 @@ class _Frame:
             raise GiError(f"the GPU refused the frame: {reason(error)}") from error
 
     def record_compute(self, p: Pass, groups: tuple[int, int, int] | None, stamps: Any = None) -> None:
-        """Record a dispatch; set only what differs from the dispatch before, since each call of wgpu-py takes 1 us."""
+        """Record a dispatch. Set only what differs from the previous dispatch: each call of wgpu-py takes 1 us."""
         if self.compute is None or stamps:
             more = {"timestamp_writes": stamps} if stamps else {}
             self.compute = self.begin().begin_compute_pass(label="compute", **more)
@@ -199,7 +199,7 @@ class _Frame:
         encoder.end()
 
     def run_split(self, p: Pass) -> None:
-        """Dispatch consecutive ranges of workgroups along x, each submitted and waited for."""
+        """Dispatch consecutive ranges of workgroups along x; submit and await each one."""
         assert p.groups is not None
         total, y, z = p.groups
         first = 0
@@ -226,7 +226,7 @@ def next_chunk(chunk: int, count: int, seconds: float) -> int:
 
 
 def _prepare(device: Device, p: Pass, why: Stale) -> None:
-    """Note the run and send the params."""
+    """Record the run in the state of the pass and write its params."""
     state = p.state
     if why.kind != "repeated":
         state.settle_index = state.settle_index + 1 if why.kind == "settling" else 0

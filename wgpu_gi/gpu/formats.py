@@ -1,4 +1,4 @@
-"""Element types of buffers; texture formats that a pass may write: their texels as numpy types, and their uses."""
+"""Element types of buffers, and the texture formats that a pass may write: their numpy types and allowed uses."""
 
 from __future__ import annotations
 
@@ -42,31 +42,31 @@ class Format:
         return self.dtype.kind == "f" or self.name == "rg11b10ufloat"
 
     def floats(self, texels: np.ndarray) -> np.ndarray:
-        """Return texels of a float format as read back, with the values of packed ones as the last axis."""
+        """Return the read-back texels of a float format as floats; packed values become the last axis."""
         return unpack_rg11b10ufloat(texels[..., 0]) if self.name == "rg11b10ufloat" else texels
 
     @property
     def end(self) -> np.ndarray:
-        """The magnitude, per channel of a float format, from which values are out of range."""
+        """The magnitude, per channel of a float format, at which a value is out of range."""
         if self.name == "rg11b10ufloat":
             return np.array(LARGEST_RG11B10UFLOAT, np.float32)
         return np.full(self.channels, float_end(self.dtype))
 
 
 def float_end(dtype: np.dtype) -> float:
-    """Return the magnitude from which values of a float type are out of range.
+    """Return the magnitude at which a value of a float type is out of range.
 
-    For types narrower than 32 bits it is their largest finite value, which GPUs may store in place of infinity.
+    For types narrower than 32 bits, this is the largest finite value: GPUs may store it in place of infinity.
     """
     return np.inf if dtype.itemsize >= 4 else float(np.finfo(dtype).max)
 
 
-# Exponent 15, all bits of the mantissa set: 6 of red and green, 5 of blue.
+# Exponent 15 with all bits of the mantissa set: 6 bits for red and green, 5 for blue.
 LARGEST_RG11B10UFLOAT = (65024.0, 65024.0, 64512.0)
 
 
 def unpack_rg11b10ufloat(words: np.ndarray) -> np.ndarray:
-    """Return (..., 3) float32 of packed texels: the upper bits of a half float without a sign, red in the lowest."""
+    """Unpack texels to (..., 3) float32. Each channel is the top of an unsigned half float; red has the lowest bits."""
     halves = np.stack([(words & 0x7FF) << 4, (words >> 11 & 0x7FF) << 4, (words >> 22) << 5], -1)
     return halves.astype(np.uint16).view(np.float16).astype(np.float32)
 
@@ -87,7 +87,7 @@ def _table() -> dict[str, Format]:
     table = {}
     for channels, letters in ((1, "r"), (2, "rg"), (4, "rgba")):
         for suffix, (dtype, kind, normalized) in numbers.items():
-            # The storage formats of the specification's core: all of 32 bits per channel, and rgba of the others.
+            # Core WebGPU has these storage formats: all with 32 bits per channel, and rgba with fewer bits.
             storage = suffix.startswith("32") or channels == 4
             name = letters + suffix
             table[name] = Format(name, channels, np.dtype(dtype), kind, storage, normalized)

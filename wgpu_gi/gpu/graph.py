@@ -21,8 +21,8 @@ from .handles import Buffer, Handle, Resource, Shared, Texture, View
 from .passes import Pass
 from .wgsl.load import refresh
 
-# Uses that are always allowed: reading back, clearing, and a reader that is declared later, which must not cost the
-# contents. All other uses come from the passes.
+# Usage flags of every resource: read-back, clear, and a reader that is declared later (adding it must not lose the
+# contents). The passes add all other flags.
 ALWAYS = {
     Texture: wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.COPY_DST | wgpu.TextureUsage.TEXTURE_BINDING,
     Buffer: wgpu.BufferUsage.COPY_SRC | wgpu.BufferUsage.COPY_DST | wgpu.BufferUsage.STORAGE,
@@ -31,24 +31,24 @@ ALWAYS = {
 
 
 class Graph(PassDeclarations):
-    """A frame as a makefile. `device` is a `Device`; shaders under `shader_root` are found before the package's."""
+    """A frame that reruns only stale passes, like make. Shaders under `shader_root` come before the package's."""
 
     def __init__(self, device: Any, shader_root: Path | str | None = None) -> None:
         super().__init__(device, shader_root)
-        refresh()  # a new graph sees shader files as they are now; later changes are seen when `refresh` is called
+        refresh()  # a new graph reads the current shader files; later changes need another `refresh`
         self.order: list[Pass] = []  # the active passes
-        self.last_run: dict[str, schedule.Stale] = {}  # the passes that ran last time, and why
+        self.last_run: dict[str, schedule.Stale] = {}  # why each pass of the last run ran
         self._linked: tuple | None = None  # the passes and outputs of the last `compile`
 
     def begin(self, size: tuple[int, int] = (1, 1)) -> None:
         """Start a declaration for a viewport of `size` (width, height) pixels. Raises GiError for an empty viewport.
 
-        What is declared as before, by name, keeps its contents and its state; `compile` frees the rest. Shared
-        resources stay: their owners keep them.
+        Resources and passes that are declared again unchanged keep their contents and state; `compile` frees the
+        others. Shared resources stay.
         """
         if min(size) < 1:
-            raise GiError(f"a viewport of {size[0]} x {size[1]} pixels has none; give at least 1 x 1")
-        # After a declaration that failed half-way, the one before it still counts.
+            raise GiError(f"a viewport of {size[0]} x {size[1]} pixels is empty; give at least 1 x 1")
+        # If the last declaration failed half-way, the one before it still counts.
         self._old_resources = self.resources | self._old_resources
         self._old_passes = self.passes | self._old_passes
         self.resources = {name: r for name, r in self.resources.items() if isinstance(r, Shared)}
@@ -76,7 +76,7 @@ class Graph(PassDeclarations):
         self._linked = None
         schedule.link(passes, wanted)
         active = [p for p in passes if p.active]
-        # Free first what is gone, so that old and new contents do not add up.
+        # Free unused resources first, so that old and new contents do not add up.
         self._free_resources()
         usage: dict[Resource, int] = {}
         for p in active:
@@ -90,14 +90,14 @@ class Graph(PassDeclarations):
         self._linked = (passes, wanted)
 
     def _free_resources(self) -> None:
-        """Free the resources of earlier declarations that are declared no more."""
+        """Free the resources of earlier declarations that are no longer declared."""
         for name, resource in self._old_resources.items():
             if self.resources.get(name) is not resource:
                 resource.release()
         self._old_resources = {}
 
     def _free_old(self) -> None:
-        """Free what earlier declarations leave behind: resources, states of passes, pipelines."""
+        """Free the resources, pass states and pipelines that only earlier declarations used."""
         self._free_resources()
         gone = [p for name, p in self._old_passes.items() if self.passes.get(name) is not p]
         kept = {p.state for p in self.passes.values()}
@@ -119,8 +119,7 @@ class Graph(PassDeclarations):
 
         `timings` measures each pass and their sum (see `plan` and `timing`). `check` reads back all that is written
         and raises GiError at the first NaN, infinity, value at the end of a narrow format's range, or negative value
-        where none may be. `on_chunk` is called between the parts of split passes with the fraction of the pass that
-        is done.
+        in a `nonnegative` resource. `on_chunk` receives the finished fraction of a split pass after each chunk.
         """
         if self._declaring:
             raise GiError("the graph is declared but not compiled; call compile(outputs) before run")
@@ -146,16 +145,16 @@ class Graph(PassDeclarations):
         return done / sum(p.settle for p in settling) if settling else 1.0
 
     def read_back(self, handle: Handle | str, mip: int = 0) -> np.ndarray:
-        """Return the contents: (height, width, channels), with layers in front if several, or (count,).
+        """Return the contents: (height, width, channels), after an axis of layers if there are several, or (count,).
 
-        Values are as stored: uint8 for rgba8unorm. Raises GiError if it was never allocated.
+        Values are as stored: uint8 for rgba8unorm. Raises GiError if the resource was never allocated.
         """
         view = self._find(handle)
         level = mip if view.mip is None else view.mip
         return transfer.read_back(self.device.gpu, view, level)
 
     def plan(self, ran: Mapping[str, schedule.Stale] | None = None) -> list[describe.Row]:
-        """Return what each pass did in the last run, or in the one whose `last_run` was `ran`.
+        """Return what each pass did in the last run, or in the run whose `last_run` was `ran`.
 
         `describe.table` prints it.
         """

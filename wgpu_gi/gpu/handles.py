@@ -28,11 +28,11 @@ VIEW_DIMENSIONS = {
 
 
 class Resource:
-    """Something that passes read and write. `gpu` holds its wgpu object, or two with history; it is empty until used.
+    """Contents that passes read and write. `gpu` holds the wgpu object, or two with history; empty until allocated.
 
-    `stamp` is another value after each allocation and each change by an owner outside the graph: a pass whose input has
-    another stamp than at its last run is stale. `bound` is another value for each wgpu object that `object` returns: a
-    bind group holds as long as it is the same.
+    `stamp` changes with each allocation, and when the contents change outside the graph. A pass is stale if the stamp
+    of an input has changed since its last run. `bound` changes with the wgpu object that `object` returns; bind groups
+    depend on it.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Resource:
 
     @property
     def previous(self) -> View:
-        """What it held before the last run of the pass that writes it; needs `history=True`."""
+        """The contents before the last run of the pass that writes them; needs `history=True`."""
         if not self.history:
             raise GiError(f"{self.name!r} has no previous contents; declare it with history=True")
         return View(self, previous=True)
@@ -58,9 +58,9 @@ class Resource:
         return ((self, 0),)
 
     def object(self, previous: bool = False) -> Any:
-        """Return the wgpu texture or buffer. Raises GiError if no pass that runs uses it."""
+        """Return the wgpu texture or buffer. Raises GiError if no active pass uses it."""
         if not self.gpu:
-            raise GiError(f"{self.name!r} holds nothing: no pass that an output needs uses it")
+            raise GiError(f"{self.name!r} is not allocated: no active pass uses it")
         return self.gpu[(self.bound ^ previous) & 1]
 
     def swap(self) -> None:
@@ -68,7 +68,7 @@ class Resource:
         self.bound ^= 1
 
     def allocate(self, device: Any, usage: int) -> None:
-        """Make the wgpu objects, unless there are some that allow `usage`."""
+        """Create the wgpu objects, unless existing ones allow `usage`."""
         if self.gpu and usage | self.usage == self.usage:
             return
         self.release()
@@ -108,7 +108,7 @@ Slot = tuple[Resource, int]
 class Texture(Resource):
     """A texture of `size` (width, height) pixels; `layers` is the depth of a 3d texture.
 
-    `spec` is all that makes it another resource when changed: its kind, format, size and so on.
+    `spec` identifies it in a redeclaration: kind, format, size and so on.
     """
 
     def __init__(
@@ -170,7 +170,7 @@ class Texture(Resource):
         )
 
     def view(self, view: View, dimension: str) -> Any:
-        """Return the wgpu view of a part of it, as the shader's `dimension` ("2d", "2d-array" ...) wants it."""
+        """Return the wgpu view of a part of the texture, with the `dimension` of the shader ("2d", "2d-array" ...)."""
         key = (view.mip, view.layer, dimension, (self.bound ^ view.previous) & 1)
         found = self._views.get(key)
         if found is None:
@@ -190,7 +190,7 @@ class Texture(Resource):
 class Buffer(Resource):
     """A buffer of `count` elements of a numpy dtype, structured or not.
 
-    With one element per pixel, row by row, `width` is the number of pixels in a row; else it is 0. `spec` as for
+    `width` is the number of pixels in a row if there is one element per pixel, row by row, else 0. `spec` is as for
     textures.
     """
 
@@ -204,7 +204,7 @@ class Buffer(Resource):
 
     @property
     def size_bytes(self) -> int:
-        """Bytes of one copy: at least one element, since WebGPU binds nothing smaller."""
+        """Bytes of one copy: at least one element, since WebGPU cannot bind an empty buffer."""
         return -(-max(self.count, 1) * self.dtype.itemsize // 4) * 4
 
     @property
@@ -218,7 +218,7 @@ class Buffer(Resource):
 
 
 class Shared(Resource):
-    """A wgpu buffer, texture or texture view that someone else owns; a new `version` means new contents."""
+    """A wgpu buffer, texture or texture view owned outside the graph; a new `version` means new contents."""
 
     def __init__(self, name: str, resource: Any, version: Any) -> None:
         super().__init__(name)
@@ -227,7 +227,7 @@ class Shared(Resource):
         self.set(resource, version)
 
     def set(self, resource: Any, version: Any) -> None:
-        """Exchange the wgpu object, for one of the same kind, or its version."""
+        """Replace the wgpu object by another of the same kind, or its version."""
         if not self.gpu or self.gpu[0] is not resource:
             self._views.clear()
             self.bound += 2
@@ -248,7 +248,7 @@ class Shared(Resource):
         """Do nothing: its owner destroys it."""
 
     def view(self, view: View, dimension: str) -> Any:
-        """Return a wgpu view of it, or itself if it is one."""
+        """Return a wgpu view of the object, or the object if it is a view."""
         item = self.gpu[0]
         if not hasattr(item, "create_view"):
             return item
@@ -292,7 +292,7 @@ class Sampler:
 
 
 class Uniform:
-    """A shared uniform (bind group 0); `stamp` grows whenever its bytes become others."""
+    """A shared uniform (bind group 0); `stamp` grows when its bytes change."""
 
     def __init__(self, name: str, dtype: np.dtype, device: Any) -> None:
         self.name = name
@@ -302,7 +302,7 @@ class Uniform:
         self.gpu = device.create_buffer(label=f"uniform {name}", size=size, usage=usage)
         self.data = b""
         self.stamp = 0
-        self.groups: dict[tuple, Any] = {}  # bind groups 0 of which it is the first uniform
+        self.groups: dict[tuple, Any] = {}  # cached bind groups 0 whose first uniform it is
 
 
 Handle = Texture | Buffer | Shared | View

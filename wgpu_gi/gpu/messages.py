@@ -8,7 +8,7 @@ from .wgsl.load import ShaderSource
 
 
 def compiler_message(error: Exception, source: ShaderSource) -> str:
-    """Turn a message about the pasted text into "file:line: what" and an excerpt with the numbers of that file."""
+    """Turn a message about the pasted text into "file:line: what" and an excerpt with the line numbers of that file."""
     lines = str(error).splitlines()
     culprit = _culprit(lines)
     if culprit is None:

@@ -16,7 +16,7 @@ from .wgsl.module import Binding, EntryPoint
 
 _STAMP = attrgetter("stamp")
 
-# The executor fills these in where the params struct has them.
+# Optional fields of the params struct that the executor fills in.
 SPECIAL_PARAMS = ("settle_index", "first_workgroup")
 
 
@@ -57,19 +57,19 @@ class RasterState:
 
 @dataclass(eq=False)
 class PassState:
-    """What a pass keeps from frame to frame, as long as its declaration stays the same but for its params."""
+    """The state of a pass from frame to frame. A redeclaration that changes only its params keeps it."""
 
     seen: tuple | None = None  # `Pass.inputs` at its last run; None: it has not run
-    stamp: int = 0  # of its last run that may have changed what it writes
+    stamp: int = 0  # of its last run that may have changed its results
     settle_index: int = 0
     runs: int = 0
     params_buffer: Any = None
     params_on_gpu: tuple = ()  # bytes of the params, settle index and first workgroup
-    bind_groups: dict[tuple, tuple] = field(default_factory=dict)  # groups 0 and 1 by what the resources are bound to
+    bind_groups: dict[tuple, tuple] = field(default_factory=dict)  # groups 0 and 1 by the `bound` of the resources
     chunk: int = 64  # workgroups along x of the next chunk of a split pass
 
     def restart(self) -> None:
-        """Forget that it ran."""
+        """Start over: the next run counts as the first."""
         self.seen = None
         self.settle_index = 0
 
@@ -85,7 +85,7 @@ class PassState:
 class Pass:
     """A compute or raster pass as declared.
 
-    A redeclaration with the same arguments gives the same pass; only `settle` and the values in `params` may be others.
+    A redeclaration with the same arguments gives the same pass; only `settle` and the values in `params` may differ.
     """
 
     name: str
@@ -112,23 +112,23 @@ class Pass:
     layouts: tuple[Any, Any] | None = None  # of bind groups 0 and 1
     active: bool = False
     producers: dict[Pass, tuple[str, ...]] = field(default_factory=dict)  # earlier passes, and the inputs each writes
-    reruns_with: tuple[Pass, ...] = ()  # run whenever this one runs
+    reruns_with: tuple[Pass, ...] = ()  # passes that run whenever this one runs
     culled_because: str = ""
-    clear_first: tuple[Resource, ...] = ()  # of `clear`: those that no pass before it touches
-    clear_late: tuple[Resource, ...] = ()  # of `clear`: the others
-    stamped: tuple[Uniform | Resource | PassState, ...] = ()  # all that it depends on
+    clear_first: tuple[Resource, ...] = ()  # buffers of `clear` that no earlier pass uses
+    clear_late: tuple[Resource, ...] = ()  # the other buffers of `clear`
+    stamped: tuple[Uniform | Resource | PassState, ...] = ()  # all inputs with a stamp
 
     def __post_init__(self) -> None:
         self.set_params(self.params)
 
     def set_params(self, params: np.ndarray | None) -> None:
-        """Give it another params struct, its special fields zero."""
+        """Replace the params struct; its special fields must be zero."""
         self.params = params
         self.params_bytes = b"" if params is None else params.tobytes()
 
     @property
     def where(self) -> str:
-        """The beginning of each message about it."""
+        """The beginning of each message about this pass."""
         return f"pass {self.name!r} ({self.source.path})"
 
     @cached_property
@@ -138,12 +138,12 @@ class Pass:
 
     @cached_property
     def shared(self) -> tuple[Shared, ...]:
-        """The resources among them that someone else owns."""
+        """The resources that are owned outside the graph."""
         return tuple(r for r in self.resources if isinstance(r, Shared))
 
     @cached_property
     def written(self) -> tuple[Resource, ...]:
-        """The resources that it writes, each once, in order."""
+        """The resources that it writes, in order, without duplicates."""
         return tuple(dict.fromkeys(use.view.resource for use in self.uses if use.writes))
 
     @cached_property
@@ -178,13 +178,13 @@ class Pass:
 
     @property
     def params_before(self) -> np.ndarray | None:
-        """The params struct of the last run, its special fields zero; None if there was none."""
+        """The params struct of the last run, with special fields zero; None if there was none."""
         if self.params is None or self.state.seen is None:
             return None
         return np.frombuffer(self.state.seen[0], self.params.dtype).reshape(())
 
     def ignore_change_of(self, name: str) -> None:
-        """Keep the results of a pass that has run although a field of its params is new, because they do not change."""
+        """Keep the results although the params field `name` has changed, because they do not depend on it."""
         before = self.params_before
         assert before is not None and self.params is not None and self.state.seen is not None
         as_if = before.copy()
@@ -192,7 +192,7 @@ class Pass:
         self.state.seen = (as_if.tobytes(), *self.state.seen[1:])
 
     def signature(self) -> tuple:
-        """Return all that must stay the same for its contents and its state to stay valid."""
+        """Return what must be equal for contents and state to stay valid."""
         return (
             self.source,
             tuple(e.name for e in self.entries),

@@ -1,4 +1,4 @@
-"""Makes and caches pipelines; an error that the compiler finds in a shader is a GiError with file and line."""
+"""Creates and caches pipelines. A shader that does not compile raises GiError with file and line."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ STAGES = {
 }
 
 
-KEPT = 64  # pipelines that no pass uses: as many as the largest technique has, so that going back compiles none
+KEPT = 64  # unused pipelines: as many as the largest technique has, so that switching back to it compiles none
 
 
 class Pipelines:
     """All shader modules, bind group layouts and pipelines of a device, for all its graphs.
 
-    A pipeline lives as long as a pass uses it, or as it is among the last `KEPT` that passes gave up; a shader module
+    A pipeline lives while a pass uses it, or while it is among the last `KEPT` that were retired. A shader module lives
     as long as its source.
     """
 
@@ -36,7 +36,7 @@ class Pipelines:
         self._modules: WeakKeyDictionary[ShaderSource, Any] = WeakKeyDictionary()
         self._layouts: dict[tuple, Any] = {}
         self._pipelines: WeakValueDictionary[tuple, Any] = WeakValueDictionary()
-        self._retired: dict[Any, None] = {}  # the longest unused first
+        self._retired: dict[Any, None] = {}  # longest unused first
 
     def of(self, p: Pass) -> tuple[Any, tuple[Any, Any]]:
         """Return the pipeline of a pass, and the layouts of its bind groups 0 (shared uniforms) and 1.
@@ -60,7 +60,7 @@ class Pipelines:
         return found, layouts
 
     def retire(self, gone: Iterable[Pass], staying: Iterable[Pass] = ()) -> None:
-        """Take the pipelines of passes that are gone, except those that passes still use."""
+        """Retire the pipelines of the passes `gone`, except those that passes in `staying` use."""
         used = {p.pipeline for p in staying}
         for p in gone:
             if p.pipeline is not None and p.pipeline not in used:
@@ -148,7 +148,7 @@ def _entry(p: Pass, use: Use, binding: Binding) -> tuple:
 
 
 def _stages(p: Pass, binding: Binding) -> int:
-    """Return the stages that use a binding; all of the pass if none does but it is given."""
+    """Return the stages that use a binding; all stages of the pass if none does."""
     using = [STAGES[e.stage] for e in p.entries if binding.name in e.uses] or [STAGES[e.stage] for e in p.entries]
     return sum(set(using))
 

@@ -1,9 +1,8 @@
-"""Speeds up how cffi looks up C types for wgpu-py: pointers to named types, and arrays of them, need no C parser.
+"""Speeds up cffi's lookup of C types for wgpu-py: pointers to named types, and arrays of them, skip the C parser.
 
-Whenever cffi meets a type name for the first time, it parses the name together with all typedefs of the library,
-several hundred, with a C parser written in Python. For a first picture that takes 0.8 of 1.25 s on the main thread
-(Cornell box, 64x36, `--gi none`). cffi offers no public way around it, so `parse_type` of its private parser is
-replaced here.
+At the first use of a type name, cffi parses it together with all typedefs of the library (several hundred), with a C
+parser written in Python. For a first picture this takes 0.8 of 1.25 s on the main thread (Cornell box, 64x36,
+`--gi none`). cffi has no public way around this, so `parse_type` of its private parser is replaced.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ _SIMPLE = re.compile(r"(\w+) ?(\*|\[\]) ?")
 
 
 def read_types_quickly(ffi: Any) -> None:
-    """Make a cffi.FFI look up what it can. A cffi without the private parts that this needs is left as it is."""
+    """Replace the type lookup of a cffi.FFI. A cffi without the private attributes that this needs stays unchanged."""
     parser = getattr(ffi, "_parser", None)
     parse, declarations = getattr(parser, "parse_type", None), getattr(parser, "_declarations", None)
     if parser is None or parse is None or declarations is None:

@@ -1,4 +1,4 @@
-"""Finds the passes that an output needs, and those of them that are stale."""
+"""Finds the active passes, which an output needs, and the stale passes among them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from .passes import Pass
 class Stale(NamedTuple):
     """Why a pass runs.
 
-    "changed": an input is new, so progress starts from its beginning. "settling": progress goes on as declared.
-    "repeated": the inputs are as before, but another pass needs what this one overwrites; its results do not count as
-    new. `why` is the reason in words, or a function that returns it: reasons are put into words only when asked for.
+    "changed": an input has changed, so progress starts over. "settling": progress continues. "repeated": the pass
+    reruns only because another pass needs a buffer that has been overwritten; readers do not become stale. `why` is
+    the reason as text, or a function that returns it, so that the text is formatted only on demand.
     """
 
     kind: Literal["changed", "settling", "repeated"]
@@ -53,7 +53,7 @@ def link(passes: Sequence[Pass], outputs: Iterable[View]) -> None:
         overwritten = {s for s in reads if any(q.active and place[q] > place[p] for q in writers.get(s, ()))}
         others = {q for s in writes | overwritten for q in writers.get(s, ()) if q.active and q is not p}
         p.reruns_with = tuple(q for q in passes if q in others)
-        # What no earlier pass touches can be cleared when the frame begins; a split pass has submissions of its own.
+        # Buffers that no earlier pass uses are cleared when the frame begins. Split passes submit alone and clear late.
         p.clear_first = tuple(r for r in p.clear if r not in touched and not p.split)
         p.clear_late = tuple(r for r in p.clear if r not in p.clear_first)
         touched.update(p.resources)
@@ -76,7 +76,7 @@ def _check_reads(p: Pass, writers: dict[Slot, list[Pass]], place: dict[Pass, int
 def _cull(
     passes: Sequence[Pass], outputs: Iterable[View], writers: dict[Slot, list[Pass]], place: dict[Pass, int]
 ) -> None:
-    """Mark the passes that `outputs` need: writers of what is read, also earlier ones (clear before splat)."""
+    """Mark the passes that `outputs` need: all earlier writers of what a pass uses (clear before splat)."""
     needed: list[Pass] = []
     for view in outputs:
         found = [q for s in view.slots() for q in writers.get(s, ())]
@@ -99,9 +99,9 @@ def _cull(
 
 
 def stale_passes(order: list[Pass], force: bool = False) -> dict[Pass, Stale]:
-    """Return the passes that must run, and why; `order` are the active passes as declared."""
+    """Return the passes that must run, and why; `order` has the active passes in order of declaration."""
     stale: dict[Pass, Stale] = {}
-    renewed: set[Pass] = set()  # those that will write something new
+    renewed: set[Pass] = set()  # passes that will write new results
     for p in order:
         found = _own_reason(p, renewed, force)
         if found is not None:
@@ -119,7 +119,7 @@ def stale_passes(order: list[Pass], force: bool = False) -> dict[Pass, Stale]:
 
 
 def _own_reason(p: Pass, renewed: set[Pass], force: bool) -> Stale | None:
-    """Return why a pass must run whatever later passes need; `renewed` are earlier passes with new results."""
+    """Return why a pass must run, apart from what later passes need; `renewed` passes will have new results."""
     state, before = p.state, p.state.seen
     if before is None:
         return Stale("changed", "first run")
@@ -132,7 +132,7 @@ def _own_reason(p: Pass, renewed: set[Pass], force: bool) -> Stale | None:
     if state.settle_index + 1 < p.settle:
         return Stale("settling", f"settling: run {state.settle_index + 2} of {p.settle}")
     if force:
-        # A pass that has settled has nothing left to do: it starts from its beginning.
+        # A settled pass has no further step, so it starts over.
         settled = p.settle > 1 and not p.reads_history
         return Stale("changed" if settled else "settling" if p.progresses else "repeated", "forced")
     return None
@@ -157,7 +157,7 @@ def _differences(p: Pass, now: tuple, before: tuple) -> list[str]:
 
 
 def _input_names(p: Pass) -> list[str]:
-    """Return the names that go with `Pass.inputs`."""
+    """Return a name for each item of `Pass.inputs`."""
     return [
         "params",
         *[uniform.name for _, uniform in p.uniforms],

@@ -1,4 +1,4 @@
-"""Milliseconds per pass: by timestamp queries where the driver's are right, else by waiting before and after a pass."""
+"""Measures ms per pass: by timestamp queries where the driver's are right, else by waiting before and after a pass."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_QUERIES = 4096  # the largest query set of WebGPU
 
 
 class Timing:
-    """Collects the times of the passes of a graph, and their sum per run (`frames`), of the runs that are measured."""
+    """Collects the time of each pass in measured runs, and the sum per run (`frames`)."""
 
     def __init__(self, device: Any) -> None:
         self.device = device
@@ -101,7 +101,7 @@ class Timing:
 
 
 def _percentile(samples: deque[float] | None, percent: float) -> float | None:
-    """Return the percentile as numpy does, by linear interpolation, in a tenth of its time."""
+    """Return the same percentile as numpy (linear interpolation) in a tenth of the time."""
     if not samples:
         return None
     ordered = sorted(samples)

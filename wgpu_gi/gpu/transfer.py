@@ -15,7 +15,7 @@ ROW_ALIGNMENT = 256  # of copies between textures and buffers in WebGPU
 
 
 def read_back(gpu: Any, view: View, mip: int) -> np.ndarray:
-    """Return the contents: (height, width, channels), with layers in front if several, or (count,)."""
+    """Return the contents: (height, width, channels), after an axis of layers if there are several, or (count,)."""
     resource = view.resource
     item = resource.object(view.previous)
     if isinstance(resource, Buffer):
@@ -70,7 +70,7 @@ def neutral(gpu: Any, kind: str, value: float | tuple[float, ...]) -> Shared:
         return Shared(name, gpu.create_buffer(label=name, size=256, usage=usage), 0)
     shape, _, scalar = kind.rstrip(">").partition("<")
     if kind == "texture_depth_2d":
-        # WebGPU writes depth by rendering only, but every texture begins as zeros.
+        # In WebGPU, only rendering can write depth, but every texture starts as zeros.
         usage = wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.RENDER_ATTACHMENT
         return Shared(name, gpu.create_texture(label=name, size=(1, 1, 1), format="depth32float", usage=usage), 0)
     formats = {"": "rgba16float", "f32": "rgba16float", "u32": "rgba32uint", "i32": "rgba32sint"}

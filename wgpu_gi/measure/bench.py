@@ -1,4 +1,4 @@
-"""Measures techniques: their error against the truth, and the time and memory of their frames. Prints nothing."""
+"""Measures the error of techniques against the truth, and the time and memory of their frames. Prints nothing."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from .truth import LAYERS, Progress, Truth
 
 PACKAGES = ("wgpu", "numpy")
 WARM_UP_FRAMES = 3  # frames per case: the first compiles shaders, the second fills histories, the third is spare
-# The camera moves on a circle that is small against the scene, so that it stays on its side of the walls.
+# The camera moves on a circle that is small against the scene, so that it does not cross a wall.
 ORBIT_RADIUS = 1 / 400  # of the diagonal of the scene's bounding box: a step of about 1/1000 of it per frame
 ORBIT_FRAMES = 16  # frames for one turn
-# The path tracer's samples are doubled until a picture takes this many times as long as the slowest technique, and at
-# least this many seconds, so that its curve covers the times of all techniques.
+# Samples of the path tracer double until a picture takes PATH_TIMES_SLOWEST times as long as the slowest technique and
+# at least PATH_SECONDS, so that its curve covers the times of all techniques.
 PATH_TIMES_SLOWEST = 8.0
 PATH_SECONDS = 2.0
 PATH_LEAST_POINTS = 3  # a curve needs three
@@ -54,7 +54,7 @@ class Candidate:
 def machine(adapter: str | None = None) -> dict[str, Any]:
     """Return what the times depend on: adapter, driver, operating system, cores, versions."""
     device = open_device(adapter, large_buffers=True)
-    # On a shared machine, only the cores that this process may use.
+    # Count only the cores that this process may use.
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {
         "adapter": device.adapter_name,
@@ -83,7 +83,7 @@ def measure_scene(
     """Measure each candidate over `frames` frames in each case, then the path tracer over the same range of times.
 
     `truth_of` returns the truth of a number of indirect bounces (None: all); it is called once per number. `progress`
-    is called with the present step and its fraction done. Raises GiError for a picture that cannot be measured.
+    receives the current step and its fraction done. Raises GiError for a picture that cannot be measured.
     """
     # Measure the techniques.
     report = progress or (lambda what, fraction: None)
@@ -117,9 +117,9 @@ def measure_scene(
 
 
 def truth_bounces(settings: Settings) -> int | None:
-    """Return the indirect bounces of the truth for a technique: as set, else as it promises; None for all.
+    """Return the indirect bounces of the truth: the setting, else the number of the technique; None for all.
 
-    A technique without indirect light is compared with all bounces: its error is what it leaves out.
+    A technique without indirect light is compared with all bounces, so its error includes the missing light.
     """
     return settings.bounces if settings.bounces is not None else TECHNIQUES[settings.gi].bounces or None
 
@@ -172,8 +172,8 @@ def layer_errors(pictures: dict[str, NDArray[np.float32]], truth: Truth) -> dict
 def measure_case(renderer: Renderer, case: str, frames: int, report: Callable[[float], None]) -> Case:
     """Time the frames of one of `CASES` after a warm-up.
 
-    In "all", the camera moves and every pass is forced. Frames alternate: one measures its passes, which may slow it
-    down, the next gives the wall time. So other load on the machine affects both.
+    In "all", the camera moves and every pass is forced. Frames alternate between wall time and pass times, which may
+    slow a frame down; other load on the machine then affects both.
     """
     # Prepare.
     at_rest = renderer.camera
@@ -206,7 +206,7 @@ def measure_case(renderer: Renderer, case: str, frames: int, report: Callable[[f
 
 
 def stats(samples: Sequence[float]) -> Stats:
-    """Return the statistics of at least one sample."""
+    """Return the statistics of one or more samples."""
     return Stats(float(np.median(samples)), float(np.percentile(samples, 95)))
 
 
@@ -231,7 +231,7 @@ def path_curve(
     renderer.run(show=tuple(LAYERS.values()), timings=True)  # warm-up: compiles
     while True:
         spp = 2 ** len(points)
-        # Another seed, or the renderer would continue from the samples of the last picture.
+        # A new seed; with the same one, the renderer would continue from the samples of the last picture.
         renderer.settings = replace(_path_settings(settings, spp), seed=settings.seed ^ spp)
         timing.clear()
         started = time.perf_counter()

@@ -24,8 +24,8 @@ from .metrics import display_scale, in_color, relative_error
 
 Colors = tuple[tuple[int, int, int], ...]
 
-# sRGB, evenly spaced from the lower to the upper end: blue and red about a light middle, distinguishable with any
-# colour vision; and nine samples of matplotlib's "magma" (CC0), whose lightness rises evenly.
+# sRGB, evenly spaced from the lower to the upper end. DIVERGING: blue to red over a light middle, distinguishable with
+# any colour vision. HEAT: nine samples of matplotlib's "magma" (CC0), whose lightness rises evenly.
 DIVERGING: Colors = ((5, 48, 120), (60, 130, 210), (245, 245, 245), (225, 100, 70), (120, 10, 20))
 HEAT: Colors = (
     *((0, 0, 4), (29, 17, 71), (81, 18, 124), (131, 38, 129), (183, 55, 121)),
@@ -89,13 +89,13 @@ def comparison_page(
 
 
 def rounded_up(value: float) -> float:
-    """Return the next number from `value` (positive) upwards that is 1, 2 or 5 times a power of ten."""
+    """Round a positive `value` up to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9))
 
 
 def colored(position: NDArray[np.floating], colors: Colors) -> NDArray[np.float64]:
-    """Return sRGB values 0 to 255 (h, w, 3) of positions 0 to 1 (h, w) between `colors`; clamps what lies outside."""
+    """Return sRGB values 0 to 255 (h, w, 3) of positions 0 to 1 (h, w) between `colors`; clamps other positions."""
     stops = np.linspace(0.0, 1.0, len(colors))
     return np.stack([np.interp(position, stops, channel) for channel in zip(*colors, strict=True)], axis=-1)
 
@@ -110,14 +110,14 @@ def png_uri(values: NDArray[np.floating]) -> str:
 
 
 def packed_halves(values: NDArray[np.floating]) -> str:
-    """Return values as little-endian half floats, deflated, in base64; what is beyond their range becomes the limit."""
+    """Return values as little-endian half floats, deflated, in base64; clamps values out of range."""
     limit = float(np.finfo(np.float16).max)
     halves = np.clip(values, -limit, limit).astype("<f2")
     return base64.b64encode(zlib.compress(halves.tobytes(), 6)).decode("ascii")
 
 
 def html_table(cells: list[list[str]]) -> str:
-    """Return the table, the first of `cells` as its header and the first column as the names of the rows."""
+    """Return an HTML table. The first of `cells` is the header; the first column names the rows."""
     header, *rows = cells
     head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
     body = "".join(

@@ -1,7 +1,7 @@
 """Errors of a picture against a truth, on linear radiance: relMSE, bias, percentile of the error, FLIP.
 
-FLIP: Andersson et al. 2020. Departures: all measures are independent of exposure. relMSE and the percentile have a
-floor relative to the mean of the truth, where an absolute one is common; FLIP takes its exposure from the truth.
+FLIP: Andersson et al. 2020. Departures: all measures are independent of exposure. The floor of relMSE and of the
+percentile is relative to the mean of the truth; an absolute floor is common. FLIP takes its exposure from the truth.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..pictures.color import REC709_LUMINANCE
 from ..pictures.image import Array
 
 MIDDLE_GREY = 0.18  # displayed mean luminance of the truth: the reflectance of a photographer's grey card
-MOST_REGIONS = 64  # more distinct values are a mask with smooth edges, or a picture
+MOST_REGIONS = 64  # a mask with more distinct values has smooth edges, or is a picture
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def measure(
     mask: ArrayLike | None = None,
     flip_error: ArrayLike | None = None,
 ) -> Errors:
-    """Return every measure at once; `flip_error` is what `flip_map` returned. Arguments and errors as for `relmse`."""
+    """Return every measure; `flip_error` is the result of `flip_map`. Arguments and errors as for `relmse`."""
     chosen = np.ones(np.shape(truth)[:2], bool) if mask is None else np.asarray(mask, bool)
     return Errors(
         pixels=int(chosen.sum()),
@@ -54,10 +54,10 @@ def measure(
 def relmse(image: ArrayLike, truth: ArrayLike, noise: ArrayLike | None = None, mask: ArrayLike | None = None) -> float:
     """Return mean((x - t)^2 / (t^2 + 0.01 m^2)), m the mean of the truth.
 
-    `image` x and `truth` t are linear radiance, (h, w, 3) or (h, w), `mask` (h, w) booleans of the pixels that count;
-    m is the mean over these. `noise` is the standard error of the truth, shaped like it: its share is subtracted, so
-    that an image as good as the truth has 0 on average (and may be slightly negative). Raises GiError for differing
-    shapes, an empty mask, a black truth, or NaN and Inf.
+    `image` x and `truth` t are linear radiance, (h, w, 3) or (h, w). `mask` (h, w) selects the pixels that count; m is
+    the mean over these. `noise` is the standard error of the truth, of the same shape. Its share is subtracted, so that
+    a perfect image has 0 on average (and may be slightly negative). Raises GiError for differing shapes, an empty mask,
+    a black truth, or NaN and Inf.
     """
     x, t, m = _prepared(image, truth, mask)
     squared = (x - t) ** 2
@@ -67,7 +67,7 @@ def relmse(image: ArrayLike, truth: ArrayLike, noise: ArrayLike | None = None, m
 
 
 def noise_floor(noise: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None) -> float:
-    """Return the relMSE that a perfect image has against a truth of standard error `noise`, shaped like it."""
+    """Return the relMSE of a perfect image against a truth of standard error `noise` (same shape)."""
     error, t, m = _prepared(noise, truth, mask)
     return float(np.mean(error**2 / (t**2 + 0.01 * m**2)))
 
@@ -100,10 +100,10 @@ def flip(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None) -> f
 
 
 def flip_map(image: ArrayLike, truth: ArrayLike) -> Array:
-    """Return LDR-FLIP (Andersson et al. 2020) at every pixel, (h, w), 0 alike to 1 black against white.
+    """Return LDR-FLIP (Andersson et al. 2020) at every pixel, (h, w), from 0 (equal) to 1 (black against white).
 
-    Both are shown at `display_scale(truth)`, clipped to [0, 1], seen at the 67 pixels per degree that FLIP takes by
-    itself. Raises GiError without the package flip-evaluator, and as `relmse`.
+    Both pictures are scaled by `display_scale(truth)` and clipped to [0, 1]; FLIP assumes its default of 67 pixels per
+    degree. Raises GiError without the package flip-evaluator, and as `relmse`.
     """
     _prepared(image, truth, None)
     try:
@@ -142,14 +142,14 @@ def regions(labels: ArrayLike) -> dict[str, NDArray[np.bool_]]:
     else:
         distinct, index = np.unique(values.reshape(-1, values.shape[2]), axis=0, return_inverse=True)
     if len(distinct) > MOST_REGIONS:
-        raise GiError(f"a mask with {len(distinct)} distinct values; each is a region, of which {MOST_REGIONS} may be")
+        raise GiError(f"the mask has {len(distinct)} distinct values (regions); at most {MOST_REGIONS} are supported")
     index = index.reshape(grey.shape)
     names = [",".join(f"{value:.9g}" for value in np.atleast_1d(row)) for row in distinct]
     return {name: index == i for i, name in enumerate(names)}
 
 
 def _relative(x: NDArray[np.float64], t: NDArray[np.float64], m: float) -> NDArray[np.float64]:
-    """Return |x - t| / (t + 0.1 m); a truth below 0, as some filters leave it, counts by its size."""
+    """Return |x - t| / (|t| + 0.1 m); some filters leave a negative truth, so its magnitude counts."""
     return np.abs(x - t) / (np.abs(t) + 0.1 * m)
 
 

@@ -12,7 +12,7 @@ from .results import PRESET, Measurement, Reference, Report, SceneReport, bounce
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 LAYERS = {"full": "full image", "indirect": "indirect part"}
-COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito 2008, for every eye
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito 2008, for any colour vision
 MARKERS = {"low": "v", "medium": "o", "high": "^"}
 PANEL_INCHES = (5.2, 3.9)
 DOTS_PER_INCH = 130
@@ -30,9 +30,9 @@ def save_plot(path: str | Path, report: Report) -> None:
     """Plot two panels, full image and indirect part, for each scene; write .png, .svg or .pdf.
 
     x is the time of a frame with all moving (filled marks), of all frames that a still picture averages (hollow marks),
-    or of a whole picture of the path tracer. Both axes are logarithmic; an error that is not positive is lost in the
-    noise of the truth and left out. Of swept settings, the line connects the Pareto front. Labels: the front and the
-    preset; of still pictures the first, the last and the preset.
+    or of a whole picture of the path tracer. Both axes are logarithmic; an error that is not positive is below the
+    noise of the truth and is left out. With swept settings, the line connects the Pareto front. Labels mark the front
+    and the preset; for still pictures the first, the last and the preset.
     """
     # Lay out the panels.
     require_matplotlib()
@@ -62,7 +62,7 @@ def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, st
     panel.set_xscale("log")
     panel.set_yscale("log")
     panel.set_xlabel("GPU ms per frame, all moving (path tracer: per picture)")
-    panel.set_ylabel("relMSE, less the noise of the truth")
+    panel.set_ylabel("relMSE minus the noise of the truth")
     panel.grid(True, which="major", color="0.88", linewidth=0.8)
     panel.set_axisbelow(True)
     panel.spines[["top", "right"]].set_visible(False)
@@ -73,7 +73,7 @@ def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, st
         _draw_technique(panel, name, color, [(m, x, y) for m, x, y in points if x > 0 and y > 0])
         _draw_settled(panel, color, layer, [m for m in scene.techniques if m.gi == name and m.settled_frames > 1])
     least, most = panel.get_xlim()
-    subs = (1, 2, 5) if most < 1000 * least else (1, 3)  # labels of more would touch
+    subs = (1, 2, 5) if most < 1000 * least else (1, 3)  # more labels would touch
     panel.xaxis.set_major_locator(importlib.import_module("matplotlib.ticker").LogLocator(subs=subs))
     panel.xaxis.set_major_formatter("{x:g}")
     panel.xaxis.set_minor_formatter("")

@@ -2,7 +2,7 @@
 
 The JSON file is `results.Report`, field by field, with "schema": "wgpu_gi.bench" and "version", which increases when
 a field changes its meaning. Errors are `metrics.Errors`: relmse minus the noise floor of the truth if that is known,
-bias a fraction. Times are milliseconds. null stands for what could not be measured.
+bias a fraction. Times are milliseconds. null marks a value that could not be measured.
 """
 
 from __future__ import annotations
@@ -162,7 +162,7 @@ def _number(ms: float) -> str:
 
 
 def different_machine(old: Report, machine: Mapping[str, Any]) -> str | None:
-    """Return a sentence if `old` was measured on another adapter, or with other cores where these are the adapter."""
+    """Return a sentence if `old` was measured on another adapter, or on another number of cores of a CPU adapter."""
 
     def name(m: Mapping[str, Any]) -> str:
         return f"{m.get('adapter')}" + (f" on {m.get('cores')} cores" if m.get("is_cpu") else "")
@@ -170,13 +170,13 @@ def different_machine(old: Report, machine: Mapping[str, Any]) -> str | None:
     before, now = name(old.machine), name(machine)
     if before == now:
         return None
-    return f"measured on {before}, and now on {now}: ratios across machines mean nothing, so there are none"
+    return f"measured on {before}, not on {now}: ratios across machines mean nothing and are not printed"
 
 
 def ratios(old: Report, new: Report) -> dict[str, dict[str, float | None]]:
-    """Return new / old of times, errors and memory for what both measured: same scene, settings and size, by its name.
+    """Return new / old of times, errors and memory by name, for the same scene, settings and size in both reports.
 
-    None stands for what one of the two could not measure, and where the ratio means nothing as one is not positive.
+    A ratio is None if one of its values is missing or not positive.
     """
     earlier = _by_key(old)
     found = {}
@@ -201,7 +201,7 @@ def ratio_table(rows: Mapping[str, Mapping[str, float | None]]) -> Table:
 
 
 def _by_key(report: Report) -> dict[Any, Measurement]:
-    """Return the measurements by all that must be the same for a comparison."""
+    """Return the measurements by all that must be equal for a comparison."""
     return {
         (s.scene, s.size, s.camera, s.env, tuple(s.light), tuple(s.relight), s.diffuse, tuple(s.set), m.title): m
         for s in report.scenes

@@ -8,7 +8,7 @@ from typing import Any
 from .metrics import Errors
 
 CASES = {"still": "still", "camera": "camera moving", "all": "all moving"}
-PRESET = "(preset)"  # marks swept settings that equal those of the quality
+PRESET = "(preset)"  # marks swept settings that equal the preset of the quality
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,9 @@ class Stats:
 class Case:
     """Times of the frames of one of `CASES`.
 
-    `gpu_ms` is the sum over the passes of a frame. `wall_ms` lasts from the call until the GPU is done, in other frames
-    than `gpu_ms`. `passes` has the times of each pass over the frames in which it ran, `passes_run` the largest number
-    of passes in a frame.
+    `gpu_ms` is the sum over the passes of a frame. `wall_ms` is the time from the call until the GPU is done, measured
+    in other frames than `gpu_ms`. `passes` has the times of each pass over the frames in which it ran; `passes_run` is
+    the largest number of passes in a frame.
     """
 
     passes_run: int
@@ -61,7 +61,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class PathPoint:
-    """A picture of the path tracer: its time from the first sample on, and its errors."""
+    """A picture of the path tracer: its time since the first sample, and its errors."""
 
     spp: int
     gpu_ms: float

@@ -1,8 +1,8 @@
 """The truth that techniques are compared with: path traced and cached, or read from a file.
 
-The path tracer renders it twice, with half of the samples and another seed each. The mean is the truth, half of the
-difference its standard error. Unlike the variance of the samples within one picture, this includes the gain of
-stratification, and exists for each layer.
+The path tracer renders two pictures with different seeds, each with half of the samples. Their mean is the truth; half
+of their difference is its standard error. Unlike the variance of the samples within one picture, this includes the gain
+of stratification and exists for each layer.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Progress = Callable[[str, float], None]
 
 # The measured layers and the renderer's buffers that hold them.
 LAYERS = {"full": "radiance", "direct": "direct", "indirect": "indirect"}
-# Seeds of the two halves: numbers that nobody gives to a technique, or its noise would be that of the truth.
+# Seeds of the two halves. A technique with one of them would have the noise of the truth, so they are unlikely numbers.
 SEEDS = (0x7275_7468, 0x7275_7469)
 TRACER_SHADERS = ("reference/path.wgsl", "reference/resolve.wgsl", "reference/primary.wgsl")
 FILE_FORMATS = (".npz", ".exr")
@@ -44,7 +44,7 @@ INVISIBLE = ("name", "notes", "cameras")  # fields of a scene that do not change
 class Truth:
     """Linear radiance at the pixel centres, (h, w, 3) float32 by layer, and its standard error where known.
 
-    `surface` (h, w) marks the pixels that see a surface; only these are measured. `source` describes it in words.
+    `surface` (h, w) marks the pixels that see a surface; only these are measured. `source` is a short description.
     """
 
     source: str
@@ -72,17 +72,17 @@ def truth_by_path(
 ) -> Truth:
     """Return the truth with `bounces` indirect bounces (None: all) from the cache, or render and cache it.
 
-    With `visible_only`, only surfaces in the picture send light, as in screen-space techniques. Raises GiError if the
-    cache cannot be written, before anything is rendered.
+    With `visible_only`, only surfaces in the picture send light, as in screen-space techniques. Raises GiError before
+    rendering if the cache cannot be written.
     """
-    # Look into the cache.
+    # Look in the cache.
     folder = cache_folder()
     key = truth_key(scene, camera, size, spp=spp, bounces=bounces, diffuse=diffuse, visible_only=visible_only)
     path = folder / f"{key}.npz"
-    source = f"path tracer, {spp} spp" + (", of what is visible" if visible_only else "")
+    source = f"path tracer, {spp} spp" + (", visible surfaces only" if visible_only else "")
     arrays = _cached(path, size)
     if arrays is None:
-        # Render it, once the cache is known to be writable.
+        # Check that the cache is writable, then render.
         _make(folder)
         check_writable(path)
         settings = Settings(gi="path", spp=-(-spp // 2), bounces=bounces, diffuse=diffuse)
@@ -97,9 +97,9 @@ def truth_by_path(
 def truth_from_file(path: str | Path, bounces: int | None = None) -> Truth:
     """Read a truth from the layers of an .npz or .exr.
 
-    They are named as `wgpu-gi render` does: radiance, direct, indirect, emission, standard_error, depth. Or by the
-    number of scatterings, which also gives a truth of one bounce: emit, direct, one, multi, se_full, se_indirect,
-    depth. Missing layers are not measured. Raises GiError without a full picture, and for an unreadable file.
+    Layers have the names of `wgpu-gi render` (radiance, direct, indirect, emission, standard_error, depth) or names by
+    number of scatterings (emit, direct, one, multi, se_full, se_indirect, depth); these also give a one-bounce truth.
+    Missing layers are not measured. Raises GiError without a full picture, and for an unreadable file.
     """
     # Read all layers that exist.
     path = Path(path)
@@ -117,7 +117,7 @@ def truth_from_file(path: str | Path, bounces: int | None = None) -> Truth:
     else:
         layers = {"full": load_image(path, "radiance")}
         layers |= {layer: found[layer] for layer in ("direct", "indirect") if layer in found}
-    # The standard errors of a file include all bounces, far more noise than the first bounce has.
+    # The standard errors of a file include all bounces; the first bounce alone has far less noise.
     cut = bounces == 1 and "one" in found and "multi" in found
     noise = {} if cut else {layer: found[n] for n, layer in NOISE_LAYERS.items() if n in found}
 
@@ -198,7 +198,7 @@ def _render(renderer: Renderer, progress: Progress | None) -> dict[str, NDArray]
 def _cached(path: Path, size: tuple[int, int]) -> dict[str, NDArray] | None:
     """Return the arrays of a cached truth, None if it is missing or damaged."""
     shape = (size[1], size[0], 3)
-    with suppress(Exception):  # whatever a decoder makes of a damaged file
+    with suppress(Exception):  # decoders raise anything for damaged files
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         wanted = [arrays[name] for layer in LAYERS for name in (layer, f"noise_{layer}")]

@@ -1,4 +1,4 @@
-"""Atomic files: they appear complete or not at all, whatever interrupts the writing."""
+"""Atomic files: a file appears complete or not at all, even if the writing is interrupted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..errors import GiError
 def atomic_file(path: str | Path) -> Iterator[Path]:
     """Yield a temporary name to write to; the file is renamed to `path` at the end, unless an exception was raised.
 
-    Raises GiError for what the file system refuses.
+    Raises GiError if the file system refuses.
     """
     final = Path(os.path.realpath(path))
     temporary = _temporary_name(final)
@@ -29,7 +29,7 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 
 
 def check_writable(path: str | Path) -> None:
-    """Raise GiError now if `path` could not be written later: a missing folder, missing rights."""
+    """Raise GiError now if `path` could not be written later, for example without a folder or rights."""
     path = Path(path)
     if not path.parent.is_dir():
         raise GiError(f"{path}: there is no folder {path.parent}; make it first")

@@ -1,4 +1,4 @@
-"""The one place of sRGB and luminance on the CPU: IEC 61966-2-1 transfer curves and the weights of Rec.709."""
+"""sRGB and luminance on the CPU: the IEC 61966-2-1 transfer curves and the weights of Rec.709."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Automatic exposure: the photographic average of Reinhard et al. 2002, "Photographic Tone Reproduction", eq. 1 and 2.
 
 The log-average luminance becomes 0.18, the key of a scene that is neither bright nor dark. Departure: eq. 1 adds a
-small constant to every luminance. Here pixels that an 8-bit screen shows black are left out, so that a background
-without light does not brighten what stands before it.
+small constant to every luminance. Here, pixels that an 8-bit screen shows black are left out, so that a background
+without light does not brighten the foreground.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .color import REC709_LUMINANCE
 KEY = 0.18
 # The least linear value that is not black in 8-bit sRGB (12.92 x >= 1/255), relative to a mean at the key.
 DARKEST = 1 / 255 / 12.92 / KEY
-STEP = 0.1  # EV: less than anyone sees, and a number that can be typed
+STEP = 0.1  # EV: invisible, and easy to type
 LARGEST = 60.0  # EV: the range of the setting `exposure`
 NOT_EXPOSED = ("albedo", "normal", "depth", "position", "instance")  # buffers that hold no light
 
@@ -31,12 +31,12 @@ def automatic_exposure(picture: ArrayLike) -> float:
         return 0.0
     lit = luminance[luminance >= DARKEST * luminance.mean()]
     stops = math.log2(KEY) - float(np.log2(lit).mean())
-    # + 0.0 takes the sign off a rounded zero.
+    # + 0.0 turns -0.0 into 0.0.
     return float(np.clip(round(round(stops / STEP) * STEP, 1), -LARGEST, LARGEST)) + 0.0
 
 
 def is_exposed(name: str) -> bool:
-    """Return whether exposure and tone curve apply to a buffer on a screen: it holds light."""
+    """Return whether a buffer holds light: exposure and tone curve then apply on a screen."""
     return name not in NOT_EXPOSED
 
 

@@ -1,4 +1,4 @@
-"""Pictures to and from files: linear float layers (.npy .npz .exr), 8-bit sRGB (.png), and the tone curve.
+"""Reads and writes pictures: linear float layers (.npy .npz .exr), 8-bit sRGB (.png); has the tone curve.
 
 Arrays are (height, width, 3) or (height, width) float32, row 0 on top. Float files hold linear values without exposure
 or tone curve.
@@ -22,7 +22,7 @@ Array = NDArray[np.float32]
 
 FORMATS = (".png", ".exr", ".npy", ".npz")
 ONE_LAYER_FORMATS = (".png", ".npy")
-GOLDEN = (5**0.5 - 1) / 2  # its multiples are well spread on a circle of hues
+GOLDEN = (5**0.5 - 1) / 2  # its multiples spread well on a circle of hues
 
 _EXR_MAIN_NAME = "wgpu_gi.main"  # header attribute: the layer that R, G, B hold
 
@@ -44,11 +44,11 @@ def save_image(
     exposure: float | None = None,
     metadata: Mapping[str, object] | None = None,
 ) -> None:
-    """Write `layers`, the first of which is the main one, in the format that the extension names.
+    """Write `layers` in the format of the extension. The first layer is the main one.
 
-    `.npy` the layer unchanged; `.npz` every layer by name; `.exr` the main layer as R, G, B (Z for depth, Y for
+    `.npy` holds the layer unchanged; `.npz` every layer by name; `.exr` the main layer as R, G, B (Z for depth, Y for
     another single channel) and the others as `name.R` ... (`name.Z`, `name.V`), float32; `.png` the main layer in
-    8-bit sRGB by `display_layer`, where None is the automatic exposure. `metadata` goes into the EXR header and PNG
+    8-bit sRGB by `display_layer`, with automatic `exposure` if it is None. `metadata` goes into the EXR header and PNG
     text, which also has the exposure. The file appears complete or not at all. Raises GiError if it cannot be written.
     """
     path = Path(path)
@@ -62,8 +62,8 @@ def save_image(
 def load_image(path: str | Path, layer: str | None = None) -> Array:
     """Read a picture as linear float32, (height, width, 3) or (height, width).
 
-    `layer` names one of an .exr or .npz; None is the main (first) one. PNG is decoded from sRGB. Raises GiError for a
-    missing, unreadable or unknown file, and for a layer that it does not hold.
+    `layer` names a layer of an .exr or .npz; None means the main (first) one. PNG is decoded from sRGB. Raises GiError
+    for a missing, unreadable or unknown file, and for a layer that the file does not hold.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -136,9 +136,9 @@ def display_layer(name: str, layer: ArrayLike, exposure: float = 0.0) -> Array:
 def png_bytes(
     name: str, layer: ArrayLike, exposure: float | None = None, texts: Mapping[str, str] | None = None
 ) -> bytes:
-    """Return a buffer as a PNG, 8-bit sRGB, by `display_layer`; bytes are taken as they are.
+    """Return a buffer as a PNG, 8-bit sRGB, by `display_layer`; uint8 values stay unchanged.
 
-    `exposure` None is automatic. The text "exposure" says what it is, unless `texts` do.
+    `exposure` None means automatic. The PNG text "exposure" records the value, unless `texts` has that key.
     """
     from PIL import Image, PngImagePlugin
 

@@ -13,7 +13,7 @@ from .image import png_bytes
 class Picture(np.ndarray):
     """A buffer `name` as an array, displayed with 2^`exposure`; arrays computed from it inherit both.
 
-    None exposes each array automatically by its own values. A number makes several comparable.
+    None exposes each array automatically by its own values. A number makes several arrays comparable.
     """
 
     name = "radiance"
@@ -36,6 +36,6 @@ class Picture(np.ndarray):
         return super().__array_wrap__(array, context, return_scalar)
 
     def _repr_png_(self) -> bytes | None:
-        """Return the picture, None if the shape is not that of one."""
+        """Return the array as a PNG; None if it does not have the shape of a picture."""
         is_picture = (self.ndim == 3 and self.shape[2] == 3) or (self.ndim == 2 and self.name in ("depth", "instance"))
         return png_bytes(self.name, self, self.exposure) if is_picture and self.size else None

@@ -1,4 +1,4 @@
-"""Checks the values of scenes and cameras, which code may set to anything; loaders check files before."""
+"""Checks the values of scenes and cameras, since code may set any value; loaders check files earlier."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..camera import Camera
 from ..errors import GiError
 from .scene import Environment, Instance, Light, Material, Scene, SpotLight
 
-# Determinant of a transform, its largest entry scaled to 1, below which float64 cannot invert it.
+# float64 cannot invert a transform whose determinant is below this, with its largest entry scaled to 1.
 SINGULAR = 1e-15
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise GiError for values that mean nothing: singular transforms, negative light, reflectance above 1, NaN."""
+    """Raise GiError for invalid values: singular transforms, negative light, reflectance above 1, NaN."""
     _check_instances(scene.instances)
     for light in scene.lights:
         _check_light(light)
@@ -28,7 +28,7 @@ def check_scene(scene: Scene) -> None:
 
 
 def _check_instances(instances: list[Instance]) -> None:
-    # All transforms at once, since this runs whenever one of many instances moves.
+    # Check all transforms at once, since this runs whenever one of many instances moves.
     matrices = [np.asarray(i.world_from_local, np.float64) for i in instances]
     for instance, matrix in zip(instances, matrices, strict=True):
         if matrix.shape != (4, 4):

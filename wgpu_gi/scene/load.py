@@ -1,4 +1,4 @@
-"""Loads a scene from a built-in name or a file, and adds a default light and camera where it has none."""
+"""Loads a scene from a built-in name or a file, and adds a default light and camera if it has none."""
 
 from __future__ import annotations
 

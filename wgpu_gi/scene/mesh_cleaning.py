@@ -1,4 +1,4 @@
-"""What all mesh readers share: tests for degenerate triangles and unused vertices, and normalised directions."""
+"""For all mesh readers: tests for degenerate triangles and unused vertices, and normalisation of directions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 # Coordinates beyond this, a tenth of a light-year in metres, are damage: squared distances must stay finite in float32.
 MAX_COORDINATE = 1e15
 
-# Doubled area over the squared longer edge below which a triangle is degenerate: no ray hits it, and its float32
-# corners do not tell which way it faces. Rounding of the float64 products is 1e-16 in this measure.
+# A triangle is degenerate if its doubled area over its squared longer edge is below this: no ray hits it, and its
+# float32 corners do not define which way it faces. Rounding of the float64 products is 1e-16 in this measure.
 _MIN_AREA_RATIO = 1e-12
 
 _BLOCK = 1 << 15  # triangles tested at a time, so that the float64 intermediates stay in the cache

@@ -101,7 +101,7 @@ class Instance:
 class PointLight:
     """KHR_lights_punctual point: `intensity` in candela (W/sr), times `color`. E = I cos / d2.
 
-    `range` (metres) limits the light only where a setting asks for it, as physical light has no range.
+    `range` (metres) limits the light only if a setting asks for it, since physical light has no range.
     """
 
     position: Sequence[float]

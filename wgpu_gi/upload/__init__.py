@@ -1,1 +1,1 @@
-"""What the GPU gets of a scene: acceleration structure, light and material tables, draw list, textures."""
+"""The GPU data of a scene: acceleration structure, light and material tables, draw list, textures."""

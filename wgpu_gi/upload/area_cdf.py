@@ -26,7 +26,7 @@ class AreaCdf:
 
     def __init__(self, dtype: np.dtype) -> None:
         self._dtype = dtype
-        # Kept from call to call: each mesh's CDF and local area, and the world area by mesh and linear map.
+        # Caches: each mesh's CDF and local area, and the world area by mesh and linear map.
         self._shares: WeakKeyDictionary[MeshData, tuple[NDArray[np.float32], float]] = WeakKeyDictionary()
         self._areas: dict[tuple[int, bytes], float] = {}
         self.instances: NDArray[np.void] = np.zeros(1, dtype)
@@ -34,7 +34,7 @@ class AreaCdf:
         self.area = 0.0  # of all instances, m2
 
     def update(self, instances: list[Instance], hierarchy: TwoLevelBvh) -> None:
-        """Bring the CDFs up to date; `hierarchy` is up to date with `instances`."""
+        """Update the CDFs; `hierarchy` must be up to date with `instances`."""
         self.cdf = np.ones(len(hierarchy.triangles), np.float32)
         records = np.zeros(max(len(instances), 1), self._dtype)
         areas = np.zeros(len(records))
@@ -55,7 +55,7 @@ class AreaCdf:
             known[key] = areas[number] = self._areas.get(key, -1.0)
             if areas[number] < 0:
                 known[key] = areas[number] = _world_area(data.corners, linear, local_area)
-            # The record; baked triangles are stored in world space, so their area there is the local one.
+            # The record. Baked triangles are stored in world space, so their local area is that in the world.
             record = records[number]
             record["first"], record["count"] = place.triangles.start, len(data.corners)
             record["instance"] = NONE if place.baked is not None else number
@@ -64,7 +64,7 @@ class AreaCdf:
         self.area = float(areas.sum())
         records["share"] = areas / max(self.area, 1e-300)
         cumulative = np.cumsum(areas) / max(self.area, 1e-300)
-        # Dividing by the last value makes it exactly 1 where instances without area end the list, so none is chosen.
+        # Divide by the last value: it is then exactly 1, so no instance without area at the end of the list is chosen.
         records["cumulative"] = cumulative / max(float(cumulative[-1]), 1e-300)
         self.instances = records
 

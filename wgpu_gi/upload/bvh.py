@@ -136,7 +136,7 @@ class _Items:
 
 @dataclass
 class _Nodes:
-    """The nodes of one level, tree by tree: which tree, the first of their items' slots, and how many."""
+    """The nodes of one level, tree by tree: their tree, first item slot and number of items."""
 
     tree: NDArray[np.int64]
     start: NDArray[np.int64]
@@ -191,7 +191,7 @@ def _split_level(items: _Items, level: _Nodes, max_leaf: int, room: int) -> _Lev
 def _best_split(
     items: _Items, first: NDArray[np.int64], node_of: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the least SAH cost of a split of each node, over all axes, and for each item whether it lies below it."""
+    """Return the least SAH cost of a split of each node, over all axes, and whether each item lies below that split."""
     nodes = len(first)
     centres = [(lo + hi) * np.float32(0.5) for lo, hi in zip(items.low, items.high, strict=True)]
     bin_count = int(np.clip(len(node_of) // nodes, MIN_BINS, MAX_BINS))
@@ -230,7 +230,7 @@ def _least_sah(
     for axis in range(3):
         np.minimum.at(low[axis].reshape(-1), key, items.low[axis])
         np.maximum.at(high[axis].reshape(-1), key, items.high[axis])
-    # Sweep over the bins from both sides. A plane with nothing on one side of it separates nothing.
+    # Sweep over the bins from both sides. A plane with an empty side is no split.
     right = _areas_up_to(low[:, ::-1].copy(), high[:, ::-1].copy())[::-1]
     left = _areas_up_to(low, high)
     left_count = np.cumsum(counts, 0)[:-1]
@@ -243,7 +243,7 @@ def _least_sah(
 def _areas_up_to(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return half the surface areas, (bins, nodes), of the boxes around the first 1, 2, ... bins of each node.
 
-    `low` and `high` (3, bins, nodes) are those of each bin, and afterwards of the boxes so far.
+    `low` and `high` (3, bins, nodes) are the corners of each bin; the call overwrites them with those of the boxes.
     """
     for b in range(1, low.shape[1]):  # several times as fast as ufunc.accumulate
         np.minimum(low[:, b], low[:, b - 1], out=low[:, b])

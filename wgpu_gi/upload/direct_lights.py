@@ -1,8 +1,8 @@
 """The lights that deferred techniques loop over: all punctual lights, and sample lights that represent emitters.
 
-An emitter's sample lights have about equal power: points are spread over its surface, and a rank-1 lattice is warped
-over them by their cumulative power, marginal first, then conditional, as 2-D tables are sampled in Pharr et al. 2023,
-"Physically Based Rendering", 4th ed., appendix A. Departure: the table is replaced by points on the surface.
+An emitter's sample lights have about equal power. Points are spread over its surface; their cumulative power warps a
+rank-1 lattice, first by the marginal, then by the conditional distribution, as Pharr et al. 2023, "Physically Based
+Rendering", 4th ed., appendix A, sample 2-D tables. Departure: points on the surface replace the table.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _patches(scene: Scene, hierarchy: TwoLevelBvh, samples: int) -> list[list[_P
     parts: dict[Material, list[EmittingPart]] = {}
     for part in emitting_parts(scene.instances, hierarchy):
         parts.setdefault(part.material, []).append(part)
-    # Budget points by the number of emitters only, so that an emitter's samples stay put while others move or change.
+    # The budget depends only on the number of emitters: an emitter's samples stay in place while others move or change.
     budget = max(MIN_POINTS, POINTS_PER_SAMPLE * samples) // max(len(parts), 1)
     patches = []
     for of_material in parts.values():
@@ -113,12 +113,12 @@ def _patches(scene: Scene, hierarchy: TwoLevelBvh, samples: int) -> list[list[_P
 
 
 def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the normals of triangles (n, 3, 3), of twice the area in length."""
+    """Return the normals of triangles (n, 3, 3); their length is twice the area."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -> list[_Patch]:
-    """Spread points over a part, `density` of them per m2, and group them by where their triangles face."""
+    """Spread `density` points per m2 over a part and group them by the direction that their triangles face."""
     # Place points in each triangle by the R2 sequence.
     counts = np.where(area > 0, np.ceil(area * density), 0).astype(np.int64)
     triangle = np.repeat(np.arange(len(area)), counts)
@@ -189,10 +189,10 @@ def _apportion(powers: NDArray[np.float64], samples: int) -> NDArray[np.int64]:
 
 
 def _share_within(patches: list[_Patch], samples: int) -> None:
-    """Give a material's patches samples by power: to each large patch its share, to small patches as a group.
+    """Divide a material's samples among its patches by power: each large patch gets its share, small ones form a group.
 
-    Small patches deserve less than one sample each. Some of them represent all, chosen by systematic sampling along
-    the scene's order.
+    A small patch has a share of less than one sample. Systematic sampling in the scene's order chooses the small
+    patches that represent their group.
     """
     # Divide the samples among the large patches and the group of small ones.
     powers = np.array([patch.power for patch in patches])
@@ -243,9 +243,9 @@ def _sample_patch(patch: _Patch, dtype: np.dtype) -> NDArray[np.void]:
 
 
 def _plane(patch: _Patch) -> NDArray[np.float64]:
-    """Return two axes (3, 2) of the plane of a patch's largest triangle, in the mesh's space, one along an edge of it.
+    """Return two axes (3, 2) of the plane of a patch's largest triangle, in the mesh's space; one lies along an edge.
 
-    The edge is one at the corner closest to a right angle, so the axes of a rectangle are its sides.
+    The edge is at the corner closest to a right angle, so the axes of a rectangle are its sides.
     """
     local = patch.local[np.argmax(np.linalg.norm(_normals(patch.local), axis=1))]
     edges = np.roll(local, -1, axis=0) - local
@@ -258,8 +258,7 @@ def _plane(patch: _Patch) -> NDArray[np.float64]:
 def lattice(count: int) -> NDArray[np.float64]:
     """Return `count` points of the unit square, (n, 2), stratified in both coordinates like a Latin hypercube.
 
-    The order of the second coordinate is that of multiples of the golden ratio modulo 1, which makes a Fibonacci
-    lattice of any count.
+    The second coordinate is ordered like multiples of the golden ratio modulo 1: a Fibonacci lattice of any count.
     """
     index = np.arange(count)
     rank = np.argsort(np.argsort((index + 1) * GOLDEN % 1.0))

@@ -2,8 +2,8 @@
 
 Fragments need the number of their triangle, and WebGPU has no primitive index without an optional feature. So every
 triangle gets a provoking (first) vertex of its own, whose number reaches the fragments by flat interpolation. Few
-vertices are duplicated for that: most triangles find one that no other triangle has claimed. Clusters are runs of
-consecutive triangles, which passes cull against their views.
+vertices need a duplicate: most triangles find one that no other triangle has claimed. Clusters are runs of consecutive
+triangles; passes cull them against their views.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class DrawList:
     """The buffers, and the draw calls that draw everything, opaque and alpha-masked.
 
     vertices (n, 4) uint32: position as float bits (world space if baked, else local) and triangle number. sources (n,)
-    uint32: index of each in the scene's vertex table. slots (k,) uint32: the scene's instance for each instance index
-    of the draw calls; slot 0 is for vertices in world space.
+    uint32: index of each vertex in the scene's vertex table. slots (k,) uint32: the scene's instance for each instance
+    index of the draw calls; slot 0 is for vertices in world space.
     """
 
     vertices: NDArray[np.uint32]
@@ -61,11 +61,10 @@ class DrawList:
 
 @dataclass
 class Clusters:
-    """Parts of the draw calls that are culled on their own, opaque ones first.
+    """Parts of the draw calls that are culled separately, opaque ones first.
 
     `local` (c, 2, 3) are their boxes in the space of their vertices, `runs` (c, 4) their draw calls, `instances` (c,)
-    the scene's instances that place them, -1 in world space. `place` brings `boxes`, which are relative to the origin,
-    up to date.
+    the scene's instances that place them, -1 in world space. `place` updates `boxes`, relative to the origin.
     """
 
     local: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2, 3), np.float32))
@@ -83,7 +82,7 @@ class Clusters:
         low, high = self.local[placed, 0], self.local[placed, 1]
         middle = np.einsum("ci,cij->cj", (low + high) / 2, m[:, :3]) + m[:, 3]
         reach = np.einsum("ci,cij->cj", (high - low) / 2, np.abs(m[:, :3]))
-        # Widen by what shaders round, which is relative to the terms of the sum, not to the sum.
+        # Widen by the rounding error of shaders, which is relative to the terms of the sum, not to the sum.
         largest = np.maximum(np.abs(low), np.abs(high))
         reach += ROUNDING * (np.einsum("ci,cij->cj", largest, np.abs(m[:, :3])) + np.abs(m[:, 3]))
         self.boxes[placed] = np.stack([middle - reach, middle + reach], 1)
@@ -95,9 +94,9 @@ class Clusters:
 
 
 def fill_gaps(shown: NDArray[np.bool_], indices: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Add to `shown` (c,) culled clusters between shown ones that are too small to be worth another draw call.
+    """Add to `shown` (c,) the culled clusters in gaps that are too small to be worth another draw call.
 
-    `indices` (c,) are their counts of indices.
+    `indices` (c,) has the number of indices of each cluster.
     """
     at = np.flatnonzero(shown)
     ends = np.cumsum(indices)
@@ -128,7 +127,7 @@ def merge_draw_calls(runs: NDArray[np.int64]) -> list[DrawCall]:
 
 
 def _starts(continues: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return where groups begin, given for each element but the first whether it continues the one before."""
+    """Return where groups begin; `continues` tells for each element but the first if it continues the previous one."""
     return np.concatenate([[0], np.flatnonzero(~continues) + 1])
 
 
@@ -145,7 +144,7 @@ def assign_provoking_vertices(triangles: NDArray[np.uint32], vertex_count: int) 
         owner[wanted] = open_  # of several triangles that claim the same vertex, one gets it
         won = open_[owner[wanted] == open_]
         chosen[won] = corner
-    # Duplicate the first corner of the triangles that got none, and turn each triangle to begin with its vertex.
+    # Duplicate the first corner of triangles without a vertex, and rotate each triangle to begin with its vertex.
     without = np.flatnonzero(chosen < 0)
     chosen[without] = 0
     rows = np.arange(len(triangles))[:, None]
@@ -201,7 +200,7 @@ def _lay_out_vertices(
 def _lay_out_indices(
     parts: list[_Part], hierarchy: TwoLevelBvh, slots: NDArray[np.int64]
 ) -> tuple[NDArray[np.uint32], dict[bool, list[DrawCall]], Clusters]:
-    """Return the index buffer, its draw calls by whether they are masked, and their clusters, still to be placed."""
+    """Return the index buffer, its draw calls by alpha mask (False, True), and their clusters, not placed yet."""
     # Lay out opaque, then masked triangles, each part by part.
     indices: list[NDArray[np.int64]] = []
     runs: dict[bool, list[DrawCall]] = {False: [], True: []}

@@ -24,14 +24,14 @@ class EmittingPart:
 
     material: Material
     mesh: Mesh
-    triangles: NDArray[np.int64]  # into those of the BVH
+    triangles: NDArray[np.int64]  # indices into the triangles of the BVH
     corners: NDArray[np.float64]
     vertices: NDArray[np.uint32]
     sides: int
 
 
 def emitting_parts(instances: list[Instance], hierarchy: TwoLevelBvh) -> Iterator[EmittingPart]:
-    """Yield all triangles that may emit, instance by instance; `hierarchy` is up to date with `instances`."""
+    """Yield all triangles that may emit, by instance; `hierarchy` must be up to date with `instances`."""
     for instance in instances:
         place = hierarchy.placement(instance.mesh)
         for m, material in enumerate(instance.mesh.materials):

@@ -23,9 +23,9 @@ class EnvironmentUpload:
         self.cdf: NDArray[np.float32] | None = None  # None: there is nothing to sample
 
     def send(self, environment: Environment | None) -> None:
-        """Send what changed. Raises GiError for a map that is too large for a texture, or has values that mean nothing.
+        """Send what changed. Raises GiError for a map that is too large for a texture, or has invalid values.
 
-        The image counts by identity: it is immutable once in use. The table depends on the colour, too.
+        The image is compared by identity: it is immutable once in use. The table also depends on the colour.
         """
         image = environment.image if environment else None
         color = tuple(environment.color) if environment else None

@@ -53,7 +53,7 @@ def _range_means(values: NDArray[np.float64], count: int) -> NDArray[np.float64]
     """Return the means of a piecewise linear function over `count` equal ranges, (count, m).
 
     `values` (n + 2, m) are its values at the centres of n texel rows and of one more row at either end; the ranges
-    divide the n rows, from half a row before the first centre to half a row behind the last.
+    divide the n rows, from half a row before the first centre to half a row after the last.
     """
     inner = len(values) - 2
     edge = np.linspace(0.5, inner + 0.5, count + 1)

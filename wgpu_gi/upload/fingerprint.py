@@ -1,6 +1,6 @@
-"""Change detection: whether a scene differs from what it was in the last frame.
+"""Change detection: tells whether a scene has changed since the last frame.
 
-Called in every frame, so it compares small values by value and large arrays by identity.
+It runs in every frame, so it compares small values by value and large arrays by identity.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ _IMMUTABLE = frozenset({bool, int, float, str, tuple, type(None)})
 
 
 class Fingerprint:
-    """Equal to another one if no part of the scene was replaced or changed between the two.
+    """Two fingerprints are equal if no part of the scene was replaced or changed between them.
 
     Meshes, apart from their materials, and images are compared by identity: their arrays are immutable once in use.
-    A fingerprint refers to the objects that it compares by identity, so that none of them is freed and its id reused.
+    A fingerprint keeps the objects that it compares by identity alive, so that their ids are not reused.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -55,22 +55,22 @@ def _transforms(instances: list[Instance]) -> bytes:
 
 
 def _material(material: Material) -> tuple[Any, ...]:
-    """Return what a material is, comparable."""
+    """Return the values of a material in comparable form."""
     return _all_frozen(_material_values(material))
 
 
 def _light(light: Light) -> tuple[Any, ...]:
-    """Return what a light is, comparable."""
+    """Return the values of a light in comparable form."""
     return type(light), *[_frozen(value) for name, value in vars(light).items() if name != "name"]
 
 
 def _environment(environment: Environment) -> tuple[Any, ...]:
-    """Return what an environment is apart from its image, comparable."""
+    """Return the values of an environment, except its image, in comparable form."""
     return _frozen(environment.color), environment.rotation
 
 
 def _frozen(value: Any) -> Any:
-    """Return a value that in-place changes do not reach: lists, arrays and textures as tuples."""
+    """Return a value that in-place changes cannot alter: lists, arrays and textures become tuples."""
     if isinstance(value, Texture):
         return value.image, _all_frozen(_texture_values(value))
     return tuple(value) if isinstance(value, list | np.ndarray) else value

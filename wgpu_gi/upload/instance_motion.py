@@ -1,4 +1,4 @@
-"""How each instance has moved since the last frame, for motion vectors."""
+"""The motion of each instance since the last frame, for motion vectors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class InstanceMotion:
         self._matrices = np.zeros((0, 4, 4))
 
     def update(self, instances: list[Instance], origin: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Return for each instance the transform that takes points now to where they were at the last call.
+        """Return for each instance the transform from current positions to those at the last call.
 
         The result (n, 4, 4) holds columns of 16 bytes, as WGSL's mat4x3f; points are relative to `origin`. A new
         instance has not moved. Without instances there is one identity.

@@ -2,8 +2,8 @@
 
 Power-proportional light selection as in Pharr et al. 2023, "Physically Based Rendering", 4th ed., section 12.6.2.
 Departure: half of the probability goes by power and half equally over groups of sources (each punctual light, each
-emissive material, the environment), so that a lamp beside a much stronger sun, whose light it may be shaded from, keeps
-its samples.
+emissive material, the environment), so that a lamp, which may stand in shadow, keeps its samples beside a much stronger
+sun.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ def build_light_table(scene: Scene, hierarchy: TwoLevelBvh, cdf: NDArray | None,
     if not groups:
         return LightTable(np.zeros(1, dtype), 0, {}, 0.0)
 
-    # Every group's probability, then every light's within its group.
+    # Choose the probability of each group, then of each light within its group.
     totals = np.array([powers.sum() for _, powers in groups])
     chance = POWER_SHARE * totals / totals.sum() + (1 - POWER_SHARE) / len(groups)
     lights = join_records([records for records, _ in groups], dtype)
     probability = np.concatenate([c * p / p.sum() for c, (_, p) in zip(chance, groups, strict=True)])
     lights["probability"] = probability
     cumulative = np.cumsum(probability)
-    # Dividing by the last value makes it exactly 1 where lights without area end the list, so none of them is chosen.
+    # Divide by the last value: it is then exactly 1, so no light without area at the end of the list is chosen.
     lights["cumulative"] = cumulative / cumulative[-1]
     pdf = {id(m): float(chance[g] / totals[g] * exitance(m)) for m, g in group_of_material.items()}
     has_environment = lights["kind"][-1] == KIND_ENVIRONMENT
@@ -98,7 +98,7 @@ def join_records(parts: list[NDArray[np.void]], dtype: np.dtype) -> NDArray[np.v
 
 
 def _punctual(light: Light, origin: NDArray, radius: float, dtype: np.dtype) -> tuple[NDArray[np.void], float]:
-    """Return a light's record and its power in W, for a sun that on a disc of the scene's `radius`."""
+    """Return a light's record and its power in W; the power of a sun is that on a disc of the scene's `radius`."""
     record = np.zeros(1, dtype)
     record["color"] = np.asarray(light.color, np.float64) * light.intensity
     luminance = float(np.asarray(light.color, np.float64) @ REC709_LUMINANCE * light.intensity)
@@ -118,7 +118,7 @@ def _punctual(light: Light, origin: NDArray, radius: float, dtype: np.dtype) -> 
 
 
 def spot_falloff(light: SpotLight) -> tuple[float, float]:
-    """Return scale and offset of the fall-off saturate(cosine * scale + offset)^2, as KHR_lights_punctual has them."""
+    """Return scale and offset of the fall-off saturate(cosine * scale + offset)^2 of KHR_lights_punctual."""
     inner, outer = float(np.cos(light.inner_cone_angle)), float(np.cos(light.outer_cone_angle))
     scale = 1.0 / max(0.001, inner - outer)
     return scale, -outer * scale

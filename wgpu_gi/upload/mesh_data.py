@@ -32,17 +32,17 @@ class MeshData:
     corners: NDArray[np.float32]
     indices: NDArray[np.uint32]
     material: NDArray[np.uint32]  # (m,) into mesh.materials
-    flags: NDArray[np.uint32]  # (m,) without MASKED, which depends on the material's present alpha mode
+    flags: NDArray[np.uint32]  # (m,) without MASKED, which depends on the current alpha mode of the material
     vertices: NDArray[np.void]
     bounds: NDArray[np.float32]  # (2, 3)
 
 
 @dataclass
 class Placement:
-    """Where a mesh lies in the buffers of the scene.
+    """The place of a mesh in the buffers of the scene.
 
-    For a baked mesh `baked` is the number of its instance, and `tree` and `box` (2, 3) are its nodes and bounds in
-    world space, relative to the origin.
+    For a baked mesh, `baked` is the number of its instance; `tree` and `box` (2, 3) are its nodes and bounds in world
+    space, relative to the origin.
     """
 
     data: MeshData
@@ -55,7 +55,7 @@ class Placement:
     box: NDArray[np.float32] | None = None
 
     def reference(self, child: int) -> int:
-        """Return a child reference of the mesh's own tree as one into the buffers of the scene."""
+        """Convert a child reference of the mesh's own tree to a reference into the buffers of the scene."""
         return child + (self.triangles.start if child >= int(LEAF_FLAG) else self.nodes.start)
 
 
@@ -87,7 +87,7 @@ def _in_leaf_order(mesh: Mesh, corners: NDArray[np.float32], bvh: Bvh, vertex_dt
         material = np.asarray(mesh.material_of_triangle, np.uint32)[bvh.order]
     flags = np.zeros(len(triangles), np.uint32)
     if mesh.normals is not None:
-        # A triangle with a vertex without normal is flat.
+        # A triangle is flat if one of its vertices has no normal.
         has_normal = (np.asarray(mesh.normals) != 0).any(1)
         flags |= np.where(has_normal[triangles].all(1), SMOOTH, 0).astype(np.uint32)
     if mesh.tangents is not None:

@@ -21,7 +21,7 @@ class GpuResources:
         self.gpu = gpu
         self._limit = limit  # bytes of a buffer that the device can bind
         self._known: dict[str, tuple[Any, int]] = {}
-        self._contents: dict[str, bytes] = {}  # of the small buffers, to find out whether they changed
+        self._contents: dict[str, bytes] = {}  # of the small buffers, to detect changes
         self._sent: dict[str, NDArray[np.uint64]] = {}  # the texels of each table on the GPU
 
     def __getitem__(self, name: str) -> tuple[Any, int]:
@@ -83,7 +83,7 @@ class GpuResources:
         self.set(name, buffer)
 
     def table(self, name: str, array: NDArray) -> None:
-        """Send records as texels of 16 bytes of a texture: only the rows from the first to the last that changed.
+        """Send records as 16-byte texels of a texture, only from the first to the last row that changed.
 
         Raises GiError if the texture would have too many rows.
         """

@@ -1,4 +1,4 @@
-"""Sizes of reflective shadow maps: divides a budget of texels among punctual lights by their sampling probability."""
+"""Divides a budget of texels of reflective shadow maps among punctual lights by their sampling probability."""
 
 from __future__ import annotations
 

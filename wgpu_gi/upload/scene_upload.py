@@ -61,8 +61,8 @@ class SceneUpload:
         self._materials = MaterialUpload(self.resources, self._dtypes["materials"], diffuse)
         self._environment = EnvironmentUpload(self.resources)
         self._motion = InstanceMotion()
-        self._motion_geometry = (-1, -1)  # versions of the geometry at its last two calls
-        # What is computed from the scene, each with what it was computed from.
+        self._motion_geometry = (-1, -1)  # versions of the geometry at the last two calls of `update_motion`
+        # Data computed from the scene, each with a key of its inputs.
         self._table: LightTable | None = None
         self._table_key: object = None
         self._direct: tuple[object, NDArray] = (None, np.zeros(0))
@@ -72,7 +72,7 @@ class SceneUpload:
         self.draws: DrawList | None = None
         self._raster_meshes: WeakKeyDictionary[MeshData, RasterMesh] = WeakKeyDictionary()
         self._raster_stale = True
-        self._placed = -1  # the version of the geometry that the draws are culled by
+        self._placed = -1  # geometry version of the boxes that draws are culled by
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))
         self.features: dict[str, bool] = {}
 
@@ -100,8 +100,8 @@ class SceneUpload:
     def update(self, scene: Scene) -> None:
         """Send what changed since the last call.
 
-        Raises GiError for values that mean nothing (a singular transform, a negative light) and for scenes beyond the
-        device's limits.
+        Raises GiError for invalid values (a singular transform, a negative light) and for scenes beyond the device's
+        limits.
         """
         check_scene(scene)
         scene = _without_empty(scene)
@@ -111,16 +111,16 @@ class SceneUpload:
         self._unsent |= self._hierarchy.changed
         self._raster_stale |= bool(self._hierarchy.changed & {"triangles", "vertices"})
         self._geometry += bool(self._hierarchy.changed)
-        # Images, which the light table averages.
+        # Images: the light table needs their averages.
         self._materials.send_images(materials)
         self._environment.send(scene.environment)
-        # The light table: with many emitters it takes long, so only if a light, an emitter or a transform changed.
+        # The light table, only if a light, an emitter or a transform changed: it takes long with many emitters.
         key = (_light_values(scene.lights), _emission_values(materials), self.resources["environment_cdf"][1])
         if self._table is None or self._unsent or key != self._table_key:
             self._table = build_light_table(scene, self._hierarchy, self._environment.cdf, self._dtypes["lights"])
             self._table_key = key
             self.resources.records("lights", self._table.lights)
-        # Materials, which hold the pdf of their emitters.
+        # Materials: they hold the pdf of their emitters.
         self._materials.send_records(materials, self._table.material_pdf)
         for name in ("nodes", "triangles", "vertices", "instances"):
             if name in self._unsent or name not in self.resources:
@@ -131,7 +131,7 @@ class SceneUpload:
         self._fill_info(scene, self._table)
 
     def update_draws(self, scene: Scene) -> DrawList:
-        """Send what raster passes draw if it changed, and return it; call after `update`."""
+        """Return the draw list of raster passes, sent to the GPU if it changed; call after `update`."""
         if self._raster_stale or self.draws is None:
             scene = _without_empty(scene)
             self.draws = build_draw_list(scene.instances, self._hierarchy, self._raster_meshes)
@@ -159,11 +159,11 @@ class SceneUpload:
         return self._samples[1]
 
     def update_areas(self, scene: Scene, table: AreaCdf) -> None:
-        """Bring a CDF of areas up to date; call after `update`."""
+        """Update a CDF of areas; call after `update`."""
         table.update(_without_empty(scene).instances, self._hierarchy)
 
     def update_solids(self, choice: str) -> None:
-        """Send which triangles bound solids if it changed; `choice` as in `SolidMeshes.update`. Call after `update`."""
+        """Send which triangles bound solids, if changed; `choice` as in `SolidMeshes.update`. Call after `update`."""
         if self._solid_key != (self._geometry, choice):
             self._solid_key = (self._geometry, choice)
             self.solids.update(self._hierarchy.placements(), self._hierarchy.triangles, choice)
@@ -171,7 +171,7 @@ class SceneUpload:
 
     def update_motion(self, scene: Scene) -> None:
         """Send how each instance has moved since the last call; call after `update`."""
-        # Nothing has moved in this call nor in the one before: the identities that it sent hold.
+        # Nothing has moved in this call or the previous one: the GPU already has the identities.
         if self._motion_geometry == (self._geometry, self._geometry):
             return
         self._motion_geometry = (self._motion_geometry[1], self._geometry)
@@ -210,7 +210,7 @@ class SceneUpload:
         return view
 
     def _find_features(self, scene: Scene, materials: list[Material]) -> dict[str, bool]:
-        """Return the HAS_ constants of shaders: what the scene has, so that pipelines leave out the rest."""
+        """Return the HAS_ constants of shaders; pipelines leave out what the scene does not have."""
         emissive = any(max(m.emission) > 0 for m in materials)
         environment = scene.environment
         return {
@@ -247,7 +247,7 @@ def _without_empty(scene: Scene) -> Scene:
 
 
 def _light_values(lights: Sequence[Light]) -> list[tuple[Any, ...]]:
-    """Return what the light table depends on in punctual lights, comparable."""
+    """Return the values of punctual lights that the light table depends on, in comparable form."""
     return [
         (type(light), *(np.asarray(v).tobytes() for k, v in vars(light).items() if k not in ("name", "range")))
         for light in lights
@@ -255,7 +255,7 @@ def _light_values(lights: Sequence[Light]) -> list[tuple[Any, ...]]:
 
 
 def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
-    """Return what the light table depends on in materials, comparable."""
+    """Return the values of materials that the light table depends on, in comparable form."""
     shared = [
         (id(m), tuple(m.emission), m.double_sided, m.unlit, _texture_values(m.emission_texture)) for m in materials
     ]
@@ -269,5 +269,5 @@ def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
 
 
 def _texture_values(texture: Texture | None) -> tuple[Any, ...]:
-    """Return the values of a texture, comparable."""
+    """Return the values of a texture in comparable form."""
     return () if texture is None else tuple(tuple(v) if isinstance(v, list) else v for v in vars(texture).values())

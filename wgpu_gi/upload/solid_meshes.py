@@ -1,7 +1,7 @@
-"""Which meshes are solids for solid voxelisation: watertight, and thick enough to survive the voxel grid.
+"""Finds the meshes for solid voxelisation: watertight, and thick enough to survive the voxel grid.
 
-Solid voxelisation by parity needs watertight meshes (Eisemann and Decoret 2008; Soler 2010, section 5.3); the others
-are voxelised by their surface.
+Solid voxelisation by parity needs watertight meshes (Eisemann and Decoret 2008; Soler 2010, section 5.3). Of other
+meshes, only the surface is voxelised.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def is_watertight(mesh: Mesh) -> bool:
     corners = place.ravel()[np.asarray(mesh.triangles, np.int64)]
     # Count the triangles of each edge.
     edges = np.sort(np.stack([corners, np.roll(corners, -1, 1)], -1).reshape(-1, 2), 1)
-    # A triangle with two corners at one position has an edge of no length, and another one twice.
+    # A triangle with two corners at one position has an edge of length zero, and its other edge twice.
     edges = edges[edges[:, 0] != edges[:, 1]]
     _, count = np.unique(edges[:, 0] * np.int64(len(positions)) + edges[:, 1], return_counts=True)
     return not (count % 2).any()
@@ -42,7 +42,7 @@ def is_thick(mesh: Mesh) -> bool:
     positions = np.asarray(mesh.positions, np.float64)
     box = np.ptp(positions, 0)
     a, b, c = np.moveaxis((positions - positions.mean(0))[np.asarray(mesh.triangles, np.int64)], 1, 0)
-    normals = np.cross(b - a, c - a)  # of twice the area in length
+    normals = np.cross(b - a, c - a)  # their length is twice the area
     volume = abs((a * normals).sum()) / 6
     return bool(2 * volume > MIN_THICKNESS * np.linalg.norm(box) * np.linalg.norm(normals, axis=1).sum() / 2)
 
@@ -56,7 +56,7 @@ class SolidMeshes:
         self.has_solids = self.has_shells = False
 
     def update(self, places: list[Placement], triangles: NDArray[np.void], choice: str) -> None:
-        """Bring `bits` up to date with the scene's `triangles`, whose meshes lie at `places`.
+        """Update `bits` to the scene's `triangles`, whose meshes lie at `places`.
 
         `choice` is one of CHOICES: "all" and "none" override the tests. A mesh with an alpha mask is never a solid.
         """

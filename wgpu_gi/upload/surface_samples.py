@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from ..scene.scene import Instance
 from .two_level_bvh import TwoLevelBvh
 
-# Steps of low-discrepancy sequences: multiples modulo 1 of the golden ratio fill the unit interval evenly, those of R2,
-# 1/g and 1/g^2 with g^3 = g + 1, the unit square.
+# Steps of low-discrepancy sequences: multiples modulo 1 of the golden ratio fill the unit interval evenly; those of R2
+# (1/g and 1/g^2 with g^3 = g + 1) fill the unit square.
 GOLDEN = (5**0.5 - 1) / 2
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
 
 def sample_surfaces(instances: list[Instance], hierarchy: TwoLevelBvh, count: int = 4096) -> NDArray[np.float64]:
-    """Return at most `count` points (n, 3) relative to the scene's origin, the same ones for the same scene.
+    """Return at most `count` points (n, 3) relative to the scene's origin; the same scene gives the same points.
 
-    Half of them are placed by area and half equally over all instances, so that small objects on a large ground get
-    some, too.
+    Half of the points are distributed by area and half equally over all instances, so that small objects on a large
+    ground also get some.
     """
     # Place the triangles of all instances in the world, with their areas.
     areas, parts = [], []
@@ -30,7 +30,7 @@ def sample_surfaces(instances: list[Instance], hierarchy: TwoLevelBvh, count: in
         place = hierarchy.placement(instance.mesh)
         corners: NDArray = place.data.corners
         if len(corners) > 4 * count:
-            # Large meshes are represented by every n-th triangle, which is a fair choice in leaf order.
+            # Every n-th triangle represents a large mesh; in leaf order this is a fair choice.
             corners = corners[:: len(corners) // (2 * count)]
         matrix = np.asarray(instance.world_from_local, np.float64)
         corners = corners.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - hierarchy.origin)

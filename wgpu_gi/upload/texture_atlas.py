@@ -18,12 +18,12 @@ from ..scene.scene import Image
 from ..webgpu_limits import MAX_TEXTURE_SIDE
 
 MIN_PAGE = 256  # texels a side: a smaller texture saves no memory worth mentioning
-MAX_LAYERS = 256  # and for its layers
+MAX_LAYERS = 256  # WebGPU's default limit of array layers
 
 
 @dataclass
 class Atlas:
-    """Where each image lies: id(image) -> (layer, x, y). Layers are square, `page` texels a side."""
+    """The place of each image: id(image) -> (layer, x, y). Layers are square, `page` texels a side."""
 
     page: int
     layers: int
@@ -46,7 +46,7 @@ def pack_atlas(images: list[Image]) -> Atlas:
             f"image {name!r} has a side of {largest} pixels; textures have at most {MAX_TEXTURE_SIDE}: scale it down"
         )
     area = sum(image.pixels.shape[0] * image.pixels.shape[1] for image in images)
-    # Choose a page that holds the largest image, and a quarter of all of them while it is below 4096.
+    # Choose a page that holds the largest image and, up to 4096 texels a side, a quarter of the area of all images.
     page = MIN_PAGE
     while page < largest or (page < 4096 and page * page * 4 < area):
         page *= 2

@@ -1,7 +1,7 @@
 """The top level of the two-level hierarchy: a binary tree over subtrees of baked meshes and over instances.
 
 Benthin et al. 2017, "Improved Two-Level BVHs using Partial Re-Braiding". Departures: only baked meshes are opened, by
-surface area, until there are OPEN_UP_TO subtrees; the tree over them is built by `bvh.build_bvh`.
+surface area, until there are OPEN_UP_TO subtrees; `bvh.build_bvh` builds the tree over them.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ Subtrees = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]  #
 
 
 def open_subtrees(places: Iterable[Placement]) -> Subtrees:
-    """Return the subtrees of all baked meshes, those of the largest surface area opened first."""
+    """Return the subtrees of all baked meshes; those of the largest surface area are opened first."""
     heap: list[tuple[float, int, NDArray, NDArray, int, Placement]] = []
     ties = itertools.count()  # heapq compares tuples; a counter keeps equal areas from comparing arrays
 
     def add(low: NDArray, high: NDArray, reference: int, place: Placement) -> None:
         x, y, z = np.maximum(high - low, 0).astype(np.float64).tolist()
-        # Leaves cannot be opened, so they sort behind all inner nodes.
+        # Leaves cannot be opened, so they sort after all inner nodes.
         order = 1.0 if reference >= int(LEAF_FLAG) else -(x * y + y * z + z * x)
         heapq.heappush(heap, (order, next(ties), low, high, reference, place))
 

@@ -18,13 +18,13 @@ from .node_quantization import QuantizationGrid
 from .top_level import OPEN_UP_TO, Subtrees, build_top_level, open_subtrees
 
 INSTANCE_FLAG = 1 << 30  # of a child reference: the rest is the number of an instance
-# Distance of the scene's centre from the origin, in radii, above which everything is laid out again: at 4 radii
-# float32 coordinates are 8 times as coarse as near the origin, which the padding of quantised boxes still covers.
+# If the scene's centre is more than this many radii from the origin, everything is laid out again. At 4 radii, float32
+# coordinates are 8 times as coarse as near the origin; the padding of quantised boxes still covers that.
 MAX_DRIFT = 4.0
-# Steps of the world's grid across a triangle, below which a mesh keeps a grid of its own: at 4 steps outward rounding
-# adds 2 * (1 + 1/16) / 4, about half, to the extent of a triangle's box.
+# A mesh keeps a grid of its own if the world's grid has fewer steps than this across a triangle. At 4 steps, outward
+# rounding adds 2 * (1 + 1/16) / 4, about half, to the extent of a triangle's box.
 MIN_STEPS = 4.0
-GROWTH = 1.5  # of a grid that an instance has left, so that steady motion outwards does not leave it in every frame
+GROWTH = 1.5  # of a grid that an instance has left, so that steady outward motion does not leave it in every frame
 
 
 class TwoLevelBvh:
@@ -60,7 +60,7 @@ class TwoLevelBvh:
         self.changed = set()
         meshes = list({id(i.mesh): i.mesh for i in instances}.values())
         # Ids are unique among living objects only; `_prepared` keeps the meshes alive. A new instance may have the id
-        # of a deleted one, but with the same mesh, so it counts as the old one moved.
+        # of a deleted one; if their meshes are the same, it counts as the old instance after a move.
         layout = ([id(m) for m in meshes], [(id(i), id(i.mesh)) for i in instances])
         matrices = np.array([i.world_from_local for i in instances], np.float64).reshape(-1, 4, 4)
         new_layout = layout != self._layout
@@ -72,7 +72,7 @@ class TwoLevelBvh:
             self.radius = float(np.linalg.norm(bounds[1] - bounds[0]) / 2)
             drifted = np.abs(bounds.mean(0) - self.origin).max() > MAX_DRIFT * self.radius
             if new_layout or drifted:
-                # The origin stays otherwise, so that moving one instance does not move all others relative to it.
+                # Otherwise the origin stays, so that moving one instance does not move all others relative to it.
                 self.origin = bounds.mean(0)
                 self._lay_out(meshes, instances, matrices, bounds)
             else:
@@ -86,7 +86,7 @@ class TwoLevelBvh:
         self._number_materials(meshes, material_index)
 
     def placement(self, mesh: Mesh) -> Placement:
-        """Return where a mesh lies."""
+        """Return the place of a mesh in the buffers."""
         return self._places[id(mesh)]
 
     def placements(self) -> list[Placement]:
@@ -94,7 +94,7 @@ class TwoLevelBvh:
         return list(self._places.values())
 
     def _prepare(self, meshes: list[Mesh]) -> None:
-        """Build the bottom level of meshes that are new, and drop that of meshes no longer in use."""
+        """Build the bottom level of new meshes, and drop that of meshes no longer in use."""
         new = [m for m in meshes if id(m) not in self._prepared]
         prepared = {id(d.mesh): d for d in prepare_meshes(new, self.dtypes["vertices"])} | self._prepared
         self._prepared = {id(m): prepared[id(m)] for m in meshes}
@@ -166,7 +166,7 @@ class TwoLevelBvh:
         return bool(size * steps_per_unit < MIN_STEPS and steps_per_unit < place.grid.scale.min())
 
     def _bake(self, place: Placement, number: int, world_from_local: NDArray[np.float64]) -> None:
-        """Store a mesh in world space, where its one instance, `number`, places it."""
+        """Store a mesh in world space, placed by its only instance, `number`."""
         d = place.data
         linear, translation = world_from_local[:3, :3], world_from_local[:3, 3] - self.origin
         corners = (d.corners.astype(np.float64) @ linear.T + translation).astype(np.float32)
@@ -219,7 +219,7 @@ class TwoLevelBvh:
         self.changed |= {"instances"}
 
     def _fit_world(self, bounds: NDArray[np.float64]) -> None:
-        """Span a larger grid if `bounds` have left the present one; return to the first one where it is enough."""
+        """Use a larger grid if `bounds` have left the current one; return to the first grid if it is large enough."""
         if self._first_grid.spans(bounds):
             wanted = self._first_grid
         elif self.world.spans(bounds):

@@ -1,4 +1,4 @@
-"""The desktop viewer: a window on a session. It draws after events and while a picture converges, and else sleeps."""
+"""The desktop viewer: a window on a session. It draws after events and while a picture converges, else it sleeps."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ FLIGHT = 0.25  # flight speed, scene sizes per second: across a scene in four se
 DOUBLE_CLICK_SECONDS, DOUBLE_CLICK_REACH = 0.4, 0.01  # between the clicks; the reach is a share of the window's height
 IDLE_SECONDS = 0.5  # longest wait for an event, as shader files are checked in between
 MOVE_SECONDS = 0.02  # longest wait while the view moves, to see when it comes to rest
-TICK_SECONDS = 0.1  # between redraws during a long frame: less looks stuck
-MEASURE_SECONDS = 0.5  # between measurements of the error, which can be read twice a second
+TICK_SECONDS = 0.1  # between redraws during a long frame: a longer pause looks stuck
+MEASURE_SECONDS = 0.5  # between measurements of the error: two numbers per second are readable
 
 _FLIGHT_KEYS = {
     glfw.KEY_D: (1, 0, 0),
@@ -55,7 +55,7 @@ class App:
         device = session.renderer.graph.device
         self.window = Window(title, session.size, device, self)
         self.screen = Screen(device, self.window.format)
-        self._thumbnailed = False  # the thumbnails show the present view
+        self._thumbnailed = False  # the thumbnails show the current view
         self._held: int | None = None  # the mouse button that drags
         self._modifiers = 0
         self._place = (0.0, 0.0)
@@ -80,7 +80,7 @@ class App:
             return False
         self._prepare()
 
-        # At the panel, draw first: a slow picture must not delay it.
+        # While the panel is in use, draw first: a slow picture must not delay the panel.
         if window.wanted and session.resolution.level and not session.urgent:
             self._draw()
             return True
@@ -139,7 +139,7 @@ class App:
         self.screen.write(0, display_layer(session.shown, values, session.exposure))
 
     def _compare(self) -> bool:
-        """Refine the truth, copy it to the screen's texture, measure the error; return False if nothing was to do."""
+        """Refine the truth, copy it to the screen's texture, measure the error; return False without anything to do."""
         comparison, now = self.comparison, time.monotonic()
         was_ready = comparison.ready
         refined = comparison.step(self._tick)
@@ -236,7 +236,7 @@ class App:
         self.controller.zoom(amount)
 
     def key(self, key: int, down: bool, modifiers: int) -> None:
-        """Carry out the command of a key, unless the key flies."""
+        """Run the command of a key, unless the key is flying the camera."""
         session, cameras = self.session, self.session.renderer.scene.cameras
         if down and key == glfw.KEY_Q and modifiers & glfw.MOD_CONTROL:
             self.window.quit()

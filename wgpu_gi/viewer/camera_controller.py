@@ -44,7 +44,7 @@ class CameraController:
         self.take(navigation.frame_all(self._session.camera, self._session.renderer.scene, width / height))
 
     def set_pivot(self, x: float, y: float) -> str:
-        """Make the surface at a share of the width and height the pivot; return a message."""
+        """Set the pivot to the surface at (x, y), shares of width and height; return a message."""
         session = self._session
         try:
             found = session.point_at(x, y)

@@ -1,4 +1,4 @@
-"""The view compared with the path tracer, which converges while the view rests: split, difference, numbers."""
+"""Compares the view with the path tracer, which converges while the view rests: split, difference, numbers."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ SPP = 4096  # of the truth: its noise is 1/64 of that of one sample
 
 
 class Comparison:
-    """`split` is the share of the window's width that shows the technique, where `mode` is "split"."""
+    """`split` is the share of the window's width that shows the technique if `mode` is "split"."""
 
     def __init__(self, session: Session) -> None:
         self._mode = "off"
-        self.ready = False  # the truth shows the present view
+        self.ready = False  # the truth shows the current view
         self.split = 0.5
         self.errors: Errors | None = None
         self._session = session
@@ -46,7 +46,7 @@ class Comparison:
         return self.mode != "off" and self._session.shown == DISPLAY
 
     def step(self, tick: Callable[[float], None]) -> bool:
-        """Refine the truth of a view at rest; return False if there was nothing to do, or it was interrupted."""
+        """Refine the truth of a view at rest; return False if there was nothing to do, or after an interruption."""
         session = self._session
         if not self.on:
             self.close()
@@ -75,12 +75,12 @@ class Comparison:
         return ran
 
     def display(self) -> object:
-        """Return the texture of the truth as the view shows it."""
+        """Return the display texture of the truth."""
         assert self._renderer is not None
         return self._renderer.display_texture()
 
     def measure(self) -> None:
-        """Bring `errors` up to date; None where the truth is black."""
+        """Update `errors`; None if the truth is black."""
         assert self._renderer is not None
         image, truth, noise = self._session.renderer.read_back(), self._renderer.read_back(), self._noise()
         try:

@@ -21,7 +21,7 @@ class Controls:
 
     def __init__(self, session: Session, done: Callable[[], None]) -> None:
         self._session, self._done = session, done
-        self._following = False  # the slider is being moved by `follow`
+        self._following = False  # `follow` is moving the slider
         self.technique = self._dropdown("technique", (*TECHNIQUES,), session.settings.gi)
         self.quality = self._dropdown("quality", QUALITIES, session.quality)
         automatic = session.settings.exposure is None

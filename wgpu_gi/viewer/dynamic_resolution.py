@@ -1,7 +1,7 @@
-"""Dynamic resolution: the share of its pixels with which a moving view renders in time.
+"""Dynamic resolution: chooses the share of the pixels with which a moving view renders in time.
 
-A controller in steps: level n has 2^(-n/2) of the pixels. The time of a frame is taken as fixed cost plus cost per
-pixel, so that a view whose time is mostly fixed cost keeps its pixels.
+Level n has 2^(-n/2) of the pixels. The model of a frame's time is fixed cost plus cost per pixel, so that a view whose
+time is mostly fixed cost keeps its pixels.
 """
 
 from __future__ import annotations
@@ -9,22 +9,22 @@ from __future__ import annotations
 import math
 
 STEP = 2**-0.5  # share of the pixels from level to level: two steps halve them
-# Down to about a third of the width (0.35) the aim is 25 frames per second, the rate of television. Below it, pixels
-# are worth more than smoothness, and 15 frames per second will do. The last level has an eighth of the width.
+# Down to about a third of the width (0.35) the aim is 25 frames per second, the rate of television. Below that, pixels
+# are worth more than smoothness, and the aim is 15 frames per second. The last level has an eighth of the width.
 SMOOTH_SECONDS, SLOW_SECONDS = 1 / 25, 1 / 15
 SLOW_LEVEL, LAST_LEVEL = 6, 12
-# Shares of a frame's time that depend on its pixels. Above the first, one level saves at least 0.3 (1 - STEP) = 9 % of
-# the time; below the second, one costs at most 4 %.
+# Shares of a frame's time that depend on its pixels. Above the first, a coarser level saves at least 0.3 (1 - STEP) =
+# 9 % of the time; below the second, a finer level costs at most 4 %.
 WORTH_COARSER, WORTH_FINER = 0.3, 0.1
-MARGIN = 0.9  # a finer level must be expected to take at most this share of the time allowed, or levels alternate
+MARGIN = 0.9  # limit on a finer level's expected time, as a share of the allowed time: without it levels alternate
 
 
 class DynamicResolution:
-    """`level` is that of the next frame of a moving view; `note` takes how long each frame took."""
+    """`level` is the level of the next frame of a moving view; `note` receives the time of each frame."""
 
     def __init__(self) -> None:
         self.level = 0
-        self._before = 1.0, 0.0  # share of the pixels and seconds of a frame at the level before
+        self._before = 1.0, 0.0  # share of the pixels and seconds of a frame at the previous level
         self._last = math.inf  # seconds of the last frame at this level
 
     def note(self, seconds: float) -> None:
@@ -37,13 +37,13 @@ class DynamicResolution:
             return
         seconds, slower = min(seconds, last), max(seconds, last)
 
-        # Estimate the share of the time that depends on the pixels, from this level and the one before.
+        # Estimate the share of the time that depends on the pixels, from this level and the previous one.
         pixels, (pixels_before, seconds_before) = pixels_at(self.level), self._before
         share = 1.0
         if pixels_before != pixels:
             share = (seconds_before - seconds) / (pixels_before - pixels) * pixels / seconds
 
-        # Go coarser where that helps, finer where that is in time or costs nothing.
+        # Go coarser if that helps, finer if that is in time or costs little.
         level = self.level
         if share > WORTH_COARSER:
             self.level = _level_in_time(level, seconds)
@@ -70,7 +70,7 @@ def _allowed(level: int) -> float:
 
 
 def _level_in_time(level: int, seconds: float) -> int:
-    """Return the first level from `level` on that is in time, if a frame at `level` takes `seconds`."""
+    """Return the first level, from `level` on, that is in time if a frame at `level` takes `seconds`."""
     while level < LAST_LEVEL and seconds > _allowed(level):
         level, seconds = level + 1, seconds * STEP
     return level

@@ -1,4 +1,4 @@
-"""The exposure meter: keeps the automatic exposure of a view, which follows at rest and stands while it moves."""
+"""The exposure meter: updates the automatic exposure of a view at rest, and keeps it while the view moves."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ class ExposureMeter:
 
     def __init__(self, renderer: Renderer) -> None:
         self._renderer = renderer
-        self._following = True  # the last move, until its picture is complete
+        self._following = True  # measures after the last move, until its picture is complete
         self.started = False  # measured at least once
         self._still = 0  # steps at rest since the last move
 
     def moved(self) -> None:
-        """Note that camera or lights moved. Other changes, such as of the technique, leave the exposure alone."""
+        """Record that camera or lights moved. Other changes, such as a new technique, keep the exposure."""
         self._following = True
 
     def restart(self) -> None:
-        """Measure at the next step, whatever it is."""
+        """Measure at the next step in any case."""
         self._following, self.started = True, False
 
     def measure(self, ran: bool, moving: bool) -> bool:
-        """Measure after a step, where the exposure may change; return whether it did.
+        """Measure after a step if the exposure may change; return whether it did.
 
-        That is: in the first step; and at rest after a move, in steps 1, 2, 4, 8 ... as the noise falls, until a step
-        with nothing to do (not `ran`) says that the picture is complete.
+        It may change in the first step, and at rest after a move in steps 1, 2, 4, 8 ... as the noise falls. A step
+        with nothing to do (not `ran`) ends this: the picture is complete.
         """
         renderer = self._renderer
         self._still = 0 if moving else self._still + 1

@@ -22,12 +22,12 @@ class LightPanel:
         self._session = session
 
     def draw(self) -> None:
-        """Draw it with imgui."""
+        """Draw this part of the panel with imgui."""
         scene = self._session.renderer.scene
         if not imgui.collapsing_header("lights"):
             return
         if not scene.lights and scene.environment is None:
-            imgui.text_wrapped("The scene has no light but what its materials emit.")
+            imgui.text_wrapped("Only the materials of the scene emit light.")
         changed = [self._light(i, light) for i, light in enumerate(scene.lights)]
         if scene.environment is not None:
             changed.append(self._environment(scene.environment))
@@ -52,7 +52,7 @@ class LightPanel:
         return brighter or recoloured or turned
 
     def _direction(self, light: DirectionalLight) -> bool:
-        """The direction to the sun."""
+        """Edit the direction to the sun; return whether it changed."""
         azimuth, elevation = angles_of(light)
         round_, azimuth = imgui.slider_float("azimuth (deg)", azimuth, -180.0, 180.0, "%.1f")
         up, elevation = imgui.slider_float("elevation (deg)", elevation, -90.0, 90.0, "%.1f")

@@ -70,7 +70,7 @@ def fly(camera: Camera, steps: Sequence[float]) -> Camera:
 
 
 def frame_all(camera: Camera, scene: Scene, aspect: float) -> Camera:
-    """Return the camera, in its direction, moved to where it sees the bounding sphere of the scene."""
+    """Move the camera, without turning it, so that it sees the bounding sphere of the scene."""
     low, high = scene.bounds()
     radius = size_of(scene) / 2
     back = camera.world_from_view[:3, 2]

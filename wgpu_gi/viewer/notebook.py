@@ -244,7 +244,7 @@ def _pixels(session: Session) -> NDArray[np.uint8]:
 
 
 def _close_earlier(view: View) -> None:
-    """Close the views of earlier runs of the same cell; note this one."""
+    """Close the views of earlier runs of the same cell; record this one."""
     kernel = getattr(get_ipython(), "kernel", None)
     if kernel is None:
         return

@@ -18,7 +18,7 @@ from .thumbnails import SIZE
 
 WIDTH, MARGIN = 380.0, 8.0  # points
 CAPTION = 23  # characters below a picture
-WIDE_RANGE = 100.0  # ratio of its ends from which a slider is logarithmic: two decades
+WIDE_RANGE = 100.0  # a slider is logarithmic from this ratio of its ends on: two decades
 LARGEST_SLIDER = 2**31 - 1  # a slider's whole numbers have 32 bits
 
 HELP = """\
@@ -38,7 +38,7 @@ Ctrl+Q               quit
 
 
 class Panel:
-    """Draws itself with imgui. `actions` are buttons: what they are called and what they do."""
+    """Draws itself with imgui. `actions` maps the labels of buttons to what they do."""
 
     def __init__(self, session: Session, comparison: Comparison, actions: dict[str, Callable[[], None]]) -> None:
         self.visible = True
@@ -58,7 +58,7 @@ class Panel:
         self._edited: dict[str, Any] = {}  # values being dragged or typed, which apply on release
 
     def draw(self) -> None:
-        """Draw all of it with imgui."""
+        """Draw the whole panel with imgui."""
         self.place = (0.0, 0.0, 0.0, 0.0)
         if self.visible:
             self._main()
@@ -97,7 +97,7 @@ class Panel:
         imgui.end()
 
     def _rendering(self) -> None:
-        """Technique, quality, exposure, and the buffer shown."""
+        """Draw technique, quality, exposure, and the buffer shown."""
         session = self._session
         technique = _combo("technique", session.settings.gi, tuple(TECHNIQUES))
         imgui.set_item_tooltip(TECHNIQUES[session.settings.gi].sentence)
@@ -136,17 +136,17 @@ class Panel:
             error = f"{errors.relmse:.3g}" if errors.relmse > 0 else "below the noise"
             imgui.text(f"relMSE {error}, bias {errors.bias:+.2%}")
             if errors.floor is not None:
-                imgui.text(f"noise of the path tracer (taken off): {errors.floor:.3g}")
+                imgui.text(f"noise of the path tracer (subtracted): {errors.floor:.3g}")
 
     def _probe(self) -> None:
-        """The values of the pixel under the mouse."""
+        """Draw the values of the pixel under the mouse."""
         self.probe.on = bool(imgui.collapsing_header("pixel"))
-        nothing = [""] * (1 + len(PROBED))  # keeps what follows in place
+        nothing = [""] * (1 + len(PROBED))  # keeps the controls below in place
         for line in (self.probe.lines(*self.pointer) or nothing) if self.probe.on else ():
             imgui.text(line)
 
     def _sections(self) -> None:
-        """The settings that the technique uses, by section."""
+        """Draw the settings that the technique uses, by section."""
         settings = self._session.settings
         if settings != self._listed:
             self._listed, self._sectioned = deepcopy(settings), {}
@@ -161,7 +161,7 @@ class Panel:
                 imgui.pop_id()
 
     def _setting(self, row: Row) -> None:
-        """One setting; its value applies when mouse or text field are released."""
+        """Draw one setting; its value applies when the mouse or the text field is released."""
         label = row.name.rpartition(".")[2] + (f" ({row.unit})" if row.unit else "")
         imgui.set_next_item_width(WIDTH * 0.4)
         value = self._edited.get(row.name, row.value)
@@ -184,7 +184,7 @@ class Panel:
         imgui.set_item_tooltip(_tooltip(row))
 
     def _plan(self) -> None:
-        """State and time of each pass in the last step."""
+        """Draw state and time of each pass in the last step."""
         opened = bool(imgui.collapsing_header("passes"))
         self._session.measure = opened
         if not opened:
@@ -203,7 +203,7 @@ class Panel:
         imgui.end_table()
 
     def _thumbnails(self) -> None:
-        """Thumbnails of what each pass wrote, two in a row."""
+        """Draw thumbnails of what each pass wrote, two per row."""
         self.shows_thumbnails = bool(imgui.collapsing_header("pass outputs"))
         if not self.shows_thumbnails or self.sheet is None:
             return
@@ -235,7 +235,7 @@ class Panel:
 
 
 def _combo(label: str, value: str, choices: tuple[str, ...]) -> str | None:
-    """Return the choice that a user makes, else None."""
+    """Return the new choice of the user, None if there is none."""
     changed, index = imgui.combo(label, choices.index(value) if value in choices else -1, list(choices))
     return choices[index] if changed else None
 

@@ -1,4 +1,4 @@
-"""What is kept of a view: the command line that renders it, and picture files with that command inside."""
+"""Saves a view: the command line that renders it, and picture files with that command inside."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .session import DISPLAY, Session
 
 def command_of(session: Session, output: str = "view.png") -> str:
     """Return the command line that renders the view, with its exposure as a number."""
-    # Scene, size, camera, lights that were changed, buffer.
+    # Scene, size, camera, changed lights, buffer.
     size, camera = "{}x{}".format(*session.size), json.dumps(_camera_fields(session))
     words = ["wgpu-gi", "render", *session.source, "-o", output, "--size", size, "--camera", camera]
     for text in light_texts(session.renderer.scene):

@@ -1,7 +1,7 @@
 """The session of a viewer: scene, settings and exposure, rendered while the view moves and while it rests.
 
-While the camera moves, dynamic resolution keeps frames in time. At rest the resolution rises to full within a few
-steps, and the picture converges. Knows nothing of windows; the window and the notebook share it.
+While the camera moves, dynamic resolution keeps frames in time. At rest, the resolution rises to full within a few
+steps, and the picture converges. A session does not depend on windows; window and notebook share it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .navigation import pivot_of
 REST_SECONDS = 0.25  # after the last move the view is at rest: longer than a hand pauses within a drag
 SHARED_FRAMES = 8  # frames of temporal accumulation while the camera moves: a third of a second at 25 per second
 TIMING_SECONDS = 0.25  # between measurements of the passes while moving: measuring costs time, and nobody reads faster
-REFINEMENT = 4  # levels of resolution that a step at rest rises: from the coarsest to full in three steps
+REFINEMENT = 4  # levels by which each step at rest raises the resolution: from the coarsest to full in three steps
 WATCH_SECONDS = 0.4  # between checks of the shader files
 DISPLAY = "display"
 
@@ -42,7 +42,7 @@ class Session:
     """A scene in a view. `camera`, `pivot`, settings, `shown` and `size` may change between steps."""
 
     def __init__(self, renderer: Renderer, quality: str = "medium", source: Sequence[str] = ("cornell",)) -> None:
-        """`source` are the arguments of `wgpu-gi render` that give the scene."""
+        """`source` has the arguments of `wgpu-gi render` that select the scene."""
         self.renderer = renderer
         self.quality = quality
         self.source = list(source)
@@ -72,7 +72,7 @@ class Session:
 
     @property
     def exposure(self) -> float:
-        """The exposure in EV with which the view is displayed: as set, or automatic."""
+        """The exposure of the displayed view in EV: the setting, or automatic."""
         return self.renderer.exposure
 
     @property
@@ -128,7 +128,7 @@ class Session:
         self.changed()
 
     def expose(self, automatic: bool) -> None:
-        """Make the exposure automatic, or fix it at its present value."""
+        """Make the exposure automatic, or fix it at its current value."""
         self._meter.restart()
         self.change("exposure", None if automatic else self.exposure)
 
@@ -149,13 +149,13 @@ class Session:
         self.changed()
 
     def changed(self) -> None:
-        """Note a change of anything but the camera."""
+        """Record a change of anything but the camera."""
         self.interrupted, self.at_rest = True, False
         if self.shown not in self.buffers:
             self.shown = DISPLAY
 
     def relit(self) -> None:
-        """Note a change of lights. It counts as a move, so a light that is dragged gets dynamic resolution, too."""
+        """Record a change of lights. It counts as a move, so dragging a light also uses dynamic resolution."""
         self._relit = self._moved = time.monotonic()
         self._meter.moved()
         self.changed()
@@ -175,8 +175,8 @@ class Session:
     def step(self, tick: Callable[[float], None] | None = None) -> bool:
         """Render a frame, or refine the last one if nothing changed; return False if there was nothing to do.
 
-        During a long frame at rest, `tick` is called with the fraction done; if it changes anything, the frame is
-        abandoned. After a failure `error` says why, and the last picture remains.
+        During a long frame at rest, `tick` receives the fraction done; if it changes anything, the frame is abandoned.
+        After a failure, `error` says why and the last picture remains.
         """
         if self.at_rest:
             return False

@@ -1,7 +1,7 @@
 """A desktop window with a wgpu surface; its events go to imgui and to a handler.
 
-It is glfw itself, not rendercanvas: events must also be handled in the middle of a frame that takes seconds, and the
-viewer must sleep until the next event, while rendercanvas draws and dispatches events from a loop of its own.
+It uses glfw directly, not rendercanvas. The viewer must handle events in the middle of a frame that takes seconds, and
+sleep until the next event; rendercanvas draws and dispatches events from a loop of its own.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..gpu.device import Device
 LEAST_SCALE, LARGEST_SCALE = 1.0, 4.0  # pixels per unit in which windows and the mouse are measured
 SETTLE_FRAMES = 3  # frames after an event until imgui has settled
 
-# imgui's names of the keys that text fields use. Without Tab, which would begin to edit the first field.
+# imgui's names of the keys that text fields use. Tab is left out: it would begin to edit the first field.
 _KEYS: dict[int, tuple[imgui.Key, ...]] = {
     getattr(glfw, f"KEY_{name}"): (getattr(imgui.Key, name.lower()),)
     for name in ("BACKSPACE", "ENTER", "ESCAPE", "DELETE", "SPACE", "HOME", "END", *"ACVXYZ")
@@ -61,7 +61,7 @@ class Window:
     """A window with a wgpu surface and imgui in it."""
 
     def __init__(self, title: str, size: tuple[int, int], device: Device, handler: Handler) -> None:
-        """Open it. Raises GiError if that fails."""
+        """Open the window. Raises GiError if that fails."""
         start()
         self._controllerler = handler
         self._pointer = (0.0, 0.0)
@@ -87,11 +87,11 @@ class Window:
 
     @property
     def closing(self) -> bool:
-        """True once the user has closed it."""
+        """True once the user has closed the window."""
         return bool(glfw.window_should_close(self._window))
 
     def quit(self) -> None:
-        """Close it as its button does."""
+        """Close the window, as its close button does."""
         glfw.set_window_should_close(self._window, True)
 
     def clipboard(self, text: str) -> None:
@@ -154,7 +154,7 @@ class Window:
         return self._sheet
 
     def close(self) -> None:
-        """Close it."""
+        """Close the window."""
         self._surface.unconfigure()
         self._surface = None  # it must not outlive its window
         imgui.destroy_context(self._context)
@@ -223,7 +223,7 @@ class Window:
 
 
 def start() -> None:
-    """Start glfw, once or repeatedly. Raises GiError without a display, where glfw would end the process."""
+    """Start glfw; may be called repeatedly. Raises GiError without a display; glfw would end the process."""
     if sys.platform.startswith("linux"):
         if not os.environ.get("DISPLAY"):
             wayland = " (on Wayland: XWayland)" if os.environ.get("WAYLAND_DISPLAY") else ""
@@ -231,7 +231,7 @@ def start() -> None:
                 f"there is no display to open a window on: DISPLAY is not set{wayland}; log in to a desktop,"
                 " use ssh -X, or make pictures with wgpu-gi render"
             )
-        # The surface is one of X11, which Wayland desktops offer through XWayland.
+        # The surface needs X11; Wayland desktops offer it through XWayland.
         glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_X11)
     glfw.ERROR_REPORTING = "ignore"
     if not glfw.init():

@@ -1,1 +1,1 @@
-"""The reader of WGSL: imports, tokens, bindings, structs and constants, as reflection of the shader files."""
+"""Reflection of WGSL files: imports, tokens, bindings, structs and constants."""

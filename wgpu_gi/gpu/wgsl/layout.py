@@ -15,7 +15,7 @@ SHORT = {"f": "f32", "i": "i32", "u": "u32", "h": "f16"}
 
 @dataclass(frozen=True)
 class Layout:
-    """How a type lies in memory.
+    """The memory layout of a type.
 
     `dtype` is padded to `size`; for a type with a runtime-sized array it is the part before that array. `element` is
     the layout of an element if the type is an array, or ends in a runtime-sized one (then `runtime` is true).
@@ -34,7 +34,7 @@ class Layout:
 
 
 def layout_of(kind: Type, structs: dict[str, tuple[Member, ...]]) -> Layout:
-    """Return the layout of a host-shareable type; a GiError names a type that is none.
+    """Return the layout of a host-shareable type. Raises GiError for any other type.
 
     A column of a `matCx3` and an element of an `array<vec3...>` take four scalars, the last of them padding.
     """

@@ -21,11 +21,11 @@ from .tokens import ParseError
 
 @dataclass(eq=False)
 class ShaderSource:
-    """A shader with all that it imports, and what it declares. A source is the same object until its text changes."""
+    """A shader with its imports, and what it declares. `load` returns the same object until the text changes."""
 
     path: str
     text: str
-    lines: list[tuple[str, int]]  # of each line of `text`: file and line there
+    lines: list[tuple[str, int]]  # file and line number of each line of `text`
     module: Module
     _layouts: dict[Type, Layout] = field(default_factory=dict)
 
@@ -41,7 +41,7 @@ class ShaderSource:
 
     @property
     def overrides(self) -> dict[str, int | float | bool | None]:
-        """The pipeline constants with their defaults; None: it has none, or one that is computed."""
+        """The pipeline constants with their defaults; None if there is none or it is computed."""
         return self.module.overrides
 
     @property
@@ -75,10 +75,10 @@ class ShaderSource:
 
 
 _Key = tuple[str, Path | None]
-_loaded: dict[_Key, tuple[ShaderSource, frozenset[Path]]] = {}  # with the files that it depends on
-_outdated: dict[_Key, ShaderSource] = {}  # sources of which a file has changed
-_times: dict[Path, int] = {}  # when each file was written, as first seen; -1: it was looked for and is not there
-_changes = 0  # times that `refresh` has found something
+_loaded: dict[_Key, tuple[ShaderSource, frozenset[Path]]] = {}  # and the files that each shader depends on
+_outdated: dict[_Key, ShaderSource] = {}  # sources with a changed file
+_times: dict[Path, int] = {}  # modification time of each file when first seen; -1: searched for, but absent
+_changes = 0  # number of calls of `refresh` that found a change
 
 
 def load(path: str, root: Path | str | None = None) -> ShaderSource:
@@ -91,7 +91,7 @@ def load(path: str, root: Path | str | None = None) -> ShaderSource:
     known = _loaded.get(key)
     if known is not None:
         return known[0]
-    # Paste its files, and note them even if that fails: a change may mend it.
+    # Paste its files. Record them even after an error: an edit may fix it.
     files: dict[Path, int] = {}
     pasted: list[tuple[str, str, int]] = []
     try:
@@ -99,7 +99,7 @@ def load(path: str, root: Path | str | None = None) -> ShaderSource:
     finally:
         for file, time in files.items():
             _times.setdefault(file, time)
-    # Reflect it, unless it is what it was before.
+    # Reflect the text, unless it is unchanged.
     text = "\n".join(line for line, _, _ in pasted) + "\n"
     source = _outdated.get(key)
     if source is None or source.text != text:
@@ -114,10 +114,10 @@ def load(path: str, root: Path | str | None = None) -> ShaderSource:
 
 
 def refresh() -> int:
-    """Look at all files of loaded shaders; `load` will read those shaders again of which a file has changed.
+    """Check all files of loaded shaders; `load` reads a shader again if one of its files has changed.
 
-    Returns how many calls of this process have found a change: another number than at an earlier call means that a
-    shader may be another one than then.
+    Returns how many calls of this process have found a change. If the number differs from that of an earlier call, a
+    shader may have changed since.
     """
     global _changes
     changed = {file for file, time in _times.items() if _mtime(file) != time}
@@ -139,7 +139,7 @@ def _paste(
     pasted: list[tuple[str, str, int]],
     where: str,
 ) -> None:
-    """Append the lines of `path` as (text, file, line), its imports in the place of their lines."""
+    """Append the lines of `path` as (text, file, line); each import is replaced by its file."""
     if path in parents:
         raise GiError(f"{where}: import cycle {' -> '.join([*parents[parents.index(path) :], path])}")
     file = _find(path, root, files, where)
@@ -158,7 +158,7 @@ def _paste(
 
 
 def _find(path: str, root: Path | None, files: dict[Path, int], where: str) -> Path:
-    """Return the file of a shader; note in `files` where it was looked for first."""
+    """Return the file of a shader; record in `files` the earlier places that lack it."""
     roots = [root] if root is not None else []
     try:
         roots.append(resource_dir("wgsl"))

@@ -42,9 +42,9 @@ class Binding:
 
 @dataclass(frozen=True, eq=False)
 class EntryPoint:
-    """A shader stage. `uses` are the names it reaches; `workgroup_size` numbers or names of overrides.
+    """A shader stage. `uses` has the names it reaches; `workgroup_size` holds numbers or names of overrides.
 
-    `outputs` maps the names of user-defined outputs to their locations; one that is no struct member is called "".
+    `outputs` maps the names of user-defined outputs to their locations; a bare return value is called "".
     """
 
     name: str
@@ -56,9 +56,9 @@ class EntryPoint:
 
 @dataclass
 class Module:
-    """All that is declared.
+    """All module-scope declarations.
 
-    `overrides` maps to defaults, None if there is none (then it is also in `required_overrides`) or it is computed.
+    `overrides` maps names to defaults; None means a computed default, or none (then `required_overrides` has the name).
     `sampled` has the pairs of texture and sampler names that are used together.
     """
 

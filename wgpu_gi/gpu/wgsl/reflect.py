@@ -178,7 +178,7 @@ class _Parser:
                 if depth == 0:
                     break
         words = self.tokens[start : self.at]
-        # A name behind a dot is a member, not a variable of that name.
+        # A name after a dot is a member, not a variable of that name.
         before = [self.tokens[start - 1], *words]
         self.bodies[name] = {t.text for b, t in zip(before, words, strict=False) if t.kind == "name" and b.text != "."}
         self.note_sampling(words)

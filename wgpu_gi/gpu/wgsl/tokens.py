@@ -1,4 +1,4 @@
-"""The words and marks of WGSL, and the value of expressions made of literals and constants."""
+"""The tokens of WGSL, and the evaluation of expressions of literals and constants."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PRECEDENCE = ({"<<", ">>"}, {"+", "-"}, {"*", "/", "%"})
 
 
 class ParseError(Exception):
-    """Text that this reader does not know as WGSL, at a line of the pasted text."""
+    """Text that this parser does not accept as WGSL; `line` is the line of the pasted text."""
 
     def __init__(self, message: str, line: int) -> None:
         super().__init__(message)
@@ -52,7 +52,7 @@ def tokenize(text: str) -> list[Token]:
 
 
 def _comment_end(text: str, start: int, line: int) -> int:
-    """Return where the block comment that begins at `start` is over."""
+    """Return the end of the block comment that begins at `start`."""
     depth = 0
     for mark in COMMENT_MARK.finditer(text, start):
         depth += 1 if mark.group() == "/*" else -1

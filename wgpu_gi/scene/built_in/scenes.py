@@ -1,4 +1,4 @@
-"""Built-in scenes, most with a known solution, which the docstring of each function gives.
+"""Built-in scenes. Most have a known solution, given in the docstring of the function.
 
 Sources: Goral et al. 1984 and Cornell University's data of the box (measured colours; a metre here is 100 mm of the
 original); Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", C-11 (parallel squares).
@@ -146,7 +146,7 @@ def plates_form_factor(distance: float = 1.0) -> float:
 def plates(distance: float = 1.0, emission: float = 1.0, albedo: float = 0.5) -> Scene:
     """Two unit squares facing each other: the upper one emits Le and is black, the lower one has albedo rho.
 
-    Over the lower one the mean of E is pi Le F, so the mean of the picture is L = rho Le F with
+    The mean of E over the lower one is pi Le F, so the mean of the picture is L = rho Le F with
     F = `plates_form_factor(distance)` (0.19982 at 1 m). The camera between the plates is orthographic and looks down; a
     square picture shows exactly the lower one.
     """
@@ -234,8 +234,8 @@ def corridor(lamp: float = 300.0, sealed_lamp: float = 1200.0) -> Scene:
 def curtain(lamp: float = 60.0) -> Scene:
     """A room divided by a curtain of zero thickness, with a lamp of `lamp` cd close to one side of it; no closed form.
 
-    The curtain consists of a flat sheet, whose front faces the dark side, and a cloth in folds, then there is a gap of
-    1.2 m. The lamp's cone ends before the gap, so the visible half gets no direct light: all comes through the gap.
+    The curtain consists of a flat sheet (its front faces the dark side) and a folded cloth; a gap of 1.2 m follows. The
+    lamp's cone ends before the gap, so the visible half gets no direct light: all its light comes through the gap.
     """
     room = box((-3.0, 0.0, -2.0), (3.0, 2.6, 2.0), matte((0.7, 0.68, 0.64), "plaster"), inward=True, name="room")
     sheet = matte((0.25, 0.4, 0.7), "sheet", double_sided=False)

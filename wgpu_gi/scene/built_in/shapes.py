@@ -92,7 +92,7 @@ def sphere(
 ) -> Mesh:
     """Make an icosphere of 20 * 4^subdivisions triangles, scaled to the surface area of the true sphere.
 
-    So the flux through it, and the mean irradiance from a light at its centre, are those of the sphere.
+    Thus its flux, and the mean irradiance from a light at its centre, equal those of the sphere.
     """
     # Begin with an icosahedron.
     golden = (1 + 5**0.5) / 2

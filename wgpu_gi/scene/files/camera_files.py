@@ -17,10 +17,10 @@ from .read import read_file
 
 CAMERA_FIELDS = ("position", "target", "up", "yfov_deg", "orthographic_height")
 
-# From the front (+Z in glTF), the right and above, where a box shows three faces.
+# From the front (+Z in glTF), the right and above: a box shows three faces.
 FRAMING_DIRECTION = (0.55, 0.4, 0.75)
 FRAMING_YFOV_DEG = 45.0
-FRAMING_MARGIN = 1.05  # of the distance: 5 % of free picture around the bounding box
+FRAMING_MARGIN = 1.05  # factor on the distance: 5 % of free picture around the bounding box
 
 
 def load_camera(path: str | Path) -> Camera:
@@ -128,8 +128,8 @@ def choose_camera(scene: Scene, selector: str | int | None = None, folder: Path 
     """Return the camera that `selector` names; None is the first camera.
 
     `selector` is a name or an index in the scene, a .json file, or the text of such a file. Names come before indices.
-    A relative file is looked up in the working folder, then in `folder` (the scene's). A scene without cameras has a
-    framing one. Raises GiError with a list of the cameras if there is no such camera.
+    A relative file is looked up in the working folder, then in `folder` (the scene's). A scene without cameras uses
+    `framing_camera`. Raises GiError with a list of the cameras if there is no such camera.
     """
     cameras = scene.cameras or [framing_camera(scene)]
     if selector is None:

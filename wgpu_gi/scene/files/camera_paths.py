@@ -28,7 +28,7 @@ CameraAt = Callable[[int], Camera]  # the camera of a frame
 def turntable(camera: Camera, scene: Scene, frames: range) -> CameraAt:
     """Return a camera that circles the middle of the scene's bounding box once, counter-clockwise from above.
 
-    The first of `frames` shows `camera` itself, and so would the one after the last: the frames loop seamlessly.
+    The first of `frames` shows `camera` itself, as would the frame after the last: the frames loop seamlessly.
     """
     low, high = scene.bounds()
     centre = (low + high) / 2

@@ -94,7 +94,7 @@ def _reduced(image: NDArray[np.float32], path: Path, notes: list[str] | None) ->
 
 
 def _check_size(width: int, height: int, source: str) -> None:
-    """Raise GiError, before anything is allocated, for sizes that no map has."""
+    """Raise GiError for a map that is empty or too large, before any allocation."""
     if width < 1 or height < 1:
         raise GiError(f"environment map {source} has no pixels ({width}x{height})")
     if max(width, height) > LARGEST_SIDE or width * height > MOST_PIXELS:
@@ -149,7 +149,7 @@ def _exposure(header: bytes, source: str) -> float:
 
 
 def _decode_rows(body: bytes, width: int, height: int) -> NDArray[np.uint8]:
-    """Decode all rows; the first bytes of a row tell which encoding it has. IndexError if the data ends."""
+    """Decode all rows; the first bytes of a row tell its encoding. Raises IndexError if the data ends early."""
     rgbe = np.empty((height, width, 4), np.uint8)
     new_mark = bytes([2, 2, width >> 8, width & 255])
     at = 0
@@ -162,7 +162,7 @@ def _decode_rows(body: bytes, width: int, height: int) -> NDArray[np.uint8]:
 
 
 def _decode_new_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
-    """Decode a row of the new encoding, four planes of runs (count > 128: repeat a byte), and return where it ends."""
+    """Decode a row of the new encoding, four planes of runs (count > 128: repeat a byte); return its end."""
     for channel in range(4):
         plane = bytearray()
         while len(plane) < len(row):
@@ -180,7 +180,7 @@ def _decode_new_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
 
 
 def _decode_old_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
-    """Decode a row of the old encoding, where a pixel (1, 1, 1, n) repeats the one before; return where it ends."""
+    """Decode a row of the old encoding, where a pixel (1, 1, 1, n) repeats the previous one; return its end."""
     # A row without repeats is copied at once.
     plain = np.frombuffer(body[at : at + row.size], np.uint8)
     if len(plain) == row.size and not (plain.reshape(row.shape)[:, :3] == 1).all(1).any():

@@ -1,4 +1,4 @@
-"""Decodes PNG, JPEG, WebP and other image files to 8-bit RGBA with Pillow, or says in a few words why it cannot."""
+"""Decodes PNG, JPEG, WebP and other image files to 8-bit RGBA with Pillow, or returns the reason why it cannot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MAX_PIXELS = MAX_TEXTURE_SIDE**2
 def open_image(encoded: bytes, formats: tuple[str, ...] | None = None) -> Pillow.Image | str:
     """Return an image with only its header read, or the reason why there is none.
 
-    `formats` are the names that Pillow has for those allowed; None allows all.
+    `formats` lists the allowed formats by Pillow's names; None allows all.
     """
     try:
         with warnings.catch_warnings():
@@ -34,7 +34,7 @@ def open_image(encoded: bytes, formats: tuple[str, ...] | None = None) -> Pillow
 
 
 def decode_image(picture: Pillow.Image | str) -> NDArray[np.uint8] | str:
-    """Return the pixels (height, width, 4) uint8 of what `open_image` returned, or the reason why there are none."""
+    """Return the pixels (height, width, 4) uint8 of a result of `open_image`, or the reason why there are none."""
     if isinstance(picture, str):
         return picture
     try:

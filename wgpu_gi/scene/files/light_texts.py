@@ -32,7 +32,7 @@ def parse_light(text: str) -> Light:
 
 
 def relight(scene: Scene, text: str) -> None:
-    """Change a light of the scene by "LIGHT=r,g,b", or a sun's direction, too, by "LIGHT=r,g,b dx,dy,dz".
+    """Change a light of the scene by "LIGHT=r,g,b"; "LIGHT=r,g,b dx,dy,dz" also sets the direction of a sun.
 
     LIGHT is an index into `scene.lights` or a name; indices come before names. "env=r,g,b" sets the radiance of the
     environment, which multiplies its map; "env=r,g,b degrees" also rotates the map about +Y. Units are those of
@@ -68,7 +68,7 @@ def relight(scene: Scene, text: str) -> None:
 
 
 def light_texts(scene: Scene) -> list[str]:
-    """Return the texts by which `relight` would set each light, and then the environment, to its present values."""
+    """Return the texts with which `relight` sets each light, then the environment, to its current values."""
     texts = []
     for place, light in enumerate(scene.lights):
         text = f"{place}={_list(light.intensity * part for part in light.color)}"
@@ -98,7 +98,7 @@ def _color(text: str, word: str) -> tuple[float, float, float]:
 
 
 def _direction(text: str, direction: list[float]) -> list[float]:
-    """Return `direction` if it is one. Raises GiError otherwise."""
+    """Return `direction`. Raises GiError if it does not have three numbers or is zero."""
     if len(direction) != 3:
         raise GiError(f"light {text!r} needs three numbers for its direction")
     if not any(direction):

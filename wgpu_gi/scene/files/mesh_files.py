@@ -1,7 +1,7 @@
 """Reads mesh files (OBJ, PLY, STL, OFF) as scenes of one mesh, without lights or cameras.
 
-PLY and STL are parsed by trimesh, which is imported when needed, since that takes up to a second. Only its raw arrays
-are used: its mesh class merges vertices and invents normals. OBJ is parsed by `obj`, OFF here.
+trimesh parses PLY and STL. It is imported on demand, since that takes up to a second. Only its raw arrays are used: its
+mesh class merges vertices and invents normals. `obj` parses OBJ; this module parses OFF.
 
 Conventions: coordinates are metres with Y up, unchanged. 8-bit vertex and face colours of PLY are sRGB, float ones
 linear. Shading is smooth only where the file has vertex normals (OBJ, PLY). A surface without material is matte light
@@ -91,7 +91,7 @@ def _read_stl(path: Path, notes: list[str]) -> RawMesh:
 
 
 def _read_off(path: Path, notes: list[str]) -> RawMesh:
-    """Read a text OFF file, whose polygons of five corners trimesh cannot read; skip colours and normals."""
+    """Read a text OFF file; skip colours and normals. trimesh cannot read its polygons of five corners."""
     text = read_file(path, "OFF file").decode("utf-8-sig", errors="replace")
     lines = [words for line in text.splitlines() if (words := line.split("#")[0].split())]
     if not lines or not lines[0][0].upper().endswith("OFF"):

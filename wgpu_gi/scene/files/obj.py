@@ -1,7 +1,7 @@
 """Reads Wavefront OBJ files with their MTL materials.
 
-Not by trimesh, which counts negative indices from the end of the file instead of from the face's line (this breaks the
-common Cornell box files), reads only one material library, rounds `Kd` to 8 bits, keeps `Ke` as text and does not
+trimesh is not used: it counts negative indices from the end of the file instead of from the face's line (this breaks
+the common Cornell box files), reads only one material library, rounds `Kd` to 8 bits, keeps `Ke` as text and does not
 report missing textures.
 """
 
@@ -37,7 +37,7 @@ def read_obj(path: Path, notes: list[str]) -> RawMesh:
     positions, colors = _positions(path, lines.rows["v"])
     if -1 in lines.material_of_face:
         materials.append(default_material(colors))
-    # -1, no material, becomes the last one, which is the default just appended.
+    # -1 (no material) becomes the last material, the default.
     material_of_face = np.array(lines.material_of_face, np.int64) % max(len(materials), 1)
     return RawMesh(
         positions=positions[index[:, 0]],
@@ -58,7 +58,7 @@ class _Lines:
     corners: list[str] = field(default_factory=list)
     corner_counts: list[int] = field(default_factory=list)
     material_of_face: list[int] = field(default_factory=list)  # into `materials`; -1: none
-    materials: dict[str, int] = field(default_factory=dict)  # those used, in order
+    materials: dict[str, int] = field(default_factory=dict)  # used materials, in order
     libraries: list[str] = field(default_factory=list)
 
 
@@ -88,7 +88,7 @@ def _read_lines(path: Path) -> _Lines:
 
 
 def _absolute(ref: str, rows: dict[str, list[str]]) -> str:
-    """Turn the negative indices of a corner, which count back from the latest row, into positive ones."""
+    """Make the indices of a corner positive; negative indices count back from the latest row."""
     parts = ref.split("/")
     for k, (part, lines) in enumerate(zip(parts, rows.values(), strict=False)):
         if part.startswith("-") and part[1:].isdigit():
@@ -142,12 +142,12 @@ def _attribute(path: Path, lines: list[str], index: NDArray, width: int, key: st
 
 
 def _flip_v(texcoords: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    """Turn v upwards (OBJ) into v downwards (glTF and ours)."""
+    """Convert v from upwards (OBJ) to downwards (glTF and this package)."""
     return None if texcoords is None else texcoords * (1.0, -1.0) + (0.0, 1.0)
 
 
 def _materials(path: Path, libraries: list[str], names: list[str], notes: list[str]) -> list[Material]:
-    """Return a material for each name in use; what is missing becomes grey and a note."""
+    """Return a material for each name in use; a missing one becomes grey, with a note."""
     known: dict[str, Material] = {}
     unread = 0
     for library in libraries:
@@ -173,8 +173,8 @@ def read_mtl(text: str, folder: Path, notes: list[str]) -> dict[str, Material]:
     """Read the materials of an MTL text; textures are looked up below `folder`.
 
     `Kd` is linear reflectance, as in the published Cornell boxes, and `Ke` radiance in W/(m2 sr). `map_Kd` and `map_Ke`
-    are sRGB and multiply them; a factor that is zero or missing beside a map counts as one, as exporters write it.
-    `d`, `Tr` and `map_d` are ignored with a note; all else (specular, bump, illumination model) without.
+    are sRGB and multiply them; a zero or missing factor beside a map counts as one, since exporters write it so.
+    `d`, `Tr` and `map_d` are ignored with a note, other keys (specular, bump, illumination model) without a note.
     """
     blocks: dict[str, dict[str, str]] = {}
     block: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""From the triangles of a mesh file, in float64, to a Scene of one checked, centred, float32 mesh."""
+"""Turns the float64 triangles of a mesh file into a Scene of one checked, centred, float32 mesh."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class RawMesh:
 def fans(ids: NDArray[np.int64], corner_counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Triangulate polygons as fans about their first corners; return triangles (m, 3) and the face of each, (m,).
 
-    `ids` are the corners of all polygons in a row, `corner_counts` the corners of each.
+    `ids` holds the corners of all polygons in sequence, `corner_counts` the number of corners of each.
     """
     triangles_per_face = np.maximum(corner_counts - 2, 0)
     face = np.repeat(np.arange(len(corner_counts)), triangles_per_face)
@@ -51,14 +51,14 @@ def scene_from_raw(raw: RawMesh, name: str, source: str, notes: list[str]) -> Sc
     """Check `raw`, drop what cannot be shown, move it to its box centre and return a Scene with one instance.
 
     Positions are stored relative to the centre of the bounding box, which goes into `world_from_local` in float64:
-    a mesh a million metres away keeps the precision of one at the origin. `source` opens messages.
+    a mesh a million metres away keeps the precision of one at the origin. Messages begin with `source`.
     Raises GiError for no faces, indices out of range, NaN or infinite vertices and boundless extent.
     """
     _check_indices(raw, source)
     raw = _drop_unused_vertices(raw)
     centre = _centre(raw, source)
     positions = (raw.positions - centre).astype(np.float32)
-    # Drop triangles that rounding to float32 leaves without area, too.
+    # Drop triangles without area, including those that lose it by rounding to float32.
     kept = has_area(positions, raw.triangles)
     if not kept.any():
         raise GiError(f"{source}: all {len(kept)} triangles are degenerate (no area); nothing to render")
@@ -127,7 +127,7 @@ def _finite(rows: NDArray[np.float64] | None) -> NDArray[np.float32] | None:
 
 
 def _unit_or_zero(normals: NDArray[np.float64] | None) -> NDArray[np.float32] | None:
-    """Normalise rows; those without a direction become zero, which asks for the flat normal."""
+    """Normalise rows. A row without a direction becomes zero, which means the flat normal."""
     if normals is None:
         return None
     # Scale by the largest component first, so that squares neither overflow nor vanish.

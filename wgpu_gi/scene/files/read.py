@@ -1,4 +1,4 @@
-"""Reads files that may be missing, foreign or hostile, with one clear sentence in an error."""
+"""Reads files that may be missing, foreign or hostile; an error is one clear sentence."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def read_file(path: Path, kind: str) -> bytes:
 
 
 def path_inside(folder: Path, name: str) -> Path | None:
-    """Return the path of `name`, as a scene file has it, below `folder`; None if it leads out of the folder."""
+    """Return the path below `folder` of a `name` in a scene file; None if it leads out of the folder."""
     try:
         root = folder.resolve()
         path = (root / name.strip().replace("\\", "/")).resolve()

@@ -1,4 +1,4 @@
-"""Triangle lists from glTF's primitive modes, and vertex attributes in the form that a Mesh has them."""
+"""Converts glTF primitives to triangle lists, and vertex attributes to the form of a Mesh."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _STRIP, _FAN = 5, 6
 
 
 def assemble(indices: NDArray[np.uint32], mode: int) -> NDArray[np.uint32]:
-    """Return the triangles (m, 3) of a list (mode 4), strip (5) or fan (6); an incomplete last one is left out."""
+    """Return the triangles (m, 3) of a list (mode 4), strip (5) or fan (6), without an incomplete last triangle."""
     if len(indices) < 3:
         return np.zeros((0, 3), np.uint32)
     if mode == _STRIP:
@@ -29,8 +29,8 @@ def assemble(indices: NDArray[np.uint32], mode: int) -> NDArray[np.uint32]:
 def clean_attribute(name: str, values: NDArray[Any]) -> tuple[NDArray[np.float32], int]:
     """Return a dequantised vertex attribute in the form of a Mesh, and how many rows were not finite.
 
-    Those rows get the value that means "none"; positions are returned unchanged. Normals and tangents are unit vectors
-    or zero, tangents have w = +-1, and colours are four numbers in [0, 1].
+    Those rows become neutral (zeros, white for colours); positions are returned unchanged. Normals and tangents are
+    unit vectors or zero, tangents have w = +-1, and colours are four numbers in [0, 1].
     """
     if name == "COLOR_0" and values.dtype.kind != "f":
         # Colours must be normalized; some exporters forget the flag.

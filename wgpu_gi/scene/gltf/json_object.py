@@ -1,4 +1,4 @@
-"""Typed access to the JSON of a glTF file: a wrong type or value raises an error that tells where it stands."""
+"""Typed access to the JSON of a glTF file: a wrong type or value raises an error with its place in the file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MAX_INTEGER = 1 << 53
 
 
 class JsonObject:
-    """A JSON object and `where` it stands in the file.
+    """A JSON object; `where` is its place in the file.
 
     The getters return a checked value, or the default if the key is absent; without a default an absent key is an
     error. All of them raise GiError.
@@ -75,7 +75,7 @@ class JsonObject:
     def vector(
         self, key: str, default: tuple[float, ...], low: float = -math.inf, high: float = math.inf
     ) -> tuple[float, ...]:
-        """Return finite numbers within [low, high], as many as `default` has."""
+        """Return finite numbers within [low, high]; `default` sets their count."""
         values = self.raw.get(key, default)
         numbers = [_finite(v) for v in values] if isinstance(values, list | tuple) else []
         if len(numbers) != len(default) or not all(n is not None and low <= n <= high for n in numbers):

@@ -121,7 +121,7 @@ def _light(source: JsonObject, matrix: Matrix, name: str) -> Light | None:
     kind = source.choice("type", {kind: kind for kind in ("point", "spot", "directional")})
     red, green, blue = source.vector("color", (1.0, 1.0, 1.0), low=0.0, high=MAX_POWER)
     color, intensity = (red, green, blue), source.number("intensity", 1.0, low=0.0, high=MAX_POWER)
-    # Some exporters write a range of 0 for "no limit", for which the extension leaves it out.
+    # Some exporters write a range of 0 for "no limit"; the extension omits the range instead.
     reach = source.number("range", 0.0, low=0.0) or None
     x, y, z = matrix[:3, 3].tolist()
     if kind == "point":

@@ -23,8 +23,8 @@ _Vertices = dict[str, NDArray[np.float32]]  # by the attribute names of glTF
 
 _TRIANGLES = 4  # the lower primitive modes are points and lines
 
-# The vertex attributes of a Mesh, each with the component counts that glTF allows, and with the value that means "none"
-# for primitives without the attribute in a mesh where others have it.
+# The vertex attributes of a Mesh, each with the component counts that glTF allows and a neutral value. Primitives that
+# lack the attribute get this value if others of the mesh have it.
 _ATTRIBUTES: dict[str, tuple[tuple[int, ...], NDArray[np.float32]]] = {
     "POSITION": ((3,), np.zeros(3, np.float32)),
     "NORMAL": ((3,), np.zeros(3, np.float32)),
@@ -170,7 +170,7 @@ class Meshes:
                 raise primitive.error(f"{name} has {len(values)} elements for {count} positions; the file is damaged")
         vertices = {name: self._cleaned(primitive, name, values) for name, values in arrays.items()}
         if joints is not None:
-            # Absurd weights give positions that are not finite, for which _finish raises an error.
+            # Absurd weights give positions that are not finite; _finish raises an error for them.
             with np.errstate(over="ignore", invalid="ignore"):
                 apply_skin(vertices, joints, primitive, lambda name: self._attribute(primitive, name, draco))
         return vertices

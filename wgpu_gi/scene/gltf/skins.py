@@ -17,9 +17,9 @@ from .json_object import JsonObject
 def joint_matrices(
     document: Document, accessors: Accessors, skin: int, world_of_node: list[NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the joint matrices (k, 4, 4) of a skin, into a frame at its first joint, and that frame, (4, 4).
+    """Return the joint matrices (k, 4, 4) of a skin, relative to a frame at its first joint, and that frame, (4, 4).
 
-    Positions relative to that frame are small numbers, wherever in the world the mesh is.
+    Positions relative to that frame are small numbers, wherever the mesh is in the world.
     """
     description = document.array("skins")[skin]
     joints = description.indices("joints", len(world_of_node), "nodes")
