@@ -21,7 +21,7 @@ struct Brdf {
 struct BrdfSample {
     w_i: vec3f,
     weight: vec3f,  // f_r cos / pdf
-    pdf: f32,       // 1/sr; 0: no direction was found
+    pdf: f32,       // 1/sr; 0: the sample is invalid
 }
 
 fn brdf_metallic_roughness(base_color: vec3f, metallic: f32, roughness: f32) -> Brdf {
@@ -61,7 +61,7 @@ fn ggx_pdf(alpha: f32, cos_h: f32, cos_o: f32) -> f32 {
     return 0.5 * g1_over_2cos * ggx_distribution(alpha, cos_h);
 }
 
-// Returns the share of samples that go to the coat, by its reflectance against the diffuse albedo.
+// Returns the probability of sampling the coat: its reflectance over the sum of reflectance and diffuse albedo.
 fn glossy_probability(b: Brdf, cos_o: f32) -> f32 {
     if (!b.glossy) {
         return 0.0;
@@ -71,7 +71,7 @@ fn glossy_probability(b: Brdf, cos_o: f32) -> f32 {
     if (base <= 0.0) {
         return 1.0;
     }
-    // At least a quarter each, so that neither lobe is starved where the estimate is off.
+    // Each lobe gets at least a quarter, so neither starves where the estimate is off.
     return clamp(coat / (coat + base), 0.25, 0.75);
 }
 
@@ -100,8 +100,8 @@ fn sample_brdf(b: Brdf, w_o: vec3f, u: vec2f, choice: f32) -> BrdfSample {
     }
     var w_i: vec3f;
     if (choice < glossy_probability(b, w_o.z)) {
-        // Visible normals by a spherical cap (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical
-        // Caps").
+        // Sample a visible normal by a spherical cap (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with
+        // Spherical Caps").
         let stretched = normalize(vec3f(b.alpha * w_o.xy, w_o.z));
         let z = fma(1.0 - u.x, 1.0 + stretched.z, -stretched.z);
         let sine = sqrt(clamp(1.0 - z * z, 0.0, 1.0));

@@ -1,5 +1,5 @@
-// Interleaved sampling (Keller and Heidrich 2001): the n x n pixels of a square are n^2 classes, each with samples of
-// its own. Classes rotate over the pixels from frame to frame.
+// Interleaved sampling (Keller and Heidrich 2001): the n x n pixels of a square form n^2 classes, each with its own
+// samples. Classes rotate over the pixels from frame to frame.
 
 override INTERLEAVE: u32 = 4u;  // n
 
@@ -7,8 +7,8 @@ fn class_count() -> u32 {
     return INTERLEAVE * INTERLEAVE;
 }
 
-// Classes that a pixel advances by per frame: prime to the square of every INTERLEAVE up to 8, so a pixel takes all of
-// them.
+// A pixel advances by this many classes per frame. The step is coprime to n^2 for every n up to 8, so a pixel visits
+// all classes.
 const CLASS_STEP: u32 = 11u;
 
 // Returns the class of a pixel in a frame of a still picture.

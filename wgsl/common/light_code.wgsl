@@ -1,5 +1,5 @@
 // Colours in 7 bytes: a shared exponent and 16 bits per channel. The error is at most 2^-16 of the largest channel at
-// any scale; twice the light has exactly twice the decoded colour.
+// any scale; doubling the light exactly doubles the decoded colour.
 #import "common/math.wgsl"
 
 // Returns 2^k, exactly, for -126 <= k <= 127.

@@ -18,7 +18,7 @@ fn unit_float(bits: u32) -> f32 {
     return min(f32(bits) * ONE_OVER_2_32, BELOW_ONE);
 }
 
-// Owen scrambling of a bit-reversed number: each bit depends on those below it only
+// Owen scrambling of a bit-reversed number: each bit depends only on lower bits
 // (Laine and Karras 2011; constants by N. Vegdahl, as Burley 2020, "Practical Hash-based Owen Scrambling", recommends).
 fn laine_karras(value: u32, seed: u32) -> u32 {
     var x = value;
@@ -30,8 +30,8 @@ fn laine_karras(value: u32, seed: u32) -> u32 {
     return x;
 }
 
-// Returns point `index` of an Owen-scrambled, shuffled Sobol (0,2)-sequence in [0, 1)^2. Each `seed` is an independent
-// scramble, so that pairs of dimensions are padded together (Burley 2020, section 4).
+// Returns point `index` of an Owen-scrambled, shuffled Sobol (0,2)-sequence in [0, 1)^2. Each `seed` gives an
+// independent scramble, so pairs of dimensions can be padded (Burley 2020, section 4).
 fn sobol_2d(index: u32, seed: u32) -> vec2f {
     // Shuffle the index by an Owen scramble, which keeps every power-of-two prefix well distributed.
     let shuffled_reversed = laine_karras(reverseBits(index), hash(seed));

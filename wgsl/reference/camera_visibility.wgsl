@@ -1,5 +1,5 @@
-// Whether the camera sees a surface point, for `path.visible_only`: techniques in screen space find light of such
-// points only.
+// Whether the camera sees a surface point, for `path.visible_only`: screen-space techniques find light only from such
+// points.
 #import "scene/surface.wgsl"
 #import "scene/trace.wgsl"
 

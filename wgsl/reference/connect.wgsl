@@ -11,10 +11,10 @@ struct PathVertex {
     frame: mat3x3f,      // about the shading normal
     w_o: vec3f,          // in the frame, unit
     throughput: vec3f,   // of the path up to here, over its densities
-    density: f32,        // of this point by the path's own rays, 1/m2; 0: certain
+    density: f32,        // of this point by the path's own rays, 1/m2; 0: the camera ray's hit
 }
 
-// Where a light ray has hit.
+// The hit of a light ray.
 struct LightVertex {
     brdf: Brdf,
     position: vec3f,
@@ -22,9 +22,9 @@ struct LightVertex {
     normal: vec3f,           // shading, turned to the light
     ray_density: f32,        // of the light ray, 1/m2
     geometric_normal: vec3f,
-    light_pdf: f32,          // with which N draws that point of the light from here, 1/sr; 0 without area
+    light_pdf: f32,          // N's density of the light ray's origin, seen from here, 1/sr; 0 without area
     to_light: vec3f,         // unit
-    flux: vec3f,             // W over the densities, corrected for the shading normal
+    flux: vec3f,             // W; divided by the densities, corrected for the shading normal
 }
 
 struct Connection {
@@ -37,11 +37,11 @@ fn no_connection() -> Connection {
     return Connection(Ray(vec3f(0.0), vec3f(0.0)), 0.0, vec3f(0.0));
 }
 
-// Returns the vertex that a light ray makes. `cosine` is that of the ray and the surface's geometric normal.
+// Returns the vertex at a light ray's hit. `cosine`: between the ray and the surface's geometric normal.
 fn light_vertex(surface: Surface, sent: LightRay, squared_distance: f32, cosine: f32) -> LightVertex {
     let falloff = select(1.0 / squared_distance, 1.0, sent.parallel);
     let to_light = -sent.ray.direction;
-    // N weighs the light with the shading normal's cosine, its ray with the geometric one's.
+    // N applies the shading normal's cosine, the light ray the geometric normal's: correct the flux to N's.
     let flux = sent.flux * (max(dot(surface.normal, to_light), 0.0) / cosine);
     return LightVertex(
         surface_brdf(surface), surface.position, surface.offset, surface.normal, sent.ray_density * cosine * falloff,
@@ -62,7 +62,7 @@ fn connect_light(v: PathVertex, choice: f32, u: vec2f) -> Connection {
     let radiance = v.throughput * f.rgb * cosine * light.weighted * weight;
     if (max3(radiance) > 0.0) {
         let start = leave_surface(v.surface, light.direction);
-        // The end stays where it is: shift the start only.
+        // Shift only the start; the end stays.
         let shift = select(vec3f(0.0), start - v.surface.position, light.limit < INFINITELY_FAR);
         return Connection(Ray(start, light.to_light - shift), light.limit, radiance);
     }

@@ -1,7 +1,7 @@
 // One invocation traces `samples` more paths of one pixel and merges them into its running means.
 //
-// L_o = L_e + integral f_r L_i cos (Kajiya 1986). A path's last surface before its light is found in three ways,
-// combined by the power heuristic (Veach 1997, eq. 9.15 and section 10.2, with light subpaths of at most two vertices):
+// L_o = L_e + integral f_r L_i cos (Kajiya 1986). Three strategies find a path's last surface before its light; the
+// power heuristic combines them (Veach 1997, eq. 9.15 and section 10.2, with light subpaths of at most two vertices):
 //   N  next-event estimation: the path's own rays, then a shadow ray to a sampled point of a light
 //   B  the path's own rays, then one that follows the BRDF and meets an emitter or the environment
 //   L  a light ray, one for each path, whose hit is connected with every vertex of the path
@@ -16,7 +16,7 @@
 #import "reference/connect.wgsl"
 #import "reference/camera_visibility.wgsl"
 
-// Light leaves only surfaces that the picture shows, as if there were no others: the best that screen space can find.
+// Only surfaces that the picture shows send light, as if there were no others: the best that screen space can find.
 override VISIBLE_ONLY: bool = false;
 // The driver cuts loops after a number of iterations (STEP_BUDGET).
 override CUTS_LOOPS: bool = true;
@@ -37,9 +37,9 @@ struct Params {
 @group(1) @binding(14) var<storage, read_write> indirect: array<vec4f>;
 @group(1) @binding(15) var<storage, read_write> deviation: array<vec4f>;  // sum of (x - mean)^2
 
-// Scatterings before Russian roulette, which survives with the share of throughput that is left. Measured on Cornell,
-// 32 spp: error times run time is 26 % less than with 1, 13 % more than with 5, which traces a seventh fewer paths a
-// second.
+// Scatterings before Russian roulette, in which a path survives with the probability of its remaining throughput.
+// Measured on Cornell, 32 spp: error times run time is 26 % less than with 1, 13 % more than with 5, which traces a
+// seventh fewer paths a second.
 const ROULETTE_FROM: u32 = 3u;
 // llvmpipe (Mesa 22) silently ends loops after 65,535 iterations, counted over all loops of a SIMD group of 8, which in
 // Sponza takes 2 to 3 times the steps of each of its lanes. So a run begins no path after this many steps of traversal:
@@ -95,17 +95,17 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
     var throughput = vec3f(1.0);
     var depth = 0u;
     var bsdf_pdf = 0.0;                       // of the ray in flight, 1/sr
-    var origin_normal = vec3f(0.0);          // geometric normal of where it started
-    var origin_density = 0.0;                 // of that vertex by the path's own rays, 1/m2; 0: certain, by the camera
+    var origin_normal = vec3f(0.0);          // geometric normal at the ray's origin
+    var origin_density = 0.0;                 // of that vertex by the path's own rays, 1/m2; 0: the camera ray's hit
     var from_light = false;                   // the ray in flight is a light's
     var light_ray = LightRay(Ray(vec3f(0.0), vec3f(0.0)), vec3f(0.0), 0.0, false, 0.0);
     var lit: LightVertex;
     var rays: Rays;                           // limits of 0: none in flight
-    var pending_a = vec3f(0.0);               // what arrives if the first shadow ray is free
+    var pending_a = vec3f(0.0);               // radiance if the first shadow ray is unoccluded
     var pending_b = vec3f(0.0);
     let use_light_rays = has_lights & (params.bounces > 0u);
 
-    // One iteration is one path vertex; a lane whose path has ended goes on with its next sample.
+    // One iteration is one path vertex; a lane whose path has ended starts its next sample.
     loop {
         let ended = rays.limit <= 0.0 && rays.limit_a <= 0.0 && rays.limit_b <= 0.0;
         if (ended && !from_light) {
@@ -133,7 +133,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             }
         }
         if (rays.limit <= 0.0 && rays.limit_a <= 0.0 && rays.limit_b <= 0.0) {
-            // Nothing is in flight where a path starts: send its camera ray.
+            // No ray is in flight when a path starts: send its camera ray.
             from_light = false;
             let jittered = sobol_2d(done + sample - 1u, hash2(pixel_seed, 0u));
             let position = select(vec2f(0.5), jittered, view.jitter != 0u);
@@ -144,7 +144,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             origin_density = 0.0;
         }
 
-        // Trace what is in flight, add what the shadow rays let through.
+        // Trace the rays in flight, and add the light of unoccluded shadow rays.
         let found = trace_all(rays);
         steps += found.steps;
         let arrived = rays.limit > 0.0;
@@ -185,17 +185,17 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         }
 
         if (from_light) {
-            // Keep the light ray's hit for the vertices of the path to come.
+            // Keep the light ray's hit for the vertices of the coming path.
             if (sends && (surface.flags & UNLIT) == 0u) {
                 lit = light_vertex(surface, light_ray, squared_distance, cosine_in);
             }
             continue;
         }
 
-        // Add the emission of what the ray has met (B).
+        // Add the emission that the ray has hit (B).
         var arriving: vec3f;
         var light_pdf = 0.0;
-        var light_density = 0.0;   // of a light's ray to the vertex before, 1/m2
+        var light_density = 0.0;   // of a light ray at the previous vertex, 1/m2
         if (hit_something) {
             arriving = surface.emission;
             if ((surface.flags & UNLIT) != 0u) {
@@ -249,7 +249,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         }
         depth += 1u;
 
-        // Go on in a direction that follows the BRDF; the last ray counts only if it can meet a light.
+        // Sample the next direction by the BRDF. The last ray counts only if it can hit a light.
         if ((depth > params.bounces) & (scene.hittable_light == 0u)) {
             continue;
         }

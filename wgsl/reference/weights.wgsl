@@ -1,9 +1,8 @@
-// The power heuristic's weights of the three ways in which `path.wgsl` finds a path's last surface and its light (Veach
-// 1997, eq. 9.15 and section 10.2).
+// The power heuristic's weights of the three strategies by which `path.wgsl` finds a path's last surface and its light
+// (Veach 1997, eq. 9.15 and section 10.2).
 //
 // Densities: `light_pdf` of the light's point by N and `bsdf_pdf` by B, in 1/sr at the last surface; `own_density` of
-// that surface by the path's own rays (0: certain, as the camera's first hit is) and `ray_density` by light rays, in
-// 1/m2.
+// that surface by the path's own rays (0: the camera ray's hit) and `ray_density` by light rays, in 1/m2.
 
 fn squared_ratio(a: f32, b: f32) -> f32 {
     // Dividing first keeps the squares in range.

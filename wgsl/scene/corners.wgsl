@@ -1,4 +1,4 @@
-// A triangle's vertex attributes at a point on it, and whether the point is cut out by its material's alpha.
+// Vertex attributes at a point of a triangle, and the alpha test there.
 #import "scene/geometry.wgsl"
 
 struct Corners {
@@ -31,7 +31,7 @@ fn color_at(k: Corners) -> vec4f {
         + k.weights.z * unpack_color(k.c.color);
 }
 
-// Returns the alpha of the base colour, given that of the vertex colours.
+// Returns the base colour's alpha; `vertex_alpha` is that of the vertex colours.
 fn base_alpha(material: u32, vertex_alpha: f32, texcoord0: vec2f, texcoord1: vec2f) -> f32 {
     var alpha = materials[material].base_color.a * vertex_alpha;
     if (HAS_TEXTURES && has_texture(material, BASE_COLOR_SLOT)) {

@@ -8,12 +8,12 @@ override HAS_PICTURED_ENVIRONMENT: bool = true;
 
 fn environment_uv(direction: vec3f) -> vec2f {
     let u = atan2(direction.x, -direction.z) / TWO_PI + scene.environment_rotation;
-    // Not acos, which drivers may get wrong by 1e-4.
+    // atan2, because acos may be off by 1e-4 in drivers.
     let v = atan2(length(direction.xz), direction.y) * INV_PI;
     return vec2f(u - floor(u), v);
 }
 
-// Returns the map at a point, in pixels from its top left corner; bilinear between pixel centres.
+// Returns the map's value at `point`, in pixels from its top left corner; bilinear between pixel centres.
 fn picture_at(point: vec2f) -> vec3f {
     let size = vec2i(textureDimensions(environment));
     let base = vec2i(floor(point - 0.5));
@@ -27,7 +27,7 @@ fn picture_at(point: vec2f) -> vec3f {
     return mix(top, bottom, f.y).rgb;
 }
 
-// Returns the radiance that arrives against `direction` from infinity, W/(m2 sr).
+// Returns the environment's radiance seen in `direction`, W/(m2 sr).
 fn environment_radiance(direction: vec3f) -> vec3f {
     if (!HAS_PICTURED_ENVIRONMENT) {
         return scene.environment_color;

@@ -27,7 +27,6 @@ fn find_in_cdf(row: i32, count: i32, u: f32) -> i32 {
 }
 
 // Returns the first row whose cumulative value exceeds u.
-// Returns the first row whose cumulative value exceeds u.
 fn find_row_in_cdf(column: i32, count: i32, u: f32) -> i32 {
     var low = 0;
     var high = count - 1;
@@ -77,7 +76,7 @@ fn environment_pdf(direction: vec3f) -> f32 {
     return scene.environment_pdf * cell_pdf(cell, size, length(direction.xz));
 }
 
-// Returns a direction and, in w, its density once the environment is picked, 1/sr.
+// Returns a direction and, in w, its density given that the environment is picked, 1/sr.
 fn sample_environment(u: vec2f) -> vec4f {
     let size = vec2i(textureDimensions(environment_cdf)) - vec2i(1, 0);
     let y = find_row_in_cdf(size.x, size.y, u.y);

@@ -1,8 +1,8 @@
 // The tables of a scene's geometry: the two-level hierarchy's nodes, triangles, vertices and instances.
 //
-// Meshes with one instance lie in the world's tree itself; the tree of any other mesh is entered through an instance's
+// Meshes with one instance lie in the world's tree itself; rays enter the tree of any other mesh through an instance's
 // transform. Node boxes are 16-bit integers on a grid that spans their tree, rounded outwards, 32 bytes for both
-// children. Nodes, triangles and vertices are read-only storage textures: loads bound the traversal, and CPU drivers
+// children. Nodes, triangles and vertices are read-only storage textures: loads limit the traversal, and CPU drivers
 // load a texel in half the time of a buffer's vec4 (llvmpipe, whole traversal: Cornell 217 -> 115 ns, Sponza 847 ->
 // 539).
 #import "scene/info.wgsl"
@@ -29,7 +29,7 @@ struct Triangle {
     v0: vec3f,
     material: u32,
     edge1: vec3f,
-    instance: u32,  // of a mesh that lies in the world's tree, else NONE
+    instance: u32,  // of a mesh in the world's tree; NONE: the mesh has its own tree
     edge2: vec3f,
     flags: u32,
     corners: vec3u,  // entries of the table of vertices
@@ -84,7 +84,7 @@ fn load_vertex(index: u32) -> Vertex {
     return Vertex(a.x, a.y, a.zw, bitcast<vec2f>(b.xy), bitcast<vec2f>(b.zw));
 }
 
-// Compiled out where the scene has none of it.
+// Each is compiled out if the scene has none.
 override HAS_INSTANCES: bool = true;
 override HAS_MASKS: bool = true;
 override HAS_VERTEX_COLORS: bool = true;

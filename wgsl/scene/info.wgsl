@@ -22,7 +22,7 @@ struct SceneInfo {
     environment_color: vec3f, // constant radiance, or factor of the picture
     environment_pdf: f32,     // chance that a light sample picks the environment
     environment_rotation: f32,// in turns about +Y
-    hittable_light: u32,      // 1: an emitter or environment that a ray can meet
+    hittable_light: u32,      // 1: a ray can hit an emitter or environment
     centre: vec3f,            // of a sphere around the scene, metres
     radius: f32,
 }
@@ -35,7 +35,7 @@ struct Ray {
     direction: vec3f,  // need not be of unit length
 }
 
-// Returns the ray of a pixel as rasterisation has it.
+// Returns the ray through the point of a pixel that rasterisation samples.
 fn pixel_ray(pixel: vec2u) -> Ray {
     return camera_ray(vec2f(pixel) + view.offset);
 }

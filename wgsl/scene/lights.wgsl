@@ -13,7 +13,7 @@ const KIND_TRIANGLE: u32 = 3u;
 const KIND_ENVIRONMENT: u32 = 4u;
 
 struct Light {
-    position: vec3f,     // point, spot: place; triangle: first vertex; metres relative to the scene's origin
+    position: vec3f,     // triangle: first vertex; metres relative to the scene's origin
     kind: u32,
     edge1: vec3f,        // triangle: edge; spot, sun: unit direction of travel
     triangle: u32,
@@ -21,35 +21,35 @@ struct Light {
     sides: u32,          // triangle: 1 shines from the side of edge1 x edge2, 2 from the other
     color: vec3f,        // intensity W/sr, irradiance W/m2, or radiance W/(m2 sr)
     cumulative: f32,     // probability that this light or one before it is drawn
-    probability: f32,    // that it is drawn
+    probability: f32,    // of this light to be drawn
 }
 
 @group(1) @binding(8) var<storage, read> lights: array<Light>;
 
-// Compiled out where the scene has none of it.
+// Compiled out if the scene has none.
 override HAS_EMITTERS: bool = true;
 
 struct LightSample {
     to_light: vec3f,      // from the surface, metres; any length for lights at infinity
-    limit: f32,           // of the shadow ray, in lengths of `to_light`; 0: no light reaches the surface
+    limit: f32,           // end of the shadow ray, in lengths of `to_light`; 0: no light reaches the surface
     weighted: vec3f,      // radiance over density; irradiance at normal incidence for lights without area
     direction: vec3f,     // unit
     pdf: f32,             // 1/sr; 0 for punctual lights, which no BRDF sample can hit
-    ray_density: f32,     // of `sample_light_ray` at the surface if it faces the light, 1/m2
+    ray_density: f32,     // density of `sample_light_ray` at a surface that faces the light, 1/m2
 }
 
 // A ray that leaves a light.
 struct LightRay {
     ray: Ray,             // of unit direction
-    flux: vec3f,          // over the ray's density: W
+    flux: vec3f,          // W; divided by the ray's density
     ray_density: f32,     // 1/m2 at 1 m on a surface that faces it; at any distance if `parallel`
     parallel: bool,
-    pdf: f32,             // of its origin in `sample_light`, 1/sr, at 1 m unless `parallel`; 0 for punctual lights
+    pdf: f32,             // `sample_light`'s density of the origin, 1/sr at 1 m (any if `parallel`); punctual: 0
 }
 
 const INFINITELY_FAR: f32 = 1e30;
 
-// Returns the radiance of a point of an emitting triangle, W/(m2 sr), whichever side shines; 0 where it is cut out.
+// Returns the radiance of a point of an emitting triangle on the side that shines, W/(m2 sr); 0 where it is cut out.
 fn triangle_emission(light: Light, weights: vec2f) -> vec3f {
     if (HAS_MASKS) {
         let t = load_triangle(light.triangle);
@@ -67,7 +67,7 @@ fn triangle_emission(light: Light, weights: vec2f) -> vec3f {
     return light.color;
 }
 
-// Returns the share of an emitter's rays that leave on one of its sides.
+// Returns the share of an emitter's rays that leave through one of its sides.
 fn side_share(both_sides: bool) -> f32 {
     return select(1.0, 0.5, both_sides);
 }
@@ -81,7 +81,7 @@ fn parallel_density() -> f32 {
     return 1.0 / max(PI * scene.radius * scene.radius, 1e-37);
 }
 
-// Returns the density of directions of a punctual light's rays, uniform over the spot's cone or the sphere, 1/sr.
+// Returns the density of a punctual light's rays, uniform over the spot's cone or the sphere, 1/sr.
 fn direction_density(light: Light) -> f32 {
     if (light.kind == KIND_POINT) {
         return 0.25 * INV_PI;
@@ -99,7 +99,7 @@ fn punctual_intensity(light: Light, from_light: vec3f) -> vec3f {
     return light.color * (falloff * falloff);
 }
 
-// Returns the light at `choice` in [0, 1) of the cumulative probabilities (binary search).
+// Returns the light whose interval of cumulative probability holds `choice` in [0, 1) (binary search).
 fn pick_light(choice: f32) -> Light {
     var low = 0u;
     var high = scene.light_count - 1u;
@@ -169,7 +169,7 @@ fn sample_light_ray(choices: vec2f, u_point: vec2f, u_direction: vec2f) -> Light
 // Samples a ray that leaves a light; its flux is also divided by the light's probability.
 fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) -> LightRay {
     if (light.kind == KIND_SUN || (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT)) {
-        // From infinity, through a disc that covers the scene as the light sees it.
+        // Light from infinity: start on a disc that covers the scene as the light sees it.
         var drawn = vec4f(-light.edge1, 0.0);
         var power = light.color;
         if (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT) {
@@ -186,7 +186,7 @@ fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) 
             drawn.w * light.probability);
     }
     if (HAS_EMITTERS && light.kind == KIND_TRIANGLE) {
-        // From a point of an emitter, by the cosine.
+        // Emitter: start at a point of it, with a density proportional to the cosine.
         let weights = sample_triangle(u_point);
         let normal = cross(light.edge1, light.edge2);
         let twice_area = max(length(normal), 1e-37);
@@ -202,7 +202,7 @@ fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) 
             Ray(position + outward * ray_offset(extent), frame_from_normal(outward) * local), flux,
             local.z * INV_PI * share, false, light.probability * 2.0 / (twice_area * max(local.z, 1e-20)));
     }
-    // From a punctual light, uniformly over the sphere or the spot's cone.
+    // Punctual light: directions are uniform over the sphere or the spot's cone.
     let density = direction_density(light);
     var direction: vec3f;
     let z = 1.0 - u_direction.x / (TWO_PI * density);

@@ -44,7 +44,7 @@ const EMISSION_SLOT: u32 = 1u;             // the slots up to here are sRGB-code
 const METALLIC_ROUGHNESS_SLOT: u32 = 2u;
 const NORMAL_SLOT: u32 = 3u;
 
-// Compiled out where the scene has none of it.
+// Each is compiled out if the scene has none.
 override HAS_TEXTURES: bool = true;
 override HAS_EMISSION_MAPS: bool = true;
 override HAS_ROUGHNESS_MAPS: bool = true;
@@ -58,15 +58,15 @@ override HAS_COATS: bool = true;  // materials that are not purely Lambert
 // Returns the texels (x, y) and (x + 1, y + 1), wrapped into 0 .. size - 1 on each axis by its mode.
 fn wrap(corner: vec2i, size: vec2i, mode: vec2u) -> vec4i {
     let mirrors = mode == vec2u(WRAP_MIRROR);
-    // By a quotient in floats, which CPU drivers divide much faster than integers. All values are below 2^24, so exact,
-    // and the quotient's rounding may put the remainder one period off.
+    // Divide floats, which CPU drivers do much faster than integers. All values are exact, below 2^24; the quotient's
+    // rounding may put the remainder off by one period.
     let period = select(size, 2 * size, mirrors);
     let quotient = floor(vec2f(corner) / vec2f(period));
     var first = vec2i(vec2f(corner) - quotient * vec2f(period));
     first = select(first, first + period, first < vec2i(0));
     first = select(first, first - period, first >= period);
     var second = select(first + 1, vec2i(0), first + 1 >= period);
-    // The second half of a period runs backwards; without mirrors there is none.
+    // The second half of a mirrored period runs backwards; other modes have no second half.
     first = select(first, period - 1 - first, first >= size);
     second = select(second, period - 1 - second, second >= size);
     let clamps = mode == vec2u(WRAP_CLAMP);
@@ -82,14 +82,14 @@ fn load_texel(srgb: bool, x: i32, y: i32, layer: i32) -> vec4f {
     return textureLoad(atlas_linear, vec2i(x, y), layer, 0);
 }
 
-// Returns the texture in a slot, bilinear or nearest, without mip levels: aliases in the distance, unbiased under
-// jitter.
+// Returns the texture's value in a slot, bilinear or nearest, without mip levels: it aliases in the distance and is
+// unbiased under jitter.
 fn sample_texture(material: u32, slot: u32, uv0: vec2f, uv1: vec2f) -> vec4f {
     let t = materials[material].textures[slot];
     let uv_raw = vec3f(select(uv0, uv1, (t.flags & TEXCOORD_1) != 0u), 1.0);
     let uv = vec2f(dot(t.transform_u, uv_raw), dot(t.transform_v, uv_raw));
     let size = vec2i(t.size);
-    // Coordinates beyond 2^24 texels have no fraction left; keep the integers in range.
+    // Coordinates beyond 2^24 texels have no fraction; keep the integers in range.
     let nearest = (t.flags & NEAREST) != 0u;
     let texel = clamp(uv * vec2f(size), vec2f(-1.6e7), vec2f(1.6e7)) - select(vec2f(0.5), vec2f(0.0), nearest);
     let base = floor(texel);

@@ -2,14 +2,14 @@
 #import "scene/geometry.wgsl"
 #import "common/math.wgsl"
 
-// Where a ray meets the plane of a triangle.
+// The hit of a ray with a triangle's plane.
 struct PlaneHit {
     distance: f32,       // in lengths of the ray's direction
     barycentric: vec2f,  // weights of the second and third corner
     exists: bool,        // false: the ray is parallel to the plane, or the triangle has no area
 }
 
-// The determinant is tested explicitly: WGSL may assume that NaN does not occur, so comparisons need not reject one.
+// The determinant is tested explicitly: WGSL may assume that NaN does not occur, so comparisons may fail to reject it.
 fn hit_plane(origin: vec3f, direction: vec3f, t: Triangle) -> PlaneHit {
     let p = cross(direction, t.edge2);
     let determinant = dot(t.edge1, p);

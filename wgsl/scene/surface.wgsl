@@ -20,7 +20,7 @@ fn unpack_normal(code: u32) -> vec3f {
     return octahedral_decode(unpack2x16snorm(code));
 }
 
-// Evaluates the surface at a hit, as seen against `direction`.
+// Evaluates the surface at the hit of a ray in `direction`.
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     return surface_on(load_triangle(hit.triangle), hit, direction);
 }
@@ -36,7 +36,7 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
     var extent = max(max3(abs(triangle.v0)), size);
     var corners: Corners;
     var s: Surface;
-    // Fields are loaded one by one: a whole material is 64 words.
+    // Load single fields: a whole material has 64 words.
     let material = triangle.material;
     s.flags = materials[material].flags;
     let textured = HAS_TEXTURES && (s.flags & TEXTURED) != 0u;
@@ -112,8 +112,7 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
     return s;
 }
 
-// Returns the normal bent by a normal map's vector; the tangent is the file's, else it follows the texture's u
-// direction.
+// Returns the normal bent by a normal map's vector. The tangent is that of the file, else the texture's u direction.
 fn bend_normal(normal: vec3f, map: vec3f, triangle: Triangle, k: Corners, instance: u32) -> vec3f {
     let world_from_local = instances[instance].world_from_local;
     var tangent: vec3f;
@@ -136,8 +135,8 @@ fn bend_normal(normal: vec3f, map: vec3f, triangle: Triangle, k: Corners, instan
         // glTF's v points down in the picture, its bitangent up: area < 0 is the usual, unmirrored case.
         handedness = select(1.0, -1.0, area > 0.0);
     }
-    // The bitangent is defined in mesh space (glTF 2.0, section 3.7.2.1); a mirroring transform turns a cross product
-    // round. Derived tangents of triangles in the world's tree have their corners swapped already.
+    // The bitangent is defined in mesh space (glTF 2.0, section 3.7.2.1); a mirroring transform flips a cross product.
+    // Triangles in the world's tree already have swapped corners, so their derived tangents need no flip.
     let mirrored = determinant(mat3x3f(world_from_local[0], world_from_local[1], world_from_local[2])) < 0.0;
     if (mirrored && ((triangle.flags & HAS_TANGENTS) != 0u || triangle.instance == NONE)) {
         handedness = -handedness;
@@ -155,7 +154,7 @@ fn surface_brdf(s: Surface) -> Brdf {
     return brdf_lambert(s.base_color);
 }
 
-// Returns where a ray in `direction` starts that leaves the surface.
+// Returns the origin of a ray that leaves the surface in `direction`.
 fn leave_surface(s: Surface, direction: vec3f) -> vec3f {
     return offset_origin(s.position, s.geometric_normal, s.offset, direction);
 }

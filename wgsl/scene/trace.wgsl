@@ -1,13 +1,14 @@
-// Rays through the scene: the one traversal of the hierarchy.
+// Ray traversal of the scene's two-level hierarchy, shared by all passes.
 //
-// A binary tree, the nearer child first, with a stack for both levels (`geometry.wgsl` describes the tables). Boxes are
-// padded for rounding, so the traversal misses no triangle that the ray-triangle test accepts.
+// Trees are binary. The traversal visits the nearer child first, with one stack for both levels (`geometry.wgsl`
+// describes the tables). Boxes are padded for rounding, so the traversal misses no triangle that the ray-triangle test
+// accepts.
 #import "scene/corners.wgsl"
 #import "scene/ray_triangle.wgsl"
 
-const STACK_SIZE: u32 = 64u;  // `upload/two_level_bvh.py` bounds the depth of both levels together by it
+const STACK_SIZE: u32 = 64u;  // entries; `upload/two_level_bvh.py` limits the summed depth of both levels to it
 
-// Up to three rays that are traced together; a limit of 0 leaves one out.
+// Up to three rays, traced together; a limit of 0 skips a ray.
 struct Rays {
     shadow_a: Ray,
     limit_a: f32,    // in lengths of the ray's direction
@@ -18,32 +19,32 @@ struct Rays {
 }
 
 struct Found {
-    hit: Hit,           // the first of the main ray
-    occluded_a: bool,   // something stands before a shadow ray's limit
+    hit: Hit,           // first hit of the main ray
+    occluded_a: bool,   // the shadow ray hits something before its limit
     occluded_b: bool,
     steps: u32,         // nodes visited and triangles tested
 }
 
-// The ray in the grid of a hierarchy: a slab at integer q is reached after q * inverse + offset.
+// The ray in the grid of a hierarchy: it reaches the slab at integer q at the distance q * inverse + offset.
 struct GridRay {
     inverse: vec3f,
     offset: vec3f,
 }
 
-// Three roundings of a slab's distance may put leaving before entering a flat box (Ize 2013, "Robust BVH Ray
+// Three roundings of a slab's distance may put the exit of a flat box before its entry (Ize 2013, "Robust BVH Ray
 // Traversal").
 const SLACK: f32 = 1.0000004;
 
 fn grid_ray(origin: vec3f, direction: vec3f, low: vec3f, scale: vec3f) -> GridRay {
-    // A zero component would make 0 * inf = NaN; one of 1e-20 leaves no slab that it starts in.
+    // A zero component would make 0 * inf = NaN; with 1e-20 the ray never leaves the slab that it starts in.
     let scaled = direction * scale;
     let guarded = select(scaled, vec3f(1e-20), abs(scaled) < vec3f(1e-20));
     let inverse = 1.0 / guarded;
     return GridRay(inverse, (low - origin) * scale * inverse);
 }
 
-// Traces up to three rays in one loop: a lane of a SIMD group that finishes a ray goes on to its next without waiting
-// for the others.
+// Traces up to three rays in one loop: a SIMD lane that finishes a ray starts its next one without waiting for other
+// lanes.
 fn trace_all(rays: Rays) -> Found {
     var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0)), false, false, 0u);
     var stage = 0u;           // 1, 2: the shadow rays; 3: the main ray
@@ -58,11 +59,11 @@ fn trace_all(rays: Rays) -> Found {
     var instance = NONE;
     var current = NONE;
 
-    // The hit of a cut-out material whose alpha is still to be looked up.
+    // The hit of an alpha-masked triangle, before its alpha lookup.
     var masked = Hit(0.0, NONE, NONE, vec2f(0.0));
 
-    // Alpha is looked up outside the inner loop: inside, CPUs that run lanes in step would do so at each triangle,
-    // needed or not (Sponza, path tracer: 835 -> 555 ms).
+    // Alpha is looked up outside the inner loop: inside, CPUs that run lanes in lockstep would look it up at every
+    // triangle (Sponza, path tracer: 835 -> 555 ms).
     loop {
         masked.triangle = NONE;
         loop {
@@ -127,8 +128,8 @@ fn trace_all(rays: Rays) -> Found {
             }
 
             if (HAS_INSTANCES && current != NONE && (current & REF_LEAF) == 0u) {
-                // Enter an instance: its own space, its own grid. Distances keep their meaning: the direction is not
-                // normalised.
+                // Enter an instance, with its own space and grid. The direction is not normalised, so distances stay
+                // comparable.
                 instance = current & ~REF_INSTANCE;
                 base = top;
                 let local_from_world = instances[instance].local_from_world;
@@ -210,7 +211,7 @@ fn trace(ray: Ray, limit: f32) -> Hit {
     return trace_all(Rays(ray, 0.0, ray, 0.0, ray, limit)).hit;
 }
 
-// Returns in `occluded_a` whether something stands on a ray nearer than `limit`.
+// Returns in `occluded_a` whether a ray hits anything nearer than `limit`.
 fn trace_shadow(ray: Ray, limit: f32) -> Found {
     return trace_all(Rays(ray, limit, ray, 0.0, ray, 0.0));
 }

@@ -1,12 +1,12 @@
-// One invocation gathers the light that the surfaces around a receiver reflect to it: E = pi / N sum_k L(q_k) over the
-// directions that meet a surface, q_k.
+// One invocation gathers the light that surfaces around a receiver reflect to it: E = pi / N sum_k L(q_k) over the
+// directions that hit a surface, q_k.
 //
-// Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departure: A is the area that the direction's own
-// solid angle dw cuts out of the sender, A = dw d^2 / cos_s, where the paper has pi r_max^2 / N times a strength set
-// by hand. So a direction that loses the environment's light gains as much of the sender's, and near senders need no
-// clamp. With directions drawn by the cosine, cos_r dw is pi / N. Senders count by their front; coats let 1 - F
-// through. In: hits, what senders reflect, W/(m2 sr). Out: irradiance E, W/m2, and the depth of
-// `shared/denoise/plane.wgsl`. Errs dark where senders are in no picture.
+// Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departure: A is the area that the direction's solid
+// angle dw cuts out of the sender, A = dw d^2 / cos_s; the paper uses pi r_max^2 / N times a strength set by hand. A
+// direction thus replaces the environment's light by the sender's, and near senders need no clamp. With directions
+// drawn by the cosine, cos_r dw is pi / N. Only the fronts of senders count; coats transmit 1 - F. In: hits, radiance
+// of senders, W/(m2 sr). Out: irradiance E, W/m2, and the depth of
+// `shared/denoise/plane.wgsl`. Errs dark where no picture shows the senders.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
 #import "ssdo/hit_code.wgsl"
@@ -24,7 +24,7 @@ override SENDER_STRIDE: u32 = 2u;           // pixels between senders of sources
 @group(1) @binding(13) var<storage, read_write> irradiance: array<vec4f>;
 @group(1) @binding(14) var<storage, read> occlusion: array<vec4f>;  // w: the depth of `shared/denoise/plane.wgsl`
 
-// Returns where a hit's sender is stored: first come all pixels of the first layer, then the grids of other sources.
+// Returns the index of a hit's sender: all pixels of the first layer come first, then the grids of other sources.
 fn sender_index(hit: u32) -> u32 {
     let source = hit_source(hit);
     let pixel = hit_pixel(hit);
@@ -46,7 +46,7 @@ fn gather(pixel: vec2u, slot: u32) -> vec3f {
         }
         let arrival = unpack_hit_direction(hit.y);
         let sender = senders[sender_index(hit.x)];
-        // The sender's front faces the receiver; both steeply, or the receiver alone.
+        // The sender's front must face the receiver; the angle must be steep at the sender or at the receiver.
         let sender_cosine = -dot(octahedral_decode(unpack2x16snorm(sender.w)), arrival.direction);
         let is_facing = sender_cosine > LEAST_SINE || (sender_cosine > 0.0 && arrival.is_steep);
         var radiance = bitcast<vec3f>(sender.rgb) * select(0.0, arrival.weight, is_facing);
@@ -66,7 +66,7 @@ fn gather_of_grid(grid: vec2u) {
     }
 }
 
-// For each pixel of a tile that shows a surface.
+// Runs per pixel of a tile that shows a surface.
 @compute @workgroup_size(8, 8)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
     let pixel = pixel_of_tile(group, thread, view.size);
@@ -75,7 +75,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     }
 }
 
-// For each pixel of a coarser grid.
+// Runs per pixel of a coarser grid.
 @compute @workgroup_size(8, 8)
 fn coarse(@builtin(global_invocation_id) id: vec3u) {
     if (all(id.xy < grid_size())) {
@@ -83,7 +83,7 @@ fn coarse(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-// For each unrepresented pixel: irradiance, or with REFLECTED the radiance rho E / pi, W/(m2 sr).
+// Runs per unrepresented pixel. Out: irradiance, or with REFLECTED the radiance rho E / pi, W/(m2 sr).
 @compute @workgroup_size(LIST_GROUP)
 fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let count = unrepresented_count();

@@ -1,13 +1,13 @@
-// Tests a point against the depth buffers of one view: does it lie behind a surface, and how far? (Ritschel et al.
-// 2009, section 3; several layers and cameras: section 4.)
+// Tests a point against the depth buffers of one view: whether it lies behind a surface, and by what distance (Ritschel
+// et al. 2009, section 3; several layers and cameras: section 4.)
 #import "ssdo/hit_position.wgsl"
 
 // Relative error of a depth: float32 projection and interpolation by the rasteriser. tools/README.md, "Constants".
 const RASTER_ROUNDING: f32 = 4e-6;
-// Error of the depth of a tangent plane, relative to the terms that it is the sum of. tools/README.md, "Constants".
+// Error of a tangent plane's depth, relative to its terms. tools/README.md, "Constants".
 const PLANE_ROUNDING: f32 = 1e-5;
-// Further cameras may see the receiver's surface edge-on or not at all: pixels within this distance of the receiver's
-// own place show what lies beside it. Pixels; tools/README.md, "Constants".
+// Distance in pixels from the receiver's own place within which a further camera's depths are ignored: if it sees the
+// receiver's surface edge-on or not at all, these pixels show other surfaces. tools/README.md, "Constants".
 const LEAST_SEPARATION: f32 = 1.5;
 
 // A receiver in a view. Clip space is scaled so that x / w and y / w are pixels.
@@ -39,7 +39,7 @@ fn receiver_in_view(v: View, position: vec3f, frame: mat3x3f, tangents: mat3x3f)
     let determinant = a.x * b.y - a.y * b.x;
     let has_slope = determinant != 0.0;
     let slope = vec2f(a.z * b.y - b.z * a.y, b.z * a.x - a.z * b.x) / select(1.0, determinant, has_slope);
-    // A plane seen edge-on covers no pixels: it has depth 0 then, behind everything.
+    // A plane seen edge-on covers no pixels: give it depth 0, behind everything.
     let is_known = has_slope && all(abs(slope) < vec2f(1e30)) && clip.w > 0.0;
     let at = place.z - dot(slope, place.xy);
     let rounded = at + PLANE_ROUNDING * (dot(abs(slope), size) + abs(at));
@@ -54,7 +54,7 @@ struct MarchPoint {
     clip: vec2f,           // z and w
     pixel: vec2i,
     is_inside: bool,       // the picture
-    is_separate: bool,     // from the receiver's own pixel, by LEAST_SEPARATION
+    is_separate: bool,     // farther than LEAST_SEPARATION from the receiver's own pixel
     depth: f32,            // with rounding
     plane_depth: f32,      // of the receiver's tangent plane at the pixel, with rounding
     occluder_depth: f32,   // least depth of an occluder: before the point and before the receiver's own surface
@@ -72,15 +72,15 @@ fn project_point(r: ReceiverInView, along: vec4f, t: f32) -> MarchPoint {
     return MarchPoint(clip.zw, vec2i(corner), is_inside, is_separate, depth, plane_depth, max(depth, plane_depth));
 }
 
-// Returns how far a point lies behind a depth, metres along the view.
+// Returns the distance of a point behind a depth, metres along the view.
 fn distance_behind(r: ReceiverInView, point: MarchPoint, depth: f32) -> f32 {
     return (depth * point.clip.y - point.clip.x) / (r.towards_camera.x - depth * r.towards_camera.y);
 }
 
 struct DepthTest {
     behind: f32,          // distance behind a surface, metres along the view; FLOAT_MAX: behind none
-    hit: u32,             // that surface, as `pack_hit` has it
-    is_open: bool,        // the view shows that the point is in the open
+    hit: u32,             // that surface, packed by `pack_hit`
+    is_open: bool,        // the view shows that the point is in free space
     is_crossed: bool,     // the direction passed through the surface since the last point
     is_past_first: bool,  // the point lies behind the first layer, too, and `hit` is not of that layer
 }
@@ -94,16 +94,16 @@ fn test_depth(r: ReceiverInView, point: MarchPoint, depth: f32, source: u32) -> 
         point.is_inside && depth < point.depth, false, false);
 }
 
-// Whether a further camera sees a cover over the receiver, such as a roof seen from above. Under a cover, a point
-// behind it is not in matter: only leaving through the cover counts as a hit.
+// Whether a further camera sees a cover over the receiver, such as a roof seen from above. Points under a cover do not
+// count as inside matter: only leaving through the cover is a hit.
 struct Cover {
     is_covered: bool,
     behind: f32,  // distance of the last point behind the cover, metres along the view; FLOAT_MAX: unknown
     hit: u32,     // the cover at the last point
 }
 
-// Returns the point that decides whether a receiver is covered: off its surface along the normal by LEAST_SEPARATION
-// pixels, so that a wall seen edge-on is not its own cover, and a ceiling seen from above is one.
+// Returns the point that decides whether a receiver is covered: LEAST_SEPARATION pixels off its surface along the
+// normal, so that a wall seen edge-on does not cover itself, but a ceiling seen from above does.
 fn cover_point(v: View, r: ReceiverInView) -> MarchPoint {
     let pixel_width = 2.0 * length(v.up) / f32(v.size.y) * r.clip.w;
     return project_point(r, r.axes[2], LEAST_SEPARATION * pixel_width);
@@ -113,22 +113,22 @@ fn start_cover(point: MarchPoint, depth: f32, source: u32) -> Cover {
     return Cover(point.is_inside && depth > point.depth, FLOAT_MAX, pack_hit(vec2u(point.pixel), source));
 }
 
-// Tests a point against a further camera and moves its cover on. `advance`: by how much the point is farther from that
-// camera than the point before, metres along the view; `radius`: r_max, metres.
+// Tests a point against a further camera and updates its cover. `advance`: the point's view depth minus the previous
+// point's, metres; `radius`: r_max, metres.
 fn test_further_camera(
     r: ReceiverInView, point: MarchPoint, depth: f32, source: u32, cover: ptr<function, Cover>, advance: f32,
     radius: f32
 ) -> DepthTest {
     let open_test = test_depth(r, point, depth, source);
     let is_behind = point.is_inside && depth > point.depth;
-    // The direction leaves through the cover if it advanced by the cover's distance, else past the cover's border.
+    // The direction leaves through the cover if it advanced by the cover's distance, otherwise past the cover's border.
     let leaves_through = point.is_inside && !is_behind && (*cover).behind <= -advance;
-    // The camera shows the far side of the cover: at distance `radius`, so that hits of other cameras come first.
+    // The camera shows the far side of the cover: rank this hit at distance `radius`, behind hits of other cameras.
     let covered_test = DepthTest(
         select(FLOAT_MAX, radius, leaves_through), (*cover).hit, !is_behind && open_test.is_open && !leaves_through,
         leaves_through, false);
     let was_covered = (*cover).is_covered;
-    // At the receiver's own pixel, the camera may show the top of the receiver's own wall: no distance is known there.
+    // At the receiver's own pixel the camera may show the top of the receiver's own wall, so the distance is unknown.
     *cover = Cover(
         was_covered && (is_behind || !point.is_separate),
         select(FLOAT_MAX, distance_behind(r, point, depth), point.is_separate),
@@ -139,8 +139,8 @@ fn test_further_camera(
         select(open_test.is_open, covered_test.is_open, was_covered), was_covered && leaves_through, false);
 }
 
-// Tests a point against the layers of the main camera. With several layers, the parity of those in front of the point
-// decides: it is inside matter if their number is odd. `advance`: as above, of the main camera.
+// Tests a point against the layers of the main camera. With several layers, parity decides: the point is inside matter
+// if an odd number of layers lies in front of it. `advance`: the point's view depth minus the previous point's, metres.
 fn test_layers(r: ReceiverInView, point: MarchPoint, advance: f32) -> DepthTest {
     let first = textureLoad(depth_0, point.pixel, 0);
     if (LAYERS == 1u) {
@@ -149,11 +149,11 @@ fn test_layers(r: ReceiverInView, point: MarchPoint, advance: f32) -> DepthTest 
     let second = textureLoad(depth_1, point.pixel, 0);
     let is_past_first = point.is_inside && first > point.occluder_depth;
     let is_past_second = second > point.occluder_depth;
-    var is_odd = !is_past_second;                        // number of layers in front, given that the first is
+    var is_odd = !is_past_second;                        // parity of the layers in front, if the first is in front
     var face = select(0u, 1u, is_past_second);           // the last layer in front
-    var entry = first;                                   // depth of the last odd layer in front: there matter begins
+    var entry = first;                                   // depth of the last odd layer in front: matter begins there
     var next = select(second, 0.0, is_past_second);      // depth of the next layer behind the point, 0: none
-    var is_past_all = is_past_second;                    // behind all layers, nothing is known
+    var is_past_all = is_past_second;                    // behind all layers: nothing is known there
     if (LAYERS > 2u) {
         let third = textureLoad(depth_2, point.pixel, 0);
         let is_past_third = third > point.occluder_depth;
@@ -173,23 +173,23 @@ fn test_layers(r: ReceiverInView, point: MarchPoint, advance: f32) -> DepthTest 
     }
     let behind = distance_behind(r, point, entry);
     let has_far_face = next > 0.0;
-    // In the open, but nearer to the entry than the last step is long: the step went through matter, in and out.
+    // A point in free space that is nearer to the entry than the step's length: the step passed in and out of matter.
     let is_crossed = !is_odd & (behind < advance);
-    // The face that the direction met: a front face if it leads away from the camera, the back face if it leads towards
-    // the camera, the entry if the step went through.
+    // Find the face that the direction hits: a front face if it leads away from the camera, the back face if it leads
+    // towards the camera, the entry if the step passed through matter.
     face += select(0u, 1u, is_odd & has_far_face & (advance < 0.0));
     face -= select(0u, 1u, is_crossed);
     let is_occluded = is_past_first & (is_odd | is_crossed);
     let is_open =
         point.is_inside && !is_occluded && ((is_past_first && !is_past_all) || first < point.depth);
-    // Matter between two known faces hides, however thick it is.
+    // Matter between two known faces occludes at any thickness.
     return DepthTest(
         select(FLOAT_MAX, select(behind, 0.0, has_far_face | is_crossed), is_occluded),
         pack_hit(vec2u(point.pixel), face), is_open, false, is_past_first & (!is_occluded | (face > 0u)));
 }
 
-// Returns what two views know together: the nearest surface that the point lies behind, and whether either sees it in
-// the open.
+// Combines the tests of two views: the nearest surface that the point lies behind, and whether either view shows the
+// point in free space.
 fn combine_tests(a: DepthTest, b: DepthTest) -> DepthTest {
     return DepthTest(
         min(a.behind, b.behind), select(b.hit, a.hit, a.behind <= b.behind), a.is_open || b.is_open,

@@ -1,7 +1,7 @@
 // One invocation stores a pixel of the first layer as a sender: L = direct, with HAS_INDIRECT + rho E / pi.
 //
-// In: direct light, W/(m2 sr), which is what the surface reflects of the lights; irradiance E by indirect light, W/m2;
-// G-buffer. Out: L, W/(m2 sr), and the normal, packed.
+// In: direct light, W/(m2 sr), as the surface reflects it; irradiance E of indirect light, W/m2; G-buffer. Out: L,
+// W/(m2 sr), and the normal, packed.
 #import "shared/gbuffer/load.wgsl"
 
 @group(1) @binding(11) var<storage, read> direct: array<vec4f>;

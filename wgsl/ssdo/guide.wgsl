@@ -1,5 +1,5 @@
-// One invocation finds the upsampling weights of a pixel from the grid of every COARSE_STRIDE-th pixel, whose surfaces
-// are those of its pixels in the G-buffer.
+// One invocation computes the weights to upsample from the grid of every COARSE_STRIDE-th pixel to a pixel. The coarse
+// surfaces are those of the grid's pixels in the G-buffer.
 //
 // In: G-buffer. Out: the guide and the list of unrepresented pixels of `shared/upsample/guide.wgsl`.
 #import "shared/upsample/guide.wgsl"

@@ -1,4 +1,4 @@
-// The surface that a direction meets, packed into two words. The first holds the pixel that shows the surface and its
+// The surface that a direction hits, packed into two words. The first holds the pixel that shows the surface and its
 // source: layers of depth peeling are sources 0 to 3, further cameras are sources 4 to 7. The second holds the
 // direction from the receiver to it and its weight.
 #import "common/math.wgsl"
@@ -9,7 +9,7 @@ override CAMERAS: u32 = 0u;  // besides the main one, 0 to 4
 const NO_HIT: u32 = 0xffffffffu;
 const FIRST_CAMERA: u32 = 4u;
 
-// Pictures have at most 2^13 pixels a side, so that a pixel takes 26 bits.
+// Pictures have at most 2^13 pixels a side, so a pixel takes 26 bits.
 fn pack_hit(pixel: vec2u, source: u32) -> u32 {
     return pixel.x | (pixel.y << 13u) | (source << 26u);
 }
@@ -25,11 +25,11 @@ fn hit_source(hit: u32) -> u32 {
 struct HitDirection {
     direction: vec3f,  // unit, from the receiver
     weight: f32,       // of the hit, 0 to 1
-    is_steep: bool,    // it leaves the receiver by more than LEAST_SINE
+    is_steep: bool,    // its sine above the receiver's surface exceeds LEAST_SINE
 }
 
-// Sine of 1.7 degrees. Two surfaces that bend towards each other by less than twice that have a form factor below
-// 0.1 %, and pixels cannot tell which of their directions meet: such pairs exchange no light.
+// Sine of 1.7 degrees. Two surfaces that bend towards each other by less than twice that have a form factor below 0.1
+// %, and pixels cannot resolve which of their directions hit: such pairs exchange no light.
 const LEAST_SINE: f32 = 0.03;
 
 // Directions keep 11 bits for each octahedral coordinate, 0.1 degrees; weights keep 9 bits.

@@ -1,6 +1,6 @@
-// The position and the weight of the surface that a direction meets, from the depth buffer of its source.
+// The position and the weight of the surface that a direction hits, from the depth buffer of its source.
 //
-// Depth buffers are reversed: 0 where there is nothing. Depths of a plane are linear over the picture.
+// Depth buffers are reversed: 0 where there is no surface. A plane's depth is linear over the picture.
 #import "ssdo/search_radius.wgsl"
 #import "ssdo/hit_code.wgsl"
 
@@ -19,7 +19,7 @@
 @group(1) @binding(56) var depth_6: texture_depth_2d;
 @group(1) @binding(57) var depth_7: texture_depth_2d;
 
-// Returns the point in the world at which a pixel of a view has a depth.
+// Returns the world position of a pixel of a view at a depth.
 fn unproject(v: View, pixel: vec2u, depth: f32) -> vec3f {
     let ndc = (vec2f(pixel) + v.offset) / vec2f(v.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
     let aside = ndc.x * v.right + ndc.y * v.up;

@@ -1,27 +1,27 @@
-// Screen-space ray marching: the first surface that a direction meets, as far as layers and cameras show it (the
-// blocker test of Ritschel et al. 2009, sections 3 and 4).
+// Screen-space ray marching: the first surface that a direction hits, as far as layers and cameras show it (the blocker
+// test of Ritschel et al. 2009, sections 3 and 4).
 //
-// Points along the direction are projected and compared with the depth at their pixel. Behind a surface, a point is in
-// matter of any thickness, unless another camera or layer shows it in the open: two layers bound matter between the
-// first and the second, four also between the third and the fourth. Behind the last layer a point counts as open.
-// Departure: several points along each direction, of which the first that is hidden counts, so what lies behind the
-// occluder does not matter; with more points, every crossing is found. Errs bright where occluders are in no picture,
-// dark behind occluders thinner than they seem.
+// Points along the direction are projected and compared with the depth at their pixel. A point behind a surface counts
+// as inside matter of any thickness, unless another camera or layer shows it in free space: two layers bound matter
+// between the first and the second, four also between the third and the fourth. Behind the last layer a point counts as
+// in free space. Departure: each direction has several points, and the first hidden one counts, so geometry behind the
+// occluder does not matter; with enough points, every crossing is found. Errs bright where no picture shows the
+// occluder, dark behind occluders thinner than assumed.
 #import "ssdo/depth_test.wgsl"
 
-// Points along each direction. An override, as DIRECTIONS of `ssdo/search.wgsl`, and not a param: lavapipe compiles
-// anew what loops up to a uniform, and Mesa 22.3.6 writes beyond its memory where the end of a loop depends on a
-// uniform and on values of the thread at once.
+// Points along each direction. This is an override, like DIRECTIONS of `ssdo/search.wgsl`, not a param: lavapipe
+// recompiles loops up to a uniform for each dispatch, and Mesa 22.3.6 writes out of bounds if a loop's end depends on
+// both a uniform and values of the thread.
 override STEPS: u32 = 16u;
 
-// Thickness of all matter, in steps: behind a surface by no more than the last step, a point is in matter even where
-// another camera sees it in the open, since steps may leap over a thin wall. With 2 and 4, a courtyard is too dark.
-// tools/README.md, "Constants".
+// Least thickness of matter, in steps: a point behind a surface by no more than the last step is inside matter even if
+// another camera shows it in free space, since steps may leap over a thin wall. Values of 2 and 4 make a courtyard too
+// dark. tools/README.md, "Constants".
 const LEAST_THICKNESS: f32 = 1.0;
-// A wall seen at a grazing angle is found by its plane, because points come out far behind it. Its depth changes
-// evenly from pixel to pixel, up to this share of the change; tools/README.md, "Constants".
+// A wall seen at a grazing angle is found by its plane, because points come out far behind it. Pixels show one plane if
+// their depth's change varies by at most this share; tools/README.md, "Constants".
 const UNEVENNESS: f32 = 0.5;
-// A pixel shows the same plane if its depth is off by no more than the plane changes within this number of pixels;
+// A pixel shows the same plane if its depth is off by at most the plane's change over this number of pixels;
 // tools/README.md, "Constants".
 const OFF_PLANE: f32 = 1.0;
 
@@ -62,8 +62,8 @@ fn marcher(position: vec3f, frame: mat3x3f, tangents: mat3x3f, radius: f32) -> M
     return m;
 }
 
-// Returns a hit between the points at `start` and `end` metres, moved to where the direction meets the surface: one
-// step of regula falsi on the distance behind it. The hit stays where it is if that pixel shows no nearer surface.
+// Moves a hit between the points at `start` and `end` metres to the crossing of direction and surface, by one step of
+// regula falsi on the distance behind the surface. Returns the hit unchanged if that pixel shows no nearer surface.
 fn refine_hit(depths: texture_depth_2d, r: ReceiverInView, along: vec4f, start: f32, end: f32, hit: u32) -> u32 {
     let first = project_point(r, along, start);
     let last = project_point(r, along, end);
@@ -83,8 +83,8 @@ fn depth_at(depths: texture_depth_2d, pixel: vec2i) -> f32 {
     return select(0.0, textureLoad(depths, clamped, 0), all(clamped == pixel));
 }
 
-// Returns the change of depth from a pixel to the one `step` on, and its second difference: on the side where depths
-// change more evenly, which is the side that shows the same surface.
+// Returns the change of depth from a pixel to the one at `step`, and its second difference, on the side where depths
+// change more evenly: that side shows the same surface.
 fn depth_slope(depths: texture_depth_2d, pixel: vec2i, step: vec2i) -> vec2f {
     let depth = depth_at(depths, pixel);
     let ahead = depth_at(depths, pixel + step);
@@ -94,11 +94,11 @@ fn depth_slope(depths: texture_depth_2d, pixel: vec2i, step: vec2i) -> vec2f {
     return select(backward, forward, forward.y < backward.y);
 }
 
-// Returns the hit on the surface that the point at `t` lies behind, if the direction crosses its plane before that and
-// the pixel there shows the same plane. NO_HIT if it passed the surface's border, or if the surface is too narrow for
-// its plane to be known.
+// Returns the hit on the surface in front of the point at `t`, if the direction crosses its plane before `t` and the
+// pixel there shows the same plane. Returns NO_HIT if the direction passed the surface's border, or if the surface is
+// too narrow to tell its plane.
 fn plane_crossing(depths: texture_depth_2d, r: ReceiverInView, along: vec4f, t: f32, hit: u32) -> u32 {
-    // The plane, from differences of depth.
+    // Find the plane, from differences of depth.
     let pixel = vec2i(hit_pixel(hit));
     let centre = vec2f(pixel) + 0.5;
     let depth = depth_at(depths, pixel);
@@ -107,7 +107,7 @@ fn plane_crossing(depths: texture_depth_2d, r: ReceiverInView, along: vec4f, t: 
     let slope = vec2f(across.x, down.x);
     let rounding = PLANE_ROUNDING * (dot(abs(slope), r.size) + depth);
     let is_plane = all(vec2f(across.y, down.y) <= UNEVENNESS * abs(slope) + rounding);
-    // Depths of a plane are linear over the picture and the direction is linear in clip space: intersect both.
+    // Intersect the plane, whose depth is linear over the picture, with the direction, which is linear in clip space.
     let plane = vec4f(-slope, 1.0, dot(slope, centre) - depth);
     let in_front = dot(plane, r.clip);
     let share = in_front / max(in_front - dot(plane, r.clip + t * along), 1e-30);
@@ -115,16 +115,15 @@ fn plane_crossing(depths: texture_depth_2d, r: ReceiverInView, along: vec4f, t: 
     let place = clip.xy / clip.w;
     let is_inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < r.size);
     let crossing = floor(select(centre, place, is_inside));
-    // The pixel at the crossing shows that plane.
+    // Test whether the pixel at the crossing shows that plane.
     let off = abs(depth_at(depths, vec2i(crossing)) - depth - dot(slope, crossing + 0.5 - centre));
     let shows_plane = off <= OFF_PLANE * (abs(slope.x) + abs(slope.y)) + rounding;
     let is_crossed = is_plane && is_inside && in_front >= 0.0 && shows_plane;
     return select(NO_HIT, pack_hit(vec2u(crossing), hit_source(hit)), is_crossed);
 }
 
-// Returns the first surface that a point along a direction of the receiver's frame lies behind, or NO_HIT. The
-// distance of points grows with the power 2.5 of their number, since near occluders hide more; `jitter` in 0 to 1
-// shifts them.
+// Returns the first surface that hides a point along a direction of the receiver's frame, or NO_HIT. The distance of
+// points grows with the power 2.5 of their number, since near occluders hide more; `jitter`, 0 to 1, shifts them.
 fn march(m: Marcher, direction: vec3f, jitter: f32) -> u32 {
     let along = m.main.axes * direction;
     let along_a = m.a.axes * direction;
@@ -133,9 +132,9 @@ fn march(m: Marcher, direction: vec3f, jitter: f32) -> u32 {
     let along_d = m.d.axes * direction;
     let away = dot(m.forward, direction);
     var found = NO_HIT;
-    // The first surfaces of the main layer and of the first further camera that a point lies behind although another
-    // view shows it in the open. Did the direction cross them or pass their border? Tested after the loop, by values
-    // carried over, for the reason given at STEPS.
+    // Doubtful surfaces: the first ones, of the main layer and of the first further camera, that hide a point which
+    // another view shows in free space. The direction crossed them or passed their border. The test runs after the
+    // loop, on values carried over, for the reason given at STEPS.
     var doubtful = NO_HIT;
     var doubtful_a = NO_HIT;
     var doubtful_t = 0.0;
@@ -162,7 +161,7 @@ fn march(m: Marcher, direction: vec3f, jitter: f32) -> u32 {
         let share = (f32(k) + jitter) * (1.0 / f32(STEPS));
         let next_t = m.radius * share * share * sqrt(share);
         let step = next_t - t;
-        // What all views know of the point.
+        // Combine the tests of all views.
         let main_point = project_point(m.main, along, next_t);
         var test = test_layers(m.main, main_point, away * step);
         if (CAMERAS > 0u) {
@@ -187,7 +186,7 @@ fn march(m: Marcher, direction: vec3f, jitter: f32) -> u32 {
             let advance = dot(m.forward_d, direction) * step;
             test = combine_tests(test, test_further_camera(m.d, point, depth, 7u, &cover_d, advance, m.radius));
         }
-        // The point is in matter, or a surface in front of it is doubtful.
+        // Record whether the point is inside matter, or a surface in front of it is doubtful.
         let is_matter = test.is_crossed || test.behind <= LEAST_THICKNESS * step
             || (test.behind <= m.radius && !test.is_open);
         found = select(found, test.hit, is_matter);
@@ -202,7 +201,7 @@ fn march(m: Marcher, direction: vec3f, jitter: f32) -> u32 {
         previous_t = t;
         t = next_t;
     }
-    // Doubtful surfaces that the direction crosses come first. Other views show less of what is near.
+    // Doubtful surfaces that the direction crosses come first: other views show less of near geometry.
     var crossing = NO_HIT;
     if (CAMERAS > 0u && doubtful_a != NO_HIT) {
         crossing = plane_crossing(depth_4, m.a, along_a, doubtful_t_a, doubtful_a);

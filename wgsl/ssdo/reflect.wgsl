@@ -1,4 +1,4 @@
-// One invocation turns a pixel's irradiance into the radiance that its surface reflects: L = rho E / pi.
+// One invocation converts a pixel's irradiance to reflected radiance: L = rho E / pi.
 //
 // In: G-buffer, irradiance E, W/m2. Out: L, W/(m2 sr). Exact for the diffuse part; coats are left out.
 #import "shared/gbuffer/load.wgsl"

@@ -1,15 +1,14 @@
-// One invocation finds which share of the environment's light reaches a receiver, per channel, and what hides the
-// rest: V = pi / (N E) sum_k L(w_k) V(w_k), with E the unoccluded irradiance (Ritschel et al. 2009, section 3: the sum
+// One invocation computes the share of the environment's light that reaches a receiver, per channel, and its occluders:
+// V = pi / (N E) sum_k L(w_k) V(w_k), with E the unoccluded irradiance (Ritschel et al. 2009, section 3: the sum
 // of L_in V cos dw over N directions).
 //
-// Directions are drawn by the cosine. The pixels of n x n squares share one stratified set of them, and the blur that
-// follows averages over such squares. L is the environment filtered to about the solid angle of one direction of such
-// a set, so that a small sun casts a soft shadow. With SAMPLE_ENVIRONMENT every other direction is drawn by importance
+// Directions are drawn by the cosine. The pixels of an n x n square share one stratified set of directions, and the
+// following blur averages over such squares. L is the environment filtered to about the solid angle of one direction of
+// a set, so a small sun casts a soft shadow. With SAMPLE_ENVIRONMENT every other direction is drawn by importance
 // sampling of the environment (balance heuristic, Veach and Guibas 1995), L is unfiltered, and the blur divides the
-// sums with and without V. In: G-buffer, depths of all sources, the prefiltered environment. Out: V, 1 in the mean
-// where nothing hides, and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; the surface
-// that each direction meets. Errs bright where an occluder is in no picture, dark behind what is thinner than it
-// seems.
+// sums with and without V. In: G-buffer, depths of all sources, the prefiltered environment. Out: V, whose mean is 1
+// without occluders, and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; the surface that
+// each direction hits. Errs bright where no picture shows the occluder, dark behind occluders thinner than assumed.
 #import "scene/sequence.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
@@ -23,11 +22,11 @@
 
 override DIRECTIONS: u32 = 1u;             // N
 override INTERLEAVE: u32 = 4u;             // n
-override DIRECTIONAL: bool = true;         // else V is the mean of V(w_k): ambient occlusion
-override OUTWARD: bool = false;            // light the counter-clockwise side of surfaces, not the one that is seen
+override DIRECTIONAL: bool = true;         // false: V is the mean of V(w_k), ambient occlusion
+override OUTWARD: bool = false;            // light the counter-clockwise side of surfaces, not the visible side
 override SAMPLE_ENVIRONMENT: bool = false;
 override HITS: bool = true;                // store the surfaces
-override UNREPRESENTED: bool = false;      // for unrepresented pixels only
+override UNREPRESENTED: bool = false;      // process unrepresented pixels only
 override STORE_SHARE: bool = true;         // store V of unrepresented pixels
 
 @group(1) @binding(11) var<storage, read_write> occlusion: array<vec4f>;
@@ -38,8 +37,8 @@ override STORE_SHARE: bool = true;         // store V of unrepresented pixels
 
 struct Params {
     seed: u32,
-    lobe: u32,        // which of the environment's prefiltered maps L is
-    radius: f32,      // r_max at most, in heights of the picture at the receiver
+    lobe: u32,        // number of the environment's prefiltered map that is L
+    radius: f32,      // largest r_max, in heights of the picture at the receiver
 }
 
 // 2^32 over the golden ratio: its multiples spread evenly (Weyl).
@@ -75,8 +74,8 @@ fn radiance_from(direction: vec3f, mean: vec3f) -> vec3f {
     return load_ambient_map(params.lobe, picture_from_world(direction)) / mean;
 }
 
-// Finds what a pixel's directions meet. `slot`: where the results go; `pattern`: the number of
-// its part of the directions of a square.
+// Finds the hits of a pixel's directions. `slot`: index of the results; `pattern`: number of the pixel's part of its
+// square's directions.
 fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
     // The receiver: its position, its side and its frame of directions.
     let seen = load_distance(pixel);
@@ -92,7 +91,7 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
     let frame = frame_from_normal(normal);
     let radius = search_radius(ray, seen, params.radius);
     let m = marcher(position, frame, frame_from_normal(side), radius);
-    // A pixel's part changes from frame to frame, so that the mean of a single pixel converges as well.
+    // A pixel's part changes from frame to frame, so the mean of a single pixel converges, too.
     let patterns = INTERLEAVE * INTERLEAVE;
     let first = (sequence.index * patterns + (pattern + sequence.index * 5u) % patterns) * DIRECTIONS;
     var mean = vec3f(1.0);
@@ -102,14 +101,14 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
     var arriving = vec3f(0.0);
     var emitted = vec3f(0.0);
     for (var k = 0u; k < DIRECTIONS; k += 1u) {
-        // March along a direction; those below the surface itself see nothing.
+        // March along a direction; directions below the surface see nothing.
         let sample = sample_direction(frame, first + k);
         let direction = sample.direction;
         var hit = march(m, direction * frame, unit_float((first + k) * GOLDEN));
         let is_below = dot(direction, side) <= 0.0;
         hit = select(hit, NO_HIT, is_below);
         var visible = select(1.0, 0.0, is_below);
-        // Weigh what it meets.
+        // Weight the hit.
         var hit_direction = 0u;
         if (hit != NO_HIT) {
             let to_hit = hit_position(hit) - position;
@@ -153,7 +152,7 @@ fn find_occlusion_of_grid(grid: vec2u) {
     find_occlusion(grid * STRIDE, grid.y * grid_size().x + grid.x, pattern);
 }
 
-// For each pixel of a tile that shows a surface.
+// Runs per pixel of a tile that shows a surface.
 @compute @workgroup_size(8, 8)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
     let pixel = pixel_of_tile(group, thread, view.size);
@@ -162,7 +161,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     }
 }
 
-// For each pixel of a coarser grid.
+// Runs per pixel of a coarser grid.
 @compute @workgroup_size(8, 8)
 fn coarse(@builtin(global_invocation_id) id: vec3u) {
     if (all(id.xy < grid_size())) {
@@ -170,7 +169,7 @@ fn coarse(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-// For each unrepresented pixel.
+// Runs per unrepresented pixel.
 @compute @workgroup_size(LIST_GROUP)
 fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let count = unrepresented_count();

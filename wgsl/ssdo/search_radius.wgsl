@@ -1,12 +1,12 @@
-// The radius r_max of the hemisphere that is searched for occluders, metres, and how occluders fade towards its border
-// and towards the picture's.
+// The radius r_max of the hemisphere searched for occluders, metres, and the fade of occluders towards its border and
+// the picture's border.
 //
-// r_max is the scene's diameter, but at most `heights` times the height of what the camera shows at the receiver's
-// depth: beyond that, steps would be too far apart, and nothing larger than the picture can be seen anyway. So r_max
-// does not depend on the size of what lies out of view.
+// r_max is the scene's diameter, but at most `heights` times the height of the view at the receiver's depth: a larger
+// radius would space steps too widely, and the picture shows nothing larger. So r_max does not depend on the size of
+// geometry out of view.
 #import "scene/info.wgsl"
 
-// Share of r_max from which on occluders fade (Ritschel et al. 2009, section 7.2). tools/README.md, "Constants".
+// Occluders fade from this share of r_max on (Ritschel et al. 2009, section 7.2). tools/README.md, "Constants".
 const FADE_START: f32 = 0.75;
 // Width of the fade at the picture's border, in heights of the picture. tools/README.md, "Constants".
 const BORDER_FADE: f32 = 0.01;
@@ -27,8 +27,8 @@ fn distance_fade(radius: f32, distance_off: f32) -> f32 {
     return 1.0 - smoothstep(FADE_START * radius, radius, distance_off);
 }
 
-// Returns the weight of a surface by its place in a picture, pixels: 0 at the border, so that surfaces that enter the
-// picture do not appear at once.
+// Returns the weight of a surface by its place in a picture, pixels: 0 at the border, so surfaces that enter the
+// picture fade in.
 fn border_fade(place: vec2f, size: vec2f) -> f32 {
     let from_border = min(place, size - place) / (BORDER_FADE * size.y);
     return clamp(min(from_border.x, from_border.y), 0.0, 1.0);

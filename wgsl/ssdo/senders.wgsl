@@ -1,9 +1,9 @@
-// One invocation lights a pixel of a deeper layer or of a further camera, every STRIDE-th of every STRIDE-th row; it
-// stands for its neighbours as well: L = rho / pi (E_sky V + sum_i E_i cos_i V_i).
+// One invocation lights a pixel of a deeper layer or of a further camera: L = rho / pi (E_sky V + sum_i E_i cos_i V_i).
+// Every STRIDE-th pixel of every STRIDE-th row represents its neighbours, too.
 //
 // V_i comes from filtered shadow maps; V of the sky from `occlusion.wgsl` for a coarser grid, blurred and upsampled.
-// In: G-buffer of the source, lights, V of the sky. Out: L, W/(m2 sr), and the normal, packed. Errs blurred, by
-// STRIDE, and dark where coats would reflect: these are left out, since what they reflect depends on the receiver.
+// In: G-buffer of the source, lights, V of the sky. Out: L, W/(m2 sr), and the normal, packed. Errs blurry, by STRIDE,
+// and dark where coats reflect: coats are left out, since their reflection depends on the receiver.
 #import "shared/gbuffer/load.wgsl"
 #import "deferred/direct/lighting.wgsl"
 #import "deferred/environment/ambient.wgsl"
@@ -11,7 +11,7 @@
 #import "shared/upsample/gbuffer_surface.wgsl"
 #import "shared/upsample/once.wgsl"
 
-override OUTWARD: bool = false;  // light the counter-clockwise side of surfaces, not the one that is seen
+override OUTWARD: bool = false;  // light the counter-clockwise side of surfaces, not the visible side
 
 @group(1) @binding(12) var<storage, read_write> senders: array<vec4u>;
 @group(1) @binding(19) var<uniform> params: Params;

@@ -1,8 +1,9 @@
 // One invocation combines the irradiance of a pixel: the disc of the first level, the ring of the next coarser level,
-// filtered over 3x3 pixels since each takes a quarter of the samples, and the upsampled sum of the levels above.
+// filtered over 3x3 pixels since each pixel takes a quarter of the samples, and the upsampled sum of the coarser
+// levels.
 //
 // E = E_disc + sum_j w_j E_ring,j / sum_j w_j + up(E_coarse) (section 4, "Continuous combination of all levels"). In:
-// surfels; irradiance, W/m2. Out: irradiance, and in w the distance of the surface, metres, 0 where there is none. Errs
+// surfels; irradiance, W/m2. Out: irradiance, and in w the distance of the surface, metres, 0 without a surface. Errs
 // by blurring over a coarse pixel.
 #import "ssil/guide_surface.wgsl"
 #import "shared/upsample/once.wgsl"
@@ -41,7 +42,7 @@ fn coarse_surface(pixel: vec2u) -> GuideSurface {
     return surfel_guide_surface(textureLoad(coarse_surfels, pixel));
 }
 
-// Returns the irradiance of a pixel, and the distance of its surface.
+// Returns the irradiance of a pixel and, in w, the distance of its surface, metres.
 fn combined_at(pixel: vec2u) -> vec4f {
     let texel = textureLoad(surfels, pixel);
     if (is_empty(texel)) {
@@ -68,7 +69,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-// The same, and the sum with the bounces before.
+// Does the same, and adds the previous bounces.
 @compute @workgroup_size(8, 8)
 fn with_total(@builtin(global_invocation_id) id: vec3u) {
     let size = textureDimensions(surfels);

@@ -1,4 +1,4 @@
-// One end of a segment that light travels: receiver or sample.
+// One end of a segment along which light travels: receiver or sample.
 
 struct Endpoint {
     pixel: vec2i,     // of the level

@@ -1,18 +1,18 @@
-// One invocation finds the light that 2x2 pixels of the first level send where a frame adds one bounce to the light of
-// the frame before, and its workgroup that of coarser levels. Phi = Phi_direct + E_previous sum_j rho_j / pi ds_j.
+// One invocation computes the light that 2x2 pixels of the first level send, its workgroup that of coarser levels,
+// where each frame adds one bounce to the previous frame's light. Phi = Phi_direct + E_previous sum_j rho_j / pi ds_j.
 //
-// Reprojects by the motion vector of one pixel of the square, a different one each frame. Of the previous pixels, those
-// at another distance get a small weight instead of 0: wrong light is better than none where all are. E_previous is at
-// most that of a hemisphere of the brightest light, so that a feedback above 1, by light that passes through walls for
-// want of visibility, stays finite. In: codes of `common/light_code.wgsl`, surfels, motion, previous irradiance, W/m2,
-// with the distance, m, in w. Out: codes, W/sr, and the brightest radiance, W/(m2 sr). Errs late where light or the
-// view changes, by a frame for each bounce.
+// Reprojects by the motion vector of one pixel of the square, a different one each frame. Previous pixels at another
+// distance get a small weight instead of 0: where all are rejected, wrong light is better than none. E_previous is at
+// most that of a hemisphere of the brightest light, so that a feedback above 1 stays finite; light that leaks through
+// walls without visibility can cause it. In: codes of `common/light_code.wgsl`, surfels, motion, previous irradiance,
+// W/m2, with the distance, m, in w. Out: codes, W/sr, and the brightest radiance, W/(m2 sr). Lags by a frame per bounce
+// where light or the view changes.
 #import "scene/sequence.wgsl"
 #import "ssil/surfel.wgsl"
 #import "ssil/light_levels.wgsl"
 #import "ssil/peak.wgsl"
 
-override SQUARE: u32 = 2u;  // pixels of the picture along the side of one of the first level
+override SQUARE: u32 = 2u;  // picture pixels per side of a pixel of the first level
 
 @group(1) @binding(11) var<storage, read> reflectors: array<vec2u>;
 @group(1) @binding(14) var<storage, read> sent: array<vec2u>;
@@ -22,16 +22,16 @@ override SQUARE: u32 = 2u;  // pixels of the picture along the side of one of th
 @group(1) @binding(18) var surfels: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(31) var distance: texture_2d<f32>;
 
-// Relative difference of distances from which a previous pixel is another surface. tools/README.md, "Constants".
+// A previous pixel shows another surface if its distance differs by more than this share. tools/README.md, "Constants".
 const SAME_DISTANCE: f32 = 0.02;
 // Weight of another surface: below the least bilinear weight that counts, far above the smallest float.
 const OTHER_SURFACE_WEIGHT: f32 = 1e-4;
-// Added to the bilinear weights of 3x3 pixels, so that those outside of the four still stand in for other surfaces.
+// Added to the bilinear weights of 3x3 pixels, so that pixels outside the bilinear four can replace rejected ones.
 const AROUND_WEIGHT: f32 = 0.01;
-// Irradiance over the brightest radiance: pi for a hemisphere, less the 6 % by which surfels round their areas.
+// Irradiance over the brightest radiance: pi for a hemisphere, minus the 6 % by which surfels round their areas.
 const HEMISPHERE: f32 = 3.0;
 
-// Returns the irradiance that the surface of a pixel got in the previous frame.
+// Returns the previous frame's irradiance at the surface of a pixel.
 fn previous_irradiance(pixel: vec2u, texel: vec4u, size: vec2u) -> vec3f {
     let subpixel = vec2u(sequence.index, sequence.index / SQUARE) % SQUARE;
     let fine = min(pixel * SQUARE + subpixel, view.size - 1u);

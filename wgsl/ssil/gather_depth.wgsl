@@ -1,16 +1,16 @@
-// One invocation gathers light with visibility by a march through the picture's depths. Surfaces behind the nearest
-// ones are unknown; these count as THICKNESS of their depth thick. Errs dark behind thinner ones, bright behind thicker
-// ones and where a hidden surface occludes.
+// One invocation gathers light with visibility by a march through the picture's depths. Only the nearest surfaces are
+// known; their assumed thickness is THICKNESS times their depth. Errs dark behind thinner surfaces, bright behind
+// thicker ones and where a hidden surface occludes.
 #import "ssil/gather.wgsl"
 
 const STEPS: u32 = 8u;
 
-// Thickness of every surface, share of its depth. tools/README.md, "Constants".
+// Thickness of every surface, as a share of its depth. tools/README.md, "Constants".
 const THICKNESS: f32 = 0.1;
-// Depth by which a ray must pass behind a surface to be occluded, share of the depth: above the slope of surfaces
+// A surface occludes a ray that passes behind it by more than this share of its depth, which is above a surface's slope
 // within a pixel. tools/README.md, "Constants".
 const BEHIND: f32 = 0.02;
-// Pixels left out at each end: those that rounding may take for the end itself, 0.5, and their neighbours.
+// Pixels skipped at each end: rounding may hit the end itself, 0.5, and its neighbour, 1.
 const END_PIXELS: f32 = 1.5;
 
 fn prepare(start: Endpoint) {}

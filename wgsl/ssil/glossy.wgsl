@@ -1,8 +1,8 @@
-// One invocation gathers from one level what the coat of a pixel of the first level reflects (the last bounce only).
-// Who imports this defines fn prepare(start: Endpoint) and fn visibility(start: Endpoint, end: Endpoint, number: u32)
-// -> f32.
+// One invocation gathers the light that the coat of a first-level pixel reflects, from one level (last bounce only).
+// The importing shader defines fn prepare(start: Endpoint) and fn visibility(start: Endpoint, end: Endpoint, number:
+// u32) -> f32.
 //
-// L = sum_i Phi_i cos_i cos'_i F D V_i / (d_i^2 + R_i^2) / p_i. Samples lie in the disc or ring as those of
+// L = sum_i Phi_i cos_i cos'_i F D V_i / (d_i^2 + R_i^2) / p_i. Samples lie in the same disc or ring as in
 // `gather.wgsl`; their angles about the pixel follow the projected lobe, f = 0.1 + exp(-s x^2 / 2 pi), where x is the
 // angle from the projected mirror direction (section 4). Departures: s = 2 / alpha^2 - 2, the Phong exponent of a GGX
 // lobe of the same width at its peak (Walter et al. 2007); lobes are widened by the solid angle of samples. In:
@@ -17,8 +17,8 @@
 #import "common/random.wgsl"
 
 override SAMPLES: u32 = 16u;
-override SQUARE: u32 = 2u;      // pixels of the picture along the side of one of the first level
-override FINEST: bool = true;   // the disc, else the ring
+override SQUARE: u32 = 2u;      // picture pixels per side of a pixel of the first level
+override FINEST: bool = true;   // true: the disc; false: the ring
 
 @group(1) @binding(11) var surfels: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(12) var<storage, read> light: array<vec2u>;
@@ -29,7 +29,7 @@ struct Params {
     grid_size: vec2u,   // cells of the voxel grid, if any
     cell: f32,          // pixels of the picture along the side of a cell
     step: f32,          // of a march, cells
-    light_offset: u32,  // where the level begins in `light`
+    light_offset: u32,  // the level's first entry in `light`
     shift: u32,         // levels above the first
     size: vec2u,        // pixels of the first level
     radius: f32,        // r, pixels of the level
@@ -41,7 +41,7 @@ const ROOT_TWO_PI: f32 = 2.5066283;
 
 struct AngleSample {
     angle: f32,   // from the lobe
-    weight: f32,  // uniform density over its own
+    weight: f32,  // uniform density over the sample's density
 }
 
 // Samples an angle in proportion to f.
@@ -90,7 +90,7 @@ fn lobe_sample(number: u32, pixel_seed: u32, alpha: f32, forward: vec2f) -> Lobe
     return LobeSample(vec2i(round(offset)), area * lobe_angle.weight);
 }
 
-// Adds the reflection by this level to that of a pixel of the first level.
+// Adds this level's reflection to that of a pixel of the first level.
 fn gather_glossy(id: vec3u) {
     if (any(id.xy >= params.size)) {
         return;
@@ -118,7 +118,7 @@ fn gather_glossy(id: vec3u) {
     let pixel_side = facing_side();
     var sum = vec3f(0.0);
     for (var k = 0u; k < SAMPLES; k += 1u) {
-        // Take a sample that sends light.
+        // Draw a sample, and skip it if it sends no light.
         let number = sequence.index * SAMPLES + k;
         let chosen = lobe_sample(number, pixel_seed, brdf.alpha, forward);
         let place = start.pixel + chosen.offset;

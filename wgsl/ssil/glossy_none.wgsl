@@ -1,4 +1,4 @@
-// One invocation gathers what a coat reflects, without visibility. Errs bright behind occluders.
+// One invocation gathers a coat's reflection, without visibility. Errs bright behind occluders.
 #import "ssil/glossy.wgsl"
 
 fn prepare(start: Endpoint) {}

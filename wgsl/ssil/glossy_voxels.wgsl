@@ -1,4 +1,4 @@
-// One invocation gathers what a coat reflects, with visibility by voxels. Errs as `glossy.wgsl` does.
+// One invocation gathers a coat's reflection, with visibility by voxels. Errs as `glossy.wgsl` does.
 #import "ssil/glossy.wgsl"
 #import "ssil/voxel_visibility.wgsl"
 

@@ -1,6 +1,7 @@
-// One invocation finds the upsampling weights of a pixel from the level that gathering starts at.
+// One invocation computes the weights to upsample from the first gathered level to a pixel.
 //
-// In: surfels of both. Out: the guide and the list of unrepresented pixels of `shared/upsample/guide.wgsl`.
+// In: surfels of the picture and of that level. Out: the guide and the list of unrepresented pixels of
+// `shared/upsample/guide.wgsl`.
 #import "shared/upsample/guide.wgsl"
 #import "ssil/guide_surface.wgsl"
 

@@ -1,4 +1,4 @@
-// A surfel as joint bilateral upsampling compares it.
+// A surfel's surface for joint bilateral upsampling.
 #import "shared/upsample/weights.wgsl"
 #import "ssil/surfel.wgsl"
 

@@ -1,8 +1,8 @@
-// Interleaved sampling: which of 16 sample patterns a pixel takes, and which quarter of it.
+// Interleaved sampling: each pixel uses one of 16 sample patterns, and a quarter of it.
 //
-// Pixels 4 apart along rows and columns share a pattern, so that threads of a workgroup read neighbouring texels and
-// skip together (Segovia et al. 2006, "Non-interleaved Deferred Shading of Interleaved Sample Patterns"). In a still
-// picture patterns move from frame to frame. In the first frame, over the pixels of a 4x4 block, x to the right:
+// Pixels 4 apart along rows and columns share a pattern, so threads of a workgroup read neighbouring texels and branch
+// alike (Segovia et al. 2006, "Non-interleaved Deferred Shading of Interleaved Sample Patterns"). Patterns move from
+// frame to frame of a still picture. Their arrangement in a 4x4 block in the first frame, x to the right:
 //
 //     pattern   0  2  8 10      quarter   0  2  2  0
 //               3  1 11  9                3  1  1  3
@@ -23,14 +23,14 @@ fn number_of_square(pixel: vec2u) -> u32 {
     return number_in_square(pixel >> vec2u(1u));
 }
 
-// Returns the pattern of a pixel. In 4 frames 2x2 pixels take all 16 patterns, in 16 frames each pixel does. Over 8
-// frames pixels beside or above each other take different patterns, so that no rows or columns show.
+// Returns the pattern of a pixel. A square of 2x2 pixels takes all 16 patterns in 4 frames, each pixel in 16 frames.
+// Over 8 frames adjacent pixels take different patterns, so no rows or columns show.
 fn pattern_of(pixel: vec2u, frame: u32) -> u32 {
     return ((number_of_square(pixel) ^ frame) & 3u) * 4u + ((number_in_square(pixel) ^ (frame >> 2u)) & 3u);
 }
 
-// Returns the quarter of its pattern that a pixel takes in a frame. Whenever a pattern returns, four frames later, the
-// 2x2 pixels take its quarters in the same arrangement, so a filter over 2x2 leaves the same error everywhere.
+// Returns the quarter of its pattern that a pixel takes in a frame. When a pattern returns, four frames later, the 2x2
+// pixels take its quarters in the same arrangement, so a filter over 2x2 pixels leaves the same error everywhere.
 fn quarter_of(pixel: vec2u, frame: u32) -> u32 {
     return number_in_square(pixel) ^ number_of_square(pixel) ^ (frame & 3u);
 }

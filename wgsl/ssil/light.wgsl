@@ -1,14 +1,14 @@
-// One invocation finds the light that 2x2 pixels of the first level send, and its workgroup that of coarser levels.
+// One invocation computes the light that 2x2 pixels of the first level send, its workgroup that of coarser levels.
 //
 // Phi = sum_j L_j ds_j (eq. 3), W/sr on a surface that faces the receiver, over the pixels j of the picture in a
-// pixel's square: no energy is lost or found where surfaces do not survive the vote. With HAS_REFLECTORS also sum_j
+// pixel's square: no energy is lost or gained where surfaces do not survive the vote. With HAS_REFLECTORS also sum_j
 // rho_j / pi ds_j, m2/sr, which turns an irradiance into the light of the next bounce. In: G-buffer, direct light,
-// W/(m2 sr). Out: codes of `common/light_code.wgsl`; the brightest of the first level.
+// W/(m2 sr). Out: codes of `common/light_code.wgsl`; the first level's brightest light.
 #import "ssil/pixel_surfel.wgsl"
 #import "ssil/light_levels.wgsl"
 #import "ssil/peak.wgsl"
 
-override SQUARE: u32 = 2u;  // pixels of the picture along the side of one of the first level
+override SQUARE: u32 = 2u;  // picture pixels per side of a pixel of the first level
 override HAS_REFLECTORS: bool = false;
 
 @group(1) @binding(11) var<storage, read> direct: array<vec4f>;
@@ -19,7 +19,7 @@ struct Sent {
     reflectors: vec3f,  // m2/sr
 }
 
-// Returns what a pixel of the first level sends.
+// Returns the light that a pixel of the first level sends, and its reflectors.
 fn sent_by(pixel: vec2u, facing: vec4f) -> Sent {
     var sum = Sent(vec3f(0.0), vec3f(0.0));
     for (var k = 0u; k < SQUARE * SQUARE; k += 1u) {
@@ -29,7 +29,7 @@ fn sent_by(pixel: vec2u, facing: vec4f) -> Sent {
         }
         let hit_distance = load_distance(fine);
         let radiance = direct[fine.y * view.size.x + fine.x].rgb;
-        // The area of a black surface matters only if it reflects.
+        // The area of a surface without light matters only for reflectors.
         if (hit_distance <= 0.0 || (!HAS_REFLECTORS && max3(radiance) <= 0.0)) {
             continue;
         }

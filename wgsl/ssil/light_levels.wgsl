@@ -1,8 +1,10 @@
-// Stores the light of a tile of the first level, and of the coarser levels by sums: Phi_(k+1) = Phi_k of four pixels.
+// Stores the light of a tile of the first level, and sums for the coarser levels: Phi_(k+1) = sum of Phi_k over four
+// pixels.
 //
-// A workgroup of 16x16 threads takes 32x32 pixels of the first level, which are one pixel of the sixth. So a dispatch
-// makes all levels. Who imports this calls `store_light` for the four pixels of each thread, then `store_coarser`.
-// Out: codes of `common/light_code.wgsl`, W/sr, the rows of the first level, then those of the next. Errs by the codes'
+// A workgroup of 16x16 threads takes 32x32 pixels of the first level, which are one pixel of the sixth, so one dispatch
+// makes all levels. The importing shader calls `store_light` for the four pixels of each thread, then `store_coarser`.
+// Out: codes of `common/light_code.wgsl`, W/sr: the rows of the first level, then those of each next level. Errs by the
+// codes'
 // rounding at each level, 0.001 % of the largest channel.
 #import "common/light_code.wgsl"
 
@@ -19,7 +21,7 @@ fn thread_pixel(thread: vec2u, k: u32) -> vec2u {
     return 2u * thread + vec2u(k & 1u, k >> 1u);
 }
 
-// Stores the light of a pixel of the first level; returns what its code holds.
+// Stores the light of a pixel of the first level; returns the decoded light.
 fn store_light(pixel: vec2u, size: vec2u, value: vec3f) -> vec3f {
     let code = pack_light(value);
     light[pixel.y * size.x + pixel.x] = code;
@@ -42,7 +44,7 @@ fn store_coarser(group: vec2u, local: vec2u, first_size: vec2u, sum: vec3f) {
             }
             code = pack_light(four);
         }
-        // All have read the finer level.
+        // Wait until all threads have read the finer level.
         workgroupBarrier();
         let size = (first_size + (1u << level) - 1u) >> vec2u(level);
         let pixel = group * side + local;

@@ -1,4 +1,4 @@
-// One invocation turns a pixel of the G-buffer into a surfel of level 0.
+// One invocation converts a pixel of the G-buffer to a surfel of level 0.
 //
 // In: G-buffer. Out: surfels, 0 where there is no surface.
 #import "ssil/pixel_surfel.wgsl"

@@ -1,7 +1,7 @@
 // One invocation places one sample of a pattern: its offset from the pixel, and the area it represents.
 //
 // The first level samples the disc of radius r, the others the ring from r/2 to r (section 4). The 16 patterns together
-// are one Sobol sequence. Departure: in the disc the radius, not its square, is uniform, so that near samples, which
+// form one Sobol sequence. Departure: in the disc the radius, not its square, is uniform, so that near samples, which
 // matter most, represent small areas. Out: offsets, pixels of the level, 16 bits each; areas, pixels.
 #import "scene/sequence.wgsl"
 #import "ssil/interleaving.wgsl"

@@ -1,4 +1,5 @@
-// The brightest light of a bounce, and the light that counts as none: bits of positive floats, which order as they do.
+// The brightest light of a bounce, and the threshold below which light counts as none: bits of positive floats, which
+// have the floats' order.
 
 @group(1) @binding(13) var<storage, read_write> peak: array<atomic<u32>>;
 

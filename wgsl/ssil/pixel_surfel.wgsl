@@ -1,8 +1,8 @@
-// A pixel of the picture as a surfel of level 0.
+// The surfel of level 0 of a picture's pixel.
 #import "shared/gbuffer/load.wgsl"
 #import "ssil/surfel.wgsl"
 
-// Least cosine between a surface and the view ray: bounds the area that a pixel shows of it, and so its light.
+// Least cosine between a surface and the view ray: bounds the surface area within a pixel, and so its light.
 const LEAST_COSINE: f32 = 0.001;
 
 // Returns the surfel of a pixel with a surface: eq. 2, z^2 cos(alpha) / cos(beta) times the area of a pixel that faces

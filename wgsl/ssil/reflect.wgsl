@@ -1,8 +1,8 @@
-// One invocation finds the light that 2x2 pixels of the first level send in the next bounce, and its workgroup that of
-// coarser levels. Phi = E sum_j rho_j / pi ds_j, with ADDED plus the light of the bounce before.
+// One invocation computes the light that 2x2 pixels of the first level send in the next bounce, its workgroup that of
+// coarser levels. Phi = E sum_j rho_j / pi ds_j, with ADDED plus the previous bounce's light.
 //
-// In: irradiance, W/m2; reflectors, m2/sr. Out: codes of `common/light_code.wgsl`, W/sr; the brightest of the first
-// level, and what counts as none.
+// In: irradiance, W/m2; reflectors, m2/sr. Out: codes of `common/light_code.wgsl`, W/sr; the first level's brightest
+// light, and the threshold of no light.
 #import "ssil/light_levels.wgsl"
 #import "ssil/peak.wgsl"
 

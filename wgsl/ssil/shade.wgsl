@@ -1,7 +1,7 @@
-// One invocation finds the irradiance of a pixel of the picture, and with REFLECTED the indirect radiance,
+// One invocation computes the irradiance of a pixel of the picture, or with REFLECTED the indirect radiance,
 // L = rho / pi E (1 - F) + L_coat, W/(m2 sr).
 //
-// In: G-buffer; irradiance of the first level and its upsampling guide, or with UPSAMPLED that of the picture;
+// In: G-buffer; irradiance of the first level and its upsampling guide, or with UPSAMPLED irradiance of the picture;
 // irradiance of unrepresented pixels; reflections of coats over their tint. Errs as `shared/upsample/weights.wgsl`
 // does.
 #import "shared/gbuffer/load.wgsl"
@@ -29,7 +29,7 @@ fn glossy_at(pixel: vec2u, weights: vec4f) -> vec3f {
     return light * weights;
 }
 
-// Returns the irradiance of a pixel, or the radiance that it reflects.
+// Returns the irradiance of a pixel, or its reflected radiance.
 fn lit(pixel: vec2u, surface: GbufferSurface, irradiance: vec3f, glossy: vec3f) -> vec4f {
     var light = irradiance;
     if (REFLECTED) {
@@ -70,7 +70,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     full[index] = lit(id.xy, surface, irradiance, glossy_at(id.xy, weights));
 }
 
-// The same for the list of unrepresented pixels.
+// Does the same for the list of unrepresented pixels.
 @compute @workgroup_size(LIST_GROUP)
 fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let count = unrepresented_count();

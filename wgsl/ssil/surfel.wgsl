@@ -18,14 +18,14 @@ fn facing_side() -> vec4f {
     return side * select(vec4f(view.forward, 0.0), vec4f(0.0, 0.0, 0.0, 1.0), view.orthographic != 0u);
 }
 
-// Returns the area of such a pixel, m2; `facing`: facing_side().
+// Returns the area of a facing pixel, m2; `facing`: facing_side().
 fn facing_area(position: vec3f, facing: vec4f) -> f32 {
     let side = dot(position, facing.xyz) + facing.w;
     return side * side;
 }
 
-// Normals take 12 bits for each octahedral coordinate, with 0 and 1 exact. Areas take 8 bits, as a float with 3 bits of
-// mantissa relative to the facing pixel: off by 6 % at most, which only moves the bound of near light.
+// Normals take 12 bits per octahedral coordinate, with 0 and 1 exact. Areas take 8 bits, as a float with 3 bits of
+// mantissa relative to the facing pixel: the error is at most 6 %, and affects only the bound of near light.
 fn pack_surfel(s: Surfel, facing: vec4f) -> vec4u {
     let normal = vec2u(round(octahedral_encode(s.normal) * 2047.0) + 2048.0);
     let share = clamp(s.area / max(facing_area(s.position, facing), 1e-37), 1.0, 3e9);

@@ -1,11 +1,11 @@
-// One invocation chooses the surfel of a pixel among its four finer pixels: position and normal of the largest score
-// survive; areas are added up. Nothing is averaged.
+// One invocation chooses the surfel of a pixel among its four finer pixels: the position and normal with the largest
+// score survive; areas are summed. Nothing is averaged.
 //
 // s(i) = sum_j g1(|p_i - p_j|) g2(1 - n_i . n_j) g3(d_ij) over the pixels j at most one step from i (eq. 5). Departure:
 // d_ij is the distance from the tangent plane of i in pixel widths, not a difference of depths, so that floors at a
-// glancing angle are one surface. Ties, the rule on flat walls, go to one corner, and at the next level to the opposite
-// one, so that samples stay close to the centre. In: surfels. Out: surfels of the next level. Errs by leaving out what
-// is thinner than a pixel.
+// glancing angle are one surface. Ties, common on flat walls, go to one corner, and at the next level to the opposite
+// corner, so that samples stay close to the centre. In: surfels. Out: surfels of the next level. Errs by omitting
+// surfaces thinner than a pixel.
 #import "ssil/surfel.wgsl"
 
 @group(1) @binding(11) var finer: texture_storage_2d<rgba32uint, read>;
@@ -16,7 +16,7 @@ struct Params {
     corner: i32,  // the preferred one, 0 or 3
 }
 
-// Standard deviations of g1, pixels; g2, cosines; g3, pixel widths. tools/README.md, "Constants".
+// Standard deviations of g1 (pixels), g2 (cosines) and g3 (pixel widths). tools/README.md, "Constants".
 const STEP_WIDTH: f32 = 1.0;
 const NORMAL_WIDTH: f32 = 0.1;
 const PLANE_WIDTH: f32 = 1.0;

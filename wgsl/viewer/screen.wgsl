@@ -1,12 +1,12 @@
-// One fragment draws a pixel of the window: a picture, from `split` on another one to compare it with, and a panel's
+// One fragment draws a pixel of the window: a picture, a second one right of `split` for comparison, and a panel's
 // background.
 //
-// The background is part of this pass: blending it afterwards takes as long again.
+// The background is part of this pass: blending it afterwards would double the time.
 // In: both 8-bit sRGB, of any size. Out: 8-bit sRGB, one pixel of the window.
 
 struct Screen {
     panel: vec4f,  // left, top, right, bottom of a panel's background, shares of width and height
-    split: f32,    // share of the window's width where the other picture begins; from 1 on there is none
+    split: f32,    // share of the window's width where the other picture begins; 1 or more: no other picture
     line: f32,     // half the width of the line between them, as a share of the window's width
 }
 

@@ -1,8 +1,8 @@
-// One invocation lights one pixel whose shadow filter was undecided, with a shadow ray to each light that is undecided
-// (Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows").
+// One invocation lights one pixel whose shadow filter was undecided, with a shadow ray to each undecided light (Hertel
+// et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows").
 //
 // L = ambient + sum_i f_r(w_o, w_i) E_i cos_i V_i. In: the list of pixels, the scene. Out: direct, W/(m2 sr): the first
-// pass overwrites it, later ones add further lights. Errs bright: where the filter was decided, it missed blockers
+// pass overwrites it, later ones add further lights. Errs bright where the filter was decided but missed blockers
 // thinner than a texel.
 #import "scene/trace.wgsl"
 #import "shared/gbuffer/visible_surface.wgsl"
@@ -22,13 +22,13 @@ override SKY: bool = false;  // the environment is occluded by `sky`
 override CUTS_LOOPS: bool = true;
 
 struct Params {
-    first: u32,  // light of this pass
+    first: u32,  // first light of this pass
     end: u32,    // light after its last one
 }
 
-// Steps of rays after which an invocation filters instead: llvmpipe (Mesa 22.3) silently ends all loops of an
-// invocation after 65,535 iterations together, and light would be lost. A SIMD group takes the steps of its slowest
-// lane, a quarter is left for that.
+// After this many ray steps an invocation filters instead: llvmpipe (Mesa 22.3) silently ends all loops of an
+// invocation after 65,535 iterations together, which would lose light. A SIMD group takes the steps of its slowest
+// lane, so the budget is a quarter of that.
 const STEP_BUDGET: u32 = 16000u;
 
 @compute @workgroup_size(EDGE_GROUP)
@@ -66,7 +66,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
             } else if (lit == UNDECIDED) {
                 let start = leave_surface(s, incident.direction);
                 let is_sun = light.kind == DIRECT_SUN;
-                // The end stays where it is: shift the start only.
+                // Shift only the start; the end stays.
                 let way = incident.to_light - select(start - s.position, vec3f(0.0), is_sun);
                 let rays_end = select(STOP_SHORT, FLOAT_MAX, is_sun);
                 let shadow = Ray(start, way);

@@ -1,9 +1,8 @@
-// One invocation sums the light that a pixel's surface scatters once, by filtered shadow maps.
+// One invocation computes a pixel's direct light, with filtered shadow maps.
 //
 // L = sum_i f_r(w_o, w_i) E_i cos_i V_i, plus the environment times `sky`, its unoccluded share. In: G-buffer, lights,
 // shadow maps, prefiltered environment. Out: direct, W/(m2 sr), cleared before; the pixels whose shadow filter is
-// undecided, for `edges.wgsl`. Errs bright by the filter's bias, and where the environment is occluded if there is no
-// `sky`.
+// undecided, for `edges.wgsl`. Errs bright by the filter's bias and, without `sky`, where the environment is occluded.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
 #import "deferred/direct/lighting.wgsl"
@@ -23,7 +22,7 @@ override CONTACTS: bool = false;  // search the picture for shadows that the fil
 @group(1) @binding(14) var<storage, read> tile_lights: array<u32>;                // a bit for each light, by tile
 @group(1) @binding(15) var<storage, read> sky: array<vec4f>;                      // share that is not occluded
 
-// Workgroups of `edges.wgsl` at most, each thread then takes several pixels: 2^18 threads fill any GPU.
+// Most workgroups of `edges.wgsl`; in longer lists each thread takes several pixels. 2^18 threads fill any GPU.
 const MAX_EDGE_GROUPS: u32 = 4096u;
 
 struct Sum {

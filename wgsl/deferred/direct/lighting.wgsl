@@ -1,15 +1,14 @@
-// The irradiance by one light and its reflection, for the pass that filters shadow maps and the one that traces shadow
-// rays.
+// One light's irradiance and its reflection, for the pass that filters shadow maps and the one that traces shadow rays.
 #import "scene/info.wgsl"
 #import "deferred/shadow/lookup.wgsl"
 #import "common/brdf.wgsl"
 
-const EDGE_GROUP: u32 = 64u;  // pixels that a workgroup of `edges.wgsl` takes at a time
+const EDGE_GROUP: u32 = 64u;  // pixels per workgroup of `edges.wgsl` and turn
 
 struct Incident {
     to_light: vec3f,    // metres; unit for suns
     direction: vec3f,   // unit
-    irradiance: vec3f,  // on a surface that faces the light, without its shadow, W/m2
+    irradiance: vec3f,  // on a surface that faces the light, unshadowed, W/m2
 }
 
 // Returns the light that arrives at a position, unshadowed. A sample of an emitter counts as a disc of its area: form

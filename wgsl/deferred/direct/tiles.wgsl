@@ -11,8 +11,7 @@
 @group(1) @binding(31) var distance: texture_2d<f32>;
 
 const THREADS: u32 = TILE * TILE;
-// Widens the box, relative to its coordinates: above the rounding of the lighting tests, of at most 100 operations of
-// 2^-24.
+// Widens the box relative to its coordinates, by more than the lighting tests round: at most 100 operations of 2^-24.
 const ROUNDING: f32 = 1e-5;
 
 var<workgroup> low: array<vec3f, THREADS>;
@@ -25,7 +24,7 @@ fn reaches(light: DirectLight, centre: vec3f, half: vec3f) -> bool {
         return true;
     }
     let offset = centre - light.position;
-    // To the nearest point of the box.
+    // Offset of the nearest point of the box.
     let outside = max(abs(offset) - half, vec3f(0.0));
     if (length(outside) * light.inverse_range > 1.0) {
         return false;
@@ -37,7 +36,7 @@ fn reaches(light: DirectLight, centre: vec3f, half: vec3f) -> bool {
     if (light.kind == DIRECT_AREA) {
         return light.both_sides != 0u || dot(light.direction, offset) + reach >= 0.0;
     }
-    // The sphere around the box against the cone where the fall-off ends: cosine = -offset / scale.
+    // Test the sphere around the box against the cone at which the fall-off ends: cosine = -offset / scale.
     let edge = -light.cone_offset / light.cone_scale;
     let radius = length(half);
     let along = dot(light.direction, offset);
@@ -76,8 +75,7 @@ fn main(
     let centre = select((low[0] + high[0]) * 0.5, vec3f(0.0), is_empty);
     let half = (high[0] - low[0]) * 0.5 + (abs(low[0]) + abs(high[0])) * ROUNDING;
 
-    // Each thread tests every 256th light.
-    // The same for all threads, so that all of them meet at the barriers.
+    // Each thread tests every 256th light. The count is uniform, so all threads reach the barriers.
     let count = workgroupUniformLoad(&light_count);
     let word_count = (count + 31u) / 32u;
     let tile = group.y * groups.x + group.x;

@@ -2,7 +2,7 @@
 //
 // Along x: cos_o = (x / (W - 1))^3; along y: GGX alpha from MIN_ALPHA to 1 by its fourth root. Of the lobe D V cos_i:
 //   r  R = integral D V cos_i dw, the coat's directional albedo without Fresnel's factor
-//   g  the cosine c at which Fresnel's factor is its mean: integral (1 - v.h)^5 D V cos_i dw = R (1 - c)^5
+//   g  the cosine c at which Fresnel's factor equals its mean: integral (1 - v.h)^5 D V cos_i dw = R (1 - c)^5
 //   b  sine of the lobe's mean direction to the normal, over the sine of w_o: 1 for a mirror
 //   a  C = 1/pi integral (1 - (1 - v.h)^5) cos_i dw, so that the base reflects diffuse (1 - F0) C
 // by the midpoint rule over visible normals (Dupuy and Benyoub 2023), denser towards both ends of their range, where
@@ -11,10 +11,10 @@
 
 @group(1) @binding(11) var table: texture_storage_2d<rgba32float, write>;
 
-// Points over the range of the normals' height, and over half a turn of azimuth.
+// Numbers of points over the normals' height and over half a turn of azimuth.
 const HEIGHTS: u32 = 64u;
 const TURNS: u32 = 32u;
-// Exactly parallel and perpendicular views are excluded: there the quotients are 0 / 0.
+// Exactly parallel and perpendicular views are excluded: their quotients are 0 / 0.
 const SMALLEST_COSINE: f32 = 1e-5;
 const LARGEST_COSINE: f32 = 0.9999;
 

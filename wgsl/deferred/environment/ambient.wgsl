@@ -1,11 +1,11 @@
-// The environment's light that a surface reflects, unoccluded.
+// The environment's light reflected by a surface, unoccluded.
 //
-// L_o = integral f_r L cos dw over the hemisphere of the normal. Exact under a constant environment, but for the
-// table's interpolation; under a picture the base's part is diffuse (1 - F0) C E / pi, with its Fresnel factor at its
-// mean over the hemisphere, and the coat's the split sum R F mean(L) of Karis 2013. Departure: mean(L) is looked up
-// around the mean direction of the lobe, not the mirrored one, from which grazing and rough lobes lean away. Errs at
-// glancing angles, where lobes are longer than wide, and includes light from below the surface's horizon. Without the
-// occlusion of `deferred/sky` or `ssdo` it errs bright.
+// L_o = integral f_r L cos dw over the hemisphere of the normal. Under a constant environment the result is exact but
+// for the table's interpolation. Under a picture the base adds diffuse (1 - F0) C E / pi, with the Fresnel factor's
+// mean over the hemisphere, and the coat the split sum R F mean(L) of Karis 2013. Departure: mean(L) is looked up
+// around the lobe's mean direction, since grazing and rough lobes lean away from the mirror direction. Errs at glancing
+// angles, where lobes are longer than wide, and includes light from below the surface's horizon. Without the occlusion
+// of `deferred/sky` or `ssdo` it errs bright.
 #import "scene/environment.wgsl"
 #import "deferred/environment/maps.wgsl"
 #import "deferred/environment/reflectance.wgsl"
@@ -22,7 +22,7 @@ fn picture_from_world(direction: vec3f) -> vec3f {
     return vec3f(c * direction.x - s * direction.z, direction.y, s * direction.x + c * direction.z);
 }
 
-// Returns a prefiltered map around a unit direction of the picture's frame, bilinear.
+// Returns the value of prefiltered map k around a unit direction in the picture's frame, bilinear.
 fn load_ambient_map(k: u32, direction: vec3f) -> vec3f {
     let side = map_side(k);
     let point = (0.5 * octahedral_encode(direction) + 0.5) * f32(side) - 0.5;
@@ -46,7 +46,7 @@ fn ambient_lobe(direction: vec3f, alpha: f32) -> vec3f {
     let k = u32(clamp(place, 0.0, f32(LAST_MAP)));
     let blurred = scene.environment_color * load_ambient_map(k, turned);
     if (k == LAST_MAP) {
-        // Between the sharpest map and the picture itself.
+        // Interpolate between the sharpest map and the picture itself.
         let narrowest = exp2(-f32(LAST_MAP));
         let share = saturate((alpha - MIN_ALPHA) / (narrowest - MIN_ALPHA));
         return mix(environment_radiance(direction), blurred, share);
@@ -78,7 +78,7 @@ fn ambient_radiance(brdf: Brdf, normal: vec3f, w_o: vec3f) -> vec3f {
     let cos_o = clamp(dot(normal, w_o), 0.0, 1.0);
     let entry = load_ambient_albedo(cos_o, brdf.alpha);
     let fresnel = fresnel_schlick(brdf.f0, entry.g);
-    // Away from the viewer, as long as the sine of w_o.
+    // The lobe's mean direction along the surface, away from the viewer.
     let across = entry.b * (normal * cos_o - w_o);
     let lobe = across + normal * sqrt(max(1.0 - dot(across, across), 0.0));
     return base * (1.0 - brdf.f0) * entry.a + fresnel * entry.r * ambient_lobe(normalize(lobe), brdf.alpha);

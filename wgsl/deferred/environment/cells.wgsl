@@ -8,8 +8,8 @@ struct Cell {
     centre: vec4f,  // xyz: unit, mean direction by luminance, in the map's frame (rotation 0)
 }
 
-// The finest level has LEAVES_X x LEAVES_Y cells, each further one a quarter of those, up to 16 x 8. In a level they
-// lie in Z-order: the cells of level l begin at LEAVES >> 2 l, and the children of cell i are 4 i to 4 i + 3.
+// The finest level has LEAVES_X x LEAVES_Y cells, each coarser level a quarter of these, up to 16 x 8. The cells of a
+// level lie in Z-order: the cells of level l begin at LEAVES >> 2 l, and the children of cell i are 4 i to 4 i + 3.
 const LEAVES_X: u32 = 512u;
 const LEAVES_Y: u32 = 256u;
 const LEAVES: u32 = LEAVES_X * LEAVES_Y;
@@ -25,7 +25,7 @@ fn spread_bits(x: u32) -> u32 {
     return (b | (b << 1u)) & 0x55555555u;
 }
 
-// Returns the mean direction of a cell: by the sum of directions times luminance, by solid angle where that is black.
+// Returns the mean direction of a cell, weighted by luminance, or by solid angle if the cell is black.
 fn cell_centre(by_light: vec3f, by_angle: vec3f) -> vec3f {
     return normalize_or(by_light, normalize_or(by_angle, vec3f(0.0, 1.0, 0.0)));
 }

@@ -8,7 +8,7 @@
 
 @group(1) @binding(11) var<storage, read_write> cells: array<Cell>;
 
-// Returns how many steps of the grid a pixel has along an axis, so that there are no fewer steps than leaves. An even
+// Returns the grid's steps per pixel along an axis, such that there are at least as many steps as leaves. An even
 // number keeps the kinks of bilinear interpolation, at the pixels' centres, out of the steps.
 fn steps_per_pixel(pixels: u32, leaves: u32) -> u32 {
     return select(2u * ((leaves / 2u + pixels - 1u) / pixels), 1u, pixels >= leaves);

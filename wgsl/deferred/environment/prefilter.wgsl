@@ -1,10 +1,9 @@
 // One invocation integrates 2 x 2 texels of the prefiltered maps: the mean radiance under a lobe around a direction d.
 //
 // sum L K dw / sum K dw with K(w) = D(h) max(w.d, 0), h half-way between w and d: the split sum with n = v = d (Karis
-// 2013, "Real Shading in Unreal Engine 4"). Departure: the sum goes over the whole map instead of samples, in cells of
-// the quadtree that are small against the lobe and the distance from its middle. So there is no noise, however small
-// and bright a sun is. In: cells. Out: maps, W/(m2 sr) before the scene's colour factor. Errs by the lobe's curvature
-// within a cell, either way.
+// 2013, "Real Shading in Unreal Engine 4"). Departure: the sum covers the whole map instead of samples, in quadtree
+// cells that are small against the lobe and the distance from its middle. Even a small, bright sun causes no noise. In:
+// cells. Out: maps, W/(m2 sr) before the scene's colour factor. Errs by the lobe's curvature within a cell, either way.
 #import "common/brdf.wgsl"
 #import "deferred/environment/cells.wgsl"
 #import "deferred/environment/maps.wgsl"
@@ -13,12 +12,12 @@
 @group(1) @binding(12) var maps: texture_storage_2d<rgba32float, write>;
 
 // Largest width of a cell over the scale on which the lobe changes, sqrt((2 alpha)^2 + angle^2). Against sums over all
-// leaves, the maps of a sky with a sun are off by 0.5 % on the average, 1.6 % at most; with 0.5 it was twice that, in
-// two thirds of the time.
+// leaves, the maps of a sky with a sun are off by 0.5 % on average, 1.6 % at most; a value of 0.5 doubles the error and
+// takes two thirds of the time.
 const RELATIVE_WIDTH: f32 = 0.35;
-// Largest width of a cell for alpha = 1, radians; and of one that the horizon of d crosses, where K has a kink. Both
-// grow by 1 / sqrt(alpha), since narrower lobes have less of their light far out. With them irradiance is off by 0.4 %
-// at most in the same comparison.
+// Largest width for alpha = 1, radians: of a cell, and of one that crosses the horizon of d, where K has a kink. Both
+// grow by 1 / sqrt(alpha), since narrower lobes have less of their light far out. Irradiance is off by 0.4 % at most in
+// the same comparison.
 const LARGEST_WIDTH: f32 = 0.2;
 const HORIZON_WIDTH: f32 = 0.1;
 
@@ -73,7 +72,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
                 blue += weight * light.b;
                 weights += weight * light.a;
             }
-            // Next cell; after the last of four children, the one after their parent.
+            // Go to the next cell; after the last of four children, to the one after their parent.
             cell += 1u;
             let up = min(countTrailingZeros(cell) / 2u, TOP_LEVEL - level);
             cell >>= 2u * up;

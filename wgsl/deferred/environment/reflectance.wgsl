@@ -1,4 +1,4 @@
-// Directional-hemispherical reflectance, by the table of `albedo.wgsl`.
+// Directional-hemispherical reflectance, from the table of `albedo.wgsl`.
 #import "common/brdf.wgsl"
 
 @group(1) @binding(20) var ambient_albedo: texture_2d<f32>;

@@ -1,9 +1,9 @@
 // Shadow map lookups: percentage-closer filtering (Reeves et al. 1987), or a verdict of lit, shadowed or undecided.
 //
 // Both biases scale with texels, not metres. The filter offsets the point along the normal by as much as its texels may
-// lie below the surface: it errs bright up to about three texels inside a shadow, and soft at the edge. The verdict
-// compares each texel with the receiver's plane (receiver plane depth bias) and is exact where it decides, but for
-// blockers thinner than a texel: errs bright.
+// lie below the surface. It errs bright up to about three texels inside a shadow, and soft at the edge. The verdict
+// compares each texel with the receiver's plane (receiver plane depth bias). It is exact where it decides, but misses
+// blockers thinner than a texel (errs bright).
 #import "deferred/shadow/table.wgsl"
 
 @group(1) @binding(27) var shadow_atlas: texture_depth_2d;
@@ -35,19 +35,19 @@ fn cube_face(v: vec3f) -> u32 {
     return select(5u, 4u, v.z >= 0.0);
 }
 
-// Compiled out where the scene has none of it.
+// Each is compiled out if the scene has none.
 override HAS_LAMPS: bool = true;   // points, spots, samples of emitters
 override HAS_SUNS: bool = true;
 override HAS_CUT_OUTS: bool = true;  // alpha-masked surfaces
 
-// Returns the view of a light, one of `count`, that holds a point, `offset` from the light.
+// Returns the view that holds a point, `offset` from its light; `count`: number of lights.
 fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f) -> u32 {
     if (HAS_SUNS && light.kind == DIRECT_SUN) {
         var view = light.first_view;
         for (var left = light.view_count; left > 1u; left -= 1u) {
             let v = load_view(view, count);
             let place = v.centre + vec2f(dot(v.right, position), -dot(v.up, position)) / v.texel;
-            // The lift takes a point up to 1.42 times the filter's reach aside.
+            // The normal offset moves a point sideways by up to 1.42 times the filter's reach.
             let from_middle = place - v.corner - 0.5 * v.size;
             if (all(abs(from_middle) <= 0.5 * v.size - 2.5 * FILTER_REACH)) {
                 break;
@@ -71,14 +71,14 @@ fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f
 struct Projected {
     texel: vec2f,      // place in the atlas
     depth: f32,        // reversed
-    along: f32,        // distance from the light along the axis, metres; of a sun 1
-    unit: f32,         // a texel's width there as a difference of depth
+    along: f32,        // distance from the light along the axis, metres; sun: 1
+    unit: f32,         // a texel's width at the point, as a difference of depth
 }
 
 fn project(view: ShadowLookup, is_sun: bool, position: vec3f, offset: vec3f) -> Projected {
     let q = select(offset, position, is_sun);
     let distance = dot(view.forward, q);
-    // What lies behind a lamp's view gets no light from it.
+    // Points behind a lamp's view get no light from it.
     let along = select(max(distance, 1e-30), 1.0, is_sun);
     let place = vec2f(dot(view.right, q), -dot(view.up, q)) / (along * view.texel);
     let depth = select(view.depth_scale / along, view.depth_offset + view.depth_scale * distance, is_sun);
@@ -87,16 +87,16 @@ fn project(view: ShadowLookup, is_sun: bool, position: vec3f, offset: vec3f) -> 
     return Projected(texel, depth, along, unit);
 }
 
-// Returns the filter's normal offset, metres: within FILTER_REACH texels a plane rises towards the light by as much as
-// its normal leans along the texels' axes.
+// Returns the filter's normal offset, metres: a plane rises towards the light within FILTER_REACH texels, in proportion
+// to its normal's lean along their axes.
 fn shadow_lift(view: ShadowLookup, is_sun: bool, offset: vec3f, normal: vec3f, to_light: vec3f) -> vec3f {
     let along = select(dot(view.forward, offset), 1.0, is_sun);
     let lean = abs(dot(normal, view.right)) + abs(dot(normal, view.up));
     return normal * (select(-FILTER_REACH, FILTER_REACH, dot(normal, to_light) >= 0.0) * view.texel * along * lean);
 }
 
-// Returns up to which distance along `to_light` the filter's bias hides blockers, metres: where the shadow ray is as
-// high above the surface as the offset.
+// Returns the distance along `to_light` up to which the filter's bias hides blockers, metres: there the shadow ray is
+// as high above the surface as the offset.
 fn shadow_bias(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
     let offset = position - light.position;
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
@@ -105,7 +105,7 @@ fn shadow_bias(light: DirectLight, count: u32, position: vec3f, normal: vec3f, t
     return length(lift) / max(abs(dot(normal, to_light)), GRAZING);
 }
 
-// Returns the share of the filter that sees the light, 0 to 1. `normal` is geometric and `to_light` unit.
+// Returns the lit share of the filter, 0 to 1. `normal` is geometric and `to_light` unit.
 fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
     let offset = position - light.position;
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
@@ -124,7 +124,7 @@ fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f,
 
 // Returns the least and greatest depth of the 2x2 texels from `corner` on, relative to the point's plane.
 fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec2f {
-    // Gathered are the texels (0, 1), (1, 1), (1, 0), (0, 0).
+    // textureGather returns the texels (0, 1), (1, 1), (1, 0), (0, 0).
     let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
     let depths = textureGather(shadow_atlas, gather_sampler, (corner + 1.0) * scale);
     let from_point = corner + 0.5 - p.texel;

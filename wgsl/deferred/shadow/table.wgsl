@@ -1,7 +1,7 @@
 // The table of lights and of their shadow views' lookups, in a texture.
 //
-// A read-only storage texture: loads bound these passes, and CPU drivers load a texel of 16 bytes as fast as one word
-// of a buffer.
+// The table is a read-only storage texture: loads limit these passes, and CPU drivers load a texel of 16 bytes as fast
+// as one word of a buffer.
 #import "deferred/shadow/views.wgsl"
 
 // Texels in rows of LIGHT_TABLE_WIDTH: a header, whose x is the number of lights, 5 for each light, 5 for each view.

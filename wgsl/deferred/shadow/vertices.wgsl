@@ -1,9 +1,9 @@
 // A vertex in the clip space of a shadow view. The instance number holds the view above SLOT_BITS and the instance
-// slot below. Depth is reversed: nearest to the light 1.
+// slot below. Depth is reversed: 1 is nearest to the light.
 #import "shared/gbuffer/vertices.wgsl"
 #import "deferred/shadow/views.wgsl"
 
-override SLOT_BITS: u32 = 16u;  // enough for the slots; the more there are, the fewer views can be
+override SLOT_BITS: u32 = 16u;  // enough for the slots; more bits for slots leave fewer for views
 
 @group(1) @binding(26) var<storage, read> shadow_views: array<ShadowView>;
 

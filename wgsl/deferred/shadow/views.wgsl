@@ -13,7 +13,7 @@ struct DirectLight {
     direction: vec3f,     // unit; spot, sun: of travel; area: normal of the side that shines
     inverse_range: f32,   // 1/m; 0: no range
     color: vec3f,         // point, spot: intensity W/sr; sun: irradiance W/m2; area: radiance W/(m2 sr)
-    area: f32,            // area: what of its emitter the sample stands for, m2
+    area: f32,            // area: part of the emitter that the sample represents, m2
     cone_scale: f32,      // spot: fall-off saturate(cosine * scale + offset)^2
     cone_offset: f32,
     first_view: u32,      // its first ShadowView
@@ -21,9 +21,10 @@ struct DirectLight {
     both_sides: u32,      // area: 1 shines from both sides of its disc
 }
 
-// Faces of a point light: +X -X +Y -Y +Z -Z of the world. Of an area light, and of a spot wider than 60 degrees off its
-// axis: +Z, +X, -X, +Y, -Y (and -Z if both sides shine, or beyond 90 degrees) of `frame_from_normal(direction)`. Of
-// five faces the last four are halves, those above the light's plane. Every view is two texels wider than its face.
+// Faces of a point light: +X -X +Y -Y +Z -Z of the world. Faces of an area light, and of a spot wider than 60 degrees
+// off its axis: +Z, +X, -X, +Y, -Y (and -Z if both sides shine, or beyond 90 degrees) of
+// `frame_from_normal(direction)`. Of five faces the last four are halves, those above the light's plane. Every view is
+// two texels wider than its face.
 struct ShadowView {
     clip_from_world: mat4x4f,  // reversed depth: 1 nearest to the light; perspective: infinite, sun: 0 at the far end
     right: vec3f,              // its axes in the world
@@ -32,12 +33,12 @@ struct ShadowView {
     depth_scale: f32,          // perspective: depth = scale / distance along the axis; sun: offset + scale * distance
     forward: vec3f,
     depth_offset: f32,
-    centre: vec2f,             // in the atlas, texels: of what lies on the axis
+    centre: vec2f,             // the axis' position in the atlas, texels
     corner: vec2f,             // of its rectangle in the atlas, texels; clip space covers the whole rectangle
     size: vec2f,               // texels
 }
 
-// The fields of ShadowView from `right` on: those that a lookup needs.
+// The fields of ShadowView that a lookup needs: all from `right` on.
 struct ShadowLookup {
     right: vec3f,
     texel: f32,

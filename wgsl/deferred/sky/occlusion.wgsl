@@ -1,14 +1,14 @@
-// One invocation estimates by few rays the environment's irradiance at a pixel's surface, with and without occlusion;
-// the ratio is the unoccluded share.
+// One invocation estimates the environment's irradiance at a pixel's surface with few rays, with and without occlusion.
+// Their ratio is the unoccluded share.
 //
-// Directions are sampled by the cosine, under a map also by the map (balance heuristic, Veach and Guibas 1995). Of
-// these candidates each ray takes one by its light (importance resampling, Talbot et al. 2005): E = W / K sum_k f_k V_k
-// / w_k, f = L cos / density, w = luminance(f), W the mean of w over the candidates. The pixels of an n x n square
-// share a stratified set of directions and rotate through it from frame to frame; the blur that follows averages both
-// estimates over such squares before it divides. In: G-buffer, scene. Out: irradiance with occlusion, W/m2 (of a
+// Candidate directions are sampled by the cosine and, under a map, also by the map (balance heuristic, Veach and Guibas
+// 1995). Each ray takes one candidate in proportion to its light (importance resampling, Talbot et al. 2005): E = W / K
+// sum_k f_k V_k / w_k, f = L cos / density, w = luminance(f), W the mean of w over the candidates. The pixels of an n x
+// n square share a stratified set of directions and rotate through it from frame to frame; the following blur averages
+// both estimates over such squares before it divides. In: G-buffer, scene. Out: irradiance with occlusion, W/m2 (of a
 // constant environment the share itself), and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to
-// light; irradiance without occlusion; normals. Without noise where nothing or everything is occluded. A ratio of means
-// of few samples: consistent, biased either way by O(1 / rays).
+// light; irradiance without occlusion; normals. No noise where nothing or everything is occluded. The ratio of means of
+// few samples is consistent, biased either way by O(1 / rays).
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
@@ -25,13 +25,13 @@
 
 struct Params {
     seed: u32,
-    rays: u32,  // for each pixel
+    rays: u32,  // per pixel
 }
 
 const CHOICE_PAIR: u32 = 0u;
 const COSINE_PAIR: u32 = 1u;
 const MAP_PAIR: u32 = 2u;
-// Candidates of each ray, by the cosine and by the map each. tools/README.md, "Constants".
+// Candidates per ray from each density: the cosine and the map. tools/README.md, "Constants".
 const CANDIDATES: u32 = 2u;
 
 struct SkySample {
@@ -46,14 +46,14 @@ fn incident(normal: vec3f, direction: vec3f, by_map: f32) -> vec3f {
     return environment_radiance(direction) * (cosine / max(density, 1e-20));
 }
 
-// Returns one of the candidates, resampled by its light; `number` is that of the ray in its sequence.
+// Returns one of the candidates, resampled by its light; `number`: of the ray in its sequence.
 fn resample(normal: vec3f, number: u32) -> SkySample {
     let frame = frame_from_normal(normal);
     if (!HAS_PICTURED_ENVIRONMENT) {
         let u = sobol_2d(number, hash2(COSINE_PAIR, params.seed));
         return SkySample(frame * sample_cosine_hemisphere(u), vec3f(1.0));
     }
-    // Keep each candidate with the probability of its share in the sum so far (reservoir sampling).
+    // Replace the kept candidate with the probability of the new one's share in the sum so far (reservoir sampling).
     var kept = SkySample(normal, vec3f(0.0));
     var kept_weight = 0.0;
     var sum = 0.0;
@@ -112,7 +112,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     for (var k = 0u; k < rays; k += 1u) {
         let picked = resample(surface.normal, first + k);
         unoccluded += picked.light;
-        // Directions below the surface are occluded by it.
+        // The surface occludes directions below it.
         if (dot(picked.direction, side) > 0.0 && max3(picked.light) > 0.0) {
             let way = Ray(start, picked.direction);
             let found = trace_shadow(way, FLOAT_MAX);

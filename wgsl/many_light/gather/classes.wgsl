@@ -1,15 +1,15 @@
-// Interleaved sampling (Keller and Heidrich 2001): which VPLs belong to which class of pixels. Class c of n^2 has the
-// slots c, c + n^2, c + 2 n^2, ... of the table.
+// Interleaved sampling (Keller and Heidrich 2001): the VPLs of each class of pixels. Class c of n^2 has the slots c, c
+// + n^2, c + 2 n^2, ... of the table.
 //
 // Subsets of a class are bit masks: word w holds its slots number 32 w to 32 w + 31.
 #import "common/interleave.wgsl"
 
-// Returns how many words each class has in a light list.
+// Returns the number of words per class in a light list.
 fn words_per_class(vpl_count: u32) -> u32 {
     return (vpl_count + 32u * class_count() - 1u) / (32u * class_count());
 }
 
-// Returns how many words the slots of one class fill: in some classes one word less than in others.
+// Returns the number of words that the slots of one class fill. It differs by at most one word between classes.
 fn words_of_class(vpl_count: u32, class_number: u32) -> u32 {
     return (slots_of_class(vpl_count, class_number) + 31u) / 32u;
 }

@@ -1,7 +1,7 @@
-// One workgroup bounds the clusters of a tile: the axis-aligned box of the positions of each.
+// One workgroup computes the axis-aligned bounding box of each cluster of a tile.
 //
-// In: G-buffer. Out: two corners of each cluster, metres, low above high where it is empty; in the fourth components of
-// the tile's first cluster, how the tile is sliced. Exact.
+// In: G-buffer. Out: two corners of each cluster, metres, low above high if it is empty; the tile's slicing, in the
+// fourth components. Exact.
 #import "many_light/gather/clusters.wgsl"
 #import "scene/info.wgsl"
 #import "common/math.wgsl"
@@ -41,7 +41,7 @@ fn include(slice: u32, low: vec3f, high: vec3f) {
     }
 }
 
-// Slices the tile between its least and its largest distance; 0 is no surface. All threads of the workgroup call it.
+// Slices the tile between its least and its largest distance; 0 means no surface. All threads of the workgroup call it.
 fn slice_tile(first: vec2u) -> Slicing {
     var nearest = 0xffffffffu;
     var farthest = 0u;
@@ -57,8 +57,8 @@ fn slice_tile(first: vec2u) -> Slicing {
     return slicing(from_bits, max(atomicLoad(&largest), from_bits));
 }
 
-// Extends the boxes by the pixels of a thread. A run of pixels in one slice is added at once, since that takes six
-// atomics.
+// Extends the boxes by the pixels of a thread. Each addition takes six atomics, so a run of pixels in one slice is
+// added at once.
 fn include_pixels(first: vec2u, slices: Slicing) {
     var slice = 0u;
     var low = vec3f(FLOAT_MAX);
@@ -107,7 +107,7 @@ fn main(
     include_pixels(first, slices);
     workgroupBarrier();
 
-    // Store the corners, and beside them how the tile is sliced.
+    // Store the corners, and beside them the tile's slicing.
     if (index < 2u * SLICES) {
         let corner = vec3f(
             decode_ordered(atomicLoad(&corners[3u * index])), decode_ordered(atomicLoad(&corners[3u * index + 1u])),

@@ -1,10 +1,10 @@
-// Clusters of pixels that share a light list: tiles of the picture (Linke 2016, section 4.6.2), or these cut into
-// slices of distance (section 4.6.1; Olsson et al. 2012).
+// Clusters of pixels that share a light list: tiles of the picture (Linke 2016, section 4.6.2), or slices of tiles by
+// distance (section 4.6.1; Olsson et al. 2012).
 //
 // The slices of a tile are equal ranges of the bits of the distance as a float, from its least to its largest distance:
-// these bits grow nearly as the logarithm. Integer arithmetic puts a pixel into the same slice in every pass.
+// these bits grow nearly like the logarithm. Integer arithmetic gives a pixel the same slice in every pass.
 
-override SLICES: u32 = 1u;  // of a tile; a power of two; 1: tiled
+override SLICES: u32 = 1u;  // per tile, a power of two; 1: tiles only
 
 const MAX_SLICES: u32 = 8u;
 
@@ -33,7 +33,7 @@ fn tile_of(pixel: vec2u, size: vec2u) -> u32 {
     return pixel.y / TILE_Y * ((size.x + TILE_X - 1u) / TILE_X) + pixel.x / TILE_X;
 }
 
-// Returns where the lists begin in their buffer: after the slicings of all tiles, if there are slices.
+// Returns the start of the lists in their buffer: if there are slices, after the slicings of all tiles.
 fn first_list(size: vec2u) -> u32 {
     let tiles = ((size.x + TILE_X - 1u) / TILE_X) * ((size.y + TILE_Y - 1u) / TILE_Y);
     return select(0u, 2u * tiles, SLICES > 1u);

@@ -1,4 +1,4 @@
-// What all gathering passes share: light lists, the bound of near VPLs, the receivers of a thread, the results.
+// Code shared by all gathering passes: light lists, the bound of near VPLs, the receivers of a thread, the results.
 #import "many_light/vpl/table.wgsl"
 #import "many_light/gather/pixels.wgsl"
 #import "many_light/gather/clusters.wgsl"
@@ -30,7 +30,8 @@ struct Params {
     near_radius: f32, // r_max of the near field, heights of the picture
 }
 
-// The mean bound of the VPLs that light a pixel is `bounds` / `weights`, m2, weighted by the light that it takes.
+// The mean bound of the VPLs that light a pixel is `bounds` / `weights`, m2, weighted by the light that the bound
+// removes.
 struct BoundSums {
     bounds: vec4f,   // of four pixels
     weights: vec4f,
@@ -42,7 +43,7 @@ fn add_bound(b: BoundSums, bound: f32, squared: vec4f, light: vec4f) -> BoundSum
     return BoundSums(b.bounds + bound * weights, b.weights + weights);
 }
 
-// Returns where the list of a pixel's cluster begins.
+// Returns the start of the list of a pixel's cluster.
 fn list_of(pixel: vec2u, class_number: u32) -> u32 {
     let inside = min(pixel, view.size - 1u);
     let tile = tile_of(inside, view.size);
@@ -54,7 +55,7 @@ fn list_of(pixel: vec2u, class_number: u32) -> u32 {
     return first_list(view.size) + (cluster * class_count() + class_number) * words_per_class(params.vpl_count);
 }
 
-// Returns where the lists of a thread's four pixels begin.
+// Returns the starts of the lists of a thread's four pixels.
 fn lists_of(place: Place) -> vec4u {
     if (!CULLED) {
         return vec4u(0u);
@@ -72,7 +73,7 @@ fn load_receivers(pixel: vec2u) -> Receivers {
         load_receiver(pixel + 2u * step, params.near_radius), load_receiver(pixel + 3u * step, params.near_radius));
 }
 
-// Returns what the bound adds to the squared distance in the geometry term, m2.
+// Returns the bound's addition to the squared distance in the geometry term, m2.
 fn bound_of(vpl: Vpl) -> f32 {
     return select(0.0, BOUND_SHARE * INV_PI * vpl.area, BOUNDED);
 }
@@ -85,7 +86,7 @@ fn load_near_share(slot: u32) -> f32 {
     return textureLoad(near_shares, vpl_texel(slot), 0).r;
 }
 
-// Returns the shares of a VPL's light that come by the VPL, not by the near field.
+// Returns the shares of a VPL's light that gathering adds; the near field adds the rest.
 fn far_field_shares(slot: u32, squared: vec4f, at: Receivers) -> vec4f {
     if (!NEAR_FIELD) {
         return vec4f(1.0);

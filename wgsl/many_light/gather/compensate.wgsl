@@ -1,12 +1,12 @@
-// One invocation adds to a pixel's irradiance what the bound of near VPLs takes, from surfaces near it in screen space
-// (Novak et al. 2011, "Screen-Space Bias Compensation").
+// One invocation adds to a pixel's irradiance the light that the bound of near VPLs removes, from nearby surfaces in
+// screen space (Novak et al. 2011, "Screen-Space Bias Compensation").
 //
 // E(x) = integral B(y) / pi cos_x cos_y / d^2 b / (d^2 + b) dA(y): the part of the geometry term that bounded VPLs
 // lack, with the mean bound b of the VPLs that light x. Pixels y have the density 1 / (pi^2 R^2 r (r^2 + 1)) over the
 // picture, r = |y - x| / R, R = sqrt(b) in pixels at x. The pixels of a square share a stratified set of offsets, which
 // the blur averages. In: G-buffer, direct light, W/(m2 sr), gathered irradiance, W/m2, sums of bounds, m2. Out:
 // irradiance, W/m2. Errs dark where near surfaces are not in the picture and in corners where R is few pixels, bright
-// where something stands between x and y, either way as b differs from the bounds of single VPLs.
+// where an occluder stands between x and y, either way as b differs from the bounds of single VPLs.
 #import "scene/sequence.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "shared/denoise/plane.wgsl"
@@ -78,7 +78,7 @@ fn lost_light(at: PixelSurface, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
     // Bound the light of the pixel's area, as that of a VPL, and take the part that bounded VPLs lack.
     let own = squared + OWN_SHARE * INV_PI * other.area;
     var term = cosines * other.area * bound / max(squared * own * (squared + bound), 1e-37);
-    // Find the radiosity of y over pi, and what x's coat lets through.
+    // Find the radiosity of y over pi, and the share that x's coat transmits.
     var reflected = direct[index].rgb;
     if (MULTIPLE_BOUNCES) {
         reflected += light.rgb * gbuffer_brdf(load_surface(y)).diffuse * INV_PI;
@@ -87,7 +87,7 @@ fn lost_light(at: PixelSurface, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
         let to_eye = select(-normalize(at.position), vec3f(0.0, 0.0, -1.0), view.orthographic != 0u);
         reflected *= passed_share(brdf, way, to_eye);
     }
-    // Leave out what the near field finds.
+    // Leave out the light that the near field finds.
     if (NEAR_FIELD) {
         let radius = search_radius_at_depth(at.position.z, params.near_radius);
         term *= 1.0 - border_fade(vec2f(y) + 0.5, vec2f(view.size)) * distance_fade(radius, sqrt(squared));
@@ -117,7 +117,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     let bound = sums.x / sums.y;
     // R is at least a pixel: nearer surfaces cannot be found.
     let reach = max(sqrt(bound) / at.width, 1.0);
-    // Sum over the part of the set that this pixel has in this frame.
+    // Sum over this pixel's part of the set in this frame.
     let first = class_of(id.xy, sequence.index) * SAMPLES;
     var sum = vec3f(0.0);
     for (var k = 0u; k < SAMPLES; k += 1u) {

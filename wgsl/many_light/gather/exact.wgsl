@@ -14,7 +14,7 @@ fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> vec4f {
 
 @compute @workgroup_size(GROUP_X, GROUP_Y)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
-    // One word per pass: a driver may cut the loops of an invocation and of those that run in parallel with it at 65535
-    // iterations (llvmpipe of Mesa 22), and each VPL takes four rays of about a hundred.
+    // One word per pass: a driver may cut the loops of an invocation and of its SIMD group at 65535 iterations
+    // (llvmpipe of Mesa 22), and each VPL takes four rays of about a hundred iterations.
     gather(place_of(group, thread), params.first_word, 1u);
 }

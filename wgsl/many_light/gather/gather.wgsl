@@ -1,4 +1,4 @@
-// The sum over VPLs that a thread makes for its pixels. The importing shader defines
+// A thread's sum over VPLs for its four pixels. The importing shader defines
 // fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> vec4f, from 0 to 1.
 //
 // E = n^2 sum_i Phi_i / pi cos_i cos_x V_i / (d_i^2 + s A_i / pi) over the VPLs i of the pixel's class, n^2 classes,
@@ -6,7 +6,7 @@
 // and s = BOUND_SHARE. A coat with Fresnel factor F passes 1 - F of each VPL's light; its own radiance is summed beside
 // it, over coat_tint(). Errs dark in corners, where VPLs are near.
 //
-// The four pixels of a thread are the components of vec4f, so that they share the loads of VPLs, which bind such loops
+// The four pixels of a thread are the components of vec4f, so that they share the loads of VPLs, which limit such loops
 // on CPUs. There, workgroup memory and its barriers would cost more than they save (llvmpipe: 39 ms against 25).
 #import "many_light/gather/common.wgsl"
 
@@ -57,7 +57,7 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
     var shine = mat3x4f();
     var bounds = BoundSums(vec4f(0.0), vec4f(0.0));
     for (var k = 0u; k < word_count; k += 1u) {
-        // Go through the VPLs that any of the four pixels has in its list.
+        // Loop over the VPLs in the list of any of the four pixels.
         let word = first_word + k;
         var bits = slots_of_word(params.vpl_count, place.class_number, word);
         if (CULLED) {

@@ -4,8 +4,8 @@
 
 override NEAR_FIELD: bool = false;  // there is a near field
 
-// Returns the share of a VPL's light that comes by the VPL. `shown` is its share in the near field at distance 0, as
-// `many_light/near_field/shares.wgsl` has it; `squared` the squared distance, m2; `radius` r_max, metres.
+// Returns the share of a VPL's light that gathering adds. `shown`: the near field's share at distance 0, from
+// `many_light/near_field/shares.wgsl`; `squared`: squared distance, m2; `radius`: r_max, metres.
 fn far_field_share(shown: f32, squared: f32, radius: f32) -> f32 {
     if (!NEAR_FIELD) {
         return 1.0;

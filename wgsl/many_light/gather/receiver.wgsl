@@ -7,7 +7,7 @@ struct Receiver {
     position: vec3f,
     normal: vec3f,            // shading, towards the viewer; 0 where the pixel shows no lit surface
     geometric_normal: vec3f,
-    depth: f32,               // as `shared/denoise/plane.wgsl` has it; 0 with the normal
+    depth: f32,               // of `shared/denoise/plane.wgsl`; 0 where the pixel shows no lit surface
     brdf: Brdf,
     to_eye: vec3f,
     near_radius: f32,         // r_max of the near field, metres

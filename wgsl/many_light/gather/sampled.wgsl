@@ -13,7 +13,7 @@
 
 override RAYS: u32 = 1u;  // K, of each pixel
 
-// Weights are summed in so many runs of words. Drawing a VPL reads one run: more runs make it shorter, but take
+// Number of runs of words whose weights are summed. Drawing a VPL reads one run: more runs are shorter, but take
 // registers. tools/README.md, "Constants".
 const RUNS: u32 = 16u;
 
@@ -28,7 +28,7 @@ struct VplLight {
     irradiance: vec3f,
     glossy: vec3f,     // the coat's radiance
     weight: f32,       // its luminance
-    squared: f32,      // of the distance, m2
+    squared: f32,      // squared distance, m2
 }
 
 // Returns the light of a VPL; `near` is the share that the near field finds at distance 0.
@@ -46,7 +46,7 @@ fn light_of(vpl: Vpl, near: f32, at: Receiver) -> VplLight {
     if (!HAS_COATS) {
         return VplLight(flux * far, vec3f(0.0), luminance(flux) * far, squared);
     }
-    // Split it between the coat and what lies below.
+    // Split it between the coat and the base.
     let shine = shine_of(at.brdf, at.normal, at.to_eye, -way, reach, vpl.area);
     let passed = flux * (1.0 - shine.fresnel) * far;
     let coat = flux * shine.fresnel * shine.lobe;
@@ -59,7 +59,7 @@ fn words_per_run() -> u32 {
     return (words_per_class(params.vpl_count) + RUNS - 1u) / RUNS;
 }
 
-// Returns the slot of the VPL that holds the place `wanted` in the cumulative weight of a run.
+// Returns the slot of the VPL at `wanted` in the cumulative weight of a run.
 fn draw_vpl(at: Receiver, begin: u32, class_number: u32, run: u32, wanted: f32) -> u32 {
     var sum = 0.0;
     var slot = class_number;
@@ -117,7 +117,7 @@ fn sum_weights(
     return bounds;
 }
 
-// Where the wanted places of the four pixels lie: the run, and the weight before it.
+// The run that holds the wanted cumulative weight of each of four pixels, and the weight before the run.
 struct RunPlaces {
     run: vec4u,
     before: vec4f,

@@ -17,8 +17,8 @@ fn shadow_ray(at: Receiver, vpl: Vpl) -> ShadowRay {
     return ShadowRay(Ray(start, way), select(0.0, STOP_SHORT, faces));
 }
 
-// Returns the visibility along two rays, 1 or 0 each. Two are traced at once, so that a SIMD lane whose first ray is
-// done does not wait for the others.
+// Returns the visibility along two rays, 1 or 0 each. Both are traced in one loop, so a SIMD lane that finishes its
+// first ray does not wait for other lanes.
 fn trace_shadow_rays(a: ShadowRay, b: ShadowRay) -> vec2f {
     let found = trace_all(Rays(a.ray, a.limit, b.ray, b.limit, a.ray, 0.0));
     return vec2f(select(1.0, 0.0, found.occluded_a), select(1.0, 0.0, found.occluded_b));

@@ -1,11 +1,11 @@
 // One invocation fills one cell of a map from the rays at its four corners.
 //
 // 1. All four hits in one plane: the cell shows that plane. 2. Large triangles at different distances: a silhouette
-// cell, listed for rays of its own. 3. Else each block shows the nearest hit triangle that its direction meets, and
-// around a triangle smaller than a cell, the plane of that hit: the farthest of the planes that explain the hit, at
-// least as far as the hit, because receivers lie on such surfaces. In: `ray_hits`, `samples` (splats). Out: atlas, list
-// of silhouette cells. Errs either way within a block at silhouettes and where no ray hit, bright where small objects
-// stand close behind each other.
+// cell, listed for rays of its own. 3. Else each block shows the nearest hit triangle that its direction meets. Around
+// a triangle smaller than a cell it shows the farthest of the planes that explain the hit, at least as far as the hit,
+// because receivers lie on such surfaces. In: `ray_hits`, `samples` (splats). Out: atlas, list of silhouette cells.
+// Errs either way within a block at silhouettes and where no ray hit, bright where small objects stand close behind
+// each other.
 #import "many_light/ism/map.wgsl"
 #import "many_light/ism/silhouette_cells.wgsl"
 
@@ -23,16 +23,18 @@ struct Params {
 override SPLATTED: bool = true;  // there are splats
 override REFINED: bool = true;   // list silhouette cells
 
-// Relative error of a plane at another corner's hit up to which the cell is planar: about the bias by which
+// A cell is planar up to this relative error of a plane at another corner's hit: about the bias by which
 // `ism/lookup.wgsl` moves receivers at a resolution of 128, 0.0055. tools/README.md, "Constants".
 const PLANAR_ERROR: f32 = 0.005;
 
-// The same, per radian between the corners, up to which two hits lie on one curved surface. It balances false light
+// Two hits lie on one curved surface up to this relative error per radian between their corners. It balances false
+// light
 // and false shadow on curved surfaces. tools/README.md, "Constants".
 const CURVED_ERROR: f32 = 0.45;
 
-// Silhouette cells have hits whose distances are in at least this ratio, and no hit triangle narrower than so many
-// texels: rays between narrower ones would find ever more of them. tools/README.md, "Constants".
+// In a silhouette cell the farthest hit is at least this many times as far as the nearest, and no hit triangle is
+// narrower than this many texels: rays between narrower triangles would find ever more of them. tools/README.md,
+// "Constants".
 const MIN_DISTANCE_RATIO: f32 = 1.4;
 const MIN_REFINED_WIDTH: f32 = 1.0;
 
@@ -45,10 +47,10 @@ struct Corners {
     small: vec4<bool>,  // narrower than a cell
 }
 
-// The planes that a quarter of a cell shows in directions that meet no hit triangle.
+// The planes that a quarter of a cell shows where directions meet no hit triangle.
 struct Fallback {
     planes: vec4<bool>,  // which of the four explain the hit of the quarter's ray
-    always: bool,        // they may also hide triangles: the hit is small
+    always: bool,        // the hit triangle is small: the planes may also hide triangles
     nearest: f32,        // bound of 1 / t
 }
 
@@ -65,7 +67,7 @@ fn plane_met(w: vec3f, corners: Corners, fallback: Fallback) -> vec3f {
     let far = select(vec4f(1e30), inverse, fallback.planes);
     let last = min(min(far.x, far.y), min(far.z, far.w));
     let falls_back = any(fallback.planes) && (first <= 0.0 || (fallback.always && last > first));
-    // Take the plane that has the value chosen.
+    // Take the plane with the chosen value.
     let chosen = select(first, last, falls_back);
     let met = select(depth, far, falls_back);
     let plane = select(
@@ -115,7 +117,7 @@ fn load_widths(first: u32, row: u32) -> vec4f {
         ray_hits[first + 2u].w, ray_hits[first + 5u].w, ray_hits[first + row + 2u].w, ray_hits[first + row + 5u].w);
 }
 
-// Adds a cell to the list, and to the workgroups of the passes that go through it.
+// Adds a cell to the list, and raises the workgroup count of the passes over it.
 fn list_cell(slot: u32, cell: vec2u) {
     let place = atomicAdd(&refine_groups[3], 1u);
     silhouette_cells[place] = pack_silhouette_cell(slot, cell);

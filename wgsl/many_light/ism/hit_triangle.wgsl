@@ -15,8 +15,8 @@ struct HitTriangle {
     width: f32,       // its least width over the distance, foreshortened; 0 for a piece of a sphere
 }
 
-// By how much the distance to the triangle's plane may differ from the ray's, relatively. More is a triangle seen
-// edge-on, or one that the ray's own rounding missed. tools/README.md, "Constants".
+// Largest relative difference between the distances to the triangle's plane and along the ray. A larger difference
+// means a triangle seen edge-on, or one that the ray missed by rounding. tools/README.md, "Constants".
 const PLANE_TOLERANCE: f32 = 1e-2;
 
 // Returns the triangle that a ray of a VPL hits; `local` is the ray's unit direction in the frame of the map.
@@ -37,14 +37,14 @@ fn trace_triangle(vpl: Vpl, frame: mat3x3f, local: vec3f) -> HitTriangle {
         edge1 = w * vec4f(edge1, 0.0);
         edge2 = w * vec4f(edge2, 0.0);
     }
-    // Go to the map's frame, in lengths of the ray, so that products of three coordinates stay in range.
+    // Transform to the map's frame, in units of the ray's length, so that products of three coordinates stay in range.
     let scale = 1.0 / far;
     v0 = ((v0 - vpl.position) * scale) * frame;
     let v1 = v0 + (edge1 * scale) * frame;
     let v2 = v0 + (edge2 * scale) * frame;
     let volume = dot(v0, cross(v1, v2));
     let normal = cross(v1 - v0, v2 - v0);
-    // Its least width is its height over its longest side.
+    // Its least width is its height over the longest side.
     let longest = sqrt(max(dot(v1 - v0, v1 - v0), max(dot(v2 - v0, v2 - v0), dot(v2 - v1, v2 - v1))));
     let cosine = abs(dot(normal, local)) / max(length(normal), 1e-30);
     let width = length(normal) / max(longest, 1e-30) * cosine;
@@ -55,7 +55,7 @@ fn trace_triangle(vpl: Vpl, frame: mat3x3f, local: vec3f) -> HitTriangle {
     let m = normal * inverse;
     let row0 = select(-local, cross(v1, v2) * inverse, is_regular);
     let row1 = select(-local, cross(v2, v0) * inverse, is_regular);
-    // A piece of a sphere around the VPL stands for a triangle whose plane the ray does not meet.
+    // A piece of a sphere around the VPL replaces a triangle whose plane the ray does not meet.
     let is_met = abs(dot(m, local) - 1.0) < PLANE_TOLERANCE;
     return HitTriangle(
         select(local, m, is_met) * scale, far, row0 * scale, row1 * scale, select(0.0, width, is_met));

@@ -1,10 +1,10 @@
 // The visibility of a VPL from a receiver by its imperfect shadow map.
 //
-// V = [t >= t_map]: the receiver's distance from the VPL against that of the texel's plane in the same direction. The
-// receiver is biased by shares of the texel's footprint: along its normal, times the sine of the angle between normal
-// and VPL, and towards the VPL. The bias is small, because the texel's plane has the receiver's slope. Errs bright
-// where an occluder is closer to the receiver than the bias, dark on surfaces that are curved within a texel or a cell,
-// and either way at silhouettes.
+// V = [t >= t_map]: compares the receiver's distance from the VPL with that of the texel's plane in the same direction.
+// Bias moves the receiver by shares of the texel's footprint: along its normal, times the sine of the angle between
+// normal and VPL, and towards the VPL. The bias is small, because the texel's plane has the receiver's slope. Errs
+// bright where an occluder is closer to the receiver than the bias, dark on surfaces that are curved within a texel or
+// a cell, and either way at silhouettes.
 #import "many_light/ism/map.wgsl"
 
 @group(1) @binding(41) var ism_atlas: texture_storage_2d<r32uint, read>;
@@ -13,7 +13,7 @@
 const BIAS_NORMAL: f32 = 0.25;
 const BIAS_DISTANCE: f32 = 0.1;
 
-// A VPL and its map: the same for all receivers.
+// A VPL and its map, shared by all receivers.
 struct VplMap {
     position: vec3f,
     frame: mat3x3f,   // local to world; its third column is the normal
@@ -24,13 +24,13 @@ fn vpl_map(slot: u32, vpl: Vpl) -> VplMap {
     return VplMap(vpl.position, frame_from_normal(vpl.normal), map_corner(slot, textureDimensions(ism_atlas).x));
 }
 
-// Returns 1 where the receiver sees the VPL, else 0. `normal` is unit, of the side that is lit; the receiver lies above
-// the VPL's plane.
+// Returns 1 where the receiver sees the VPL, else 0. `normal` is unit, on the lit side; the receiver lies above the
+// VPL's plane.
 fn map_visibility(map: VplMap, position: vec3f, normal: vec3f) -> f32 {
     let between = position - map.position;
     let squared = max(dot(between, between), 1e-30);
     let along = dot(between, normal);
-    // Side of a texel in the square from -1 to 1, for its angle.
+    // A texel's side in the square from -1 to 1, which replaces its angle.
     let footprint = 2.0 / f32(ISM_RESOLUTION);
     // Move the receiver along its normal: distance * sine = sqrt(distance^2 - (distance * cosine)^2).
     let moved = between + normal * (BIAS_NORMAL * footprint * sqrt(max(squared - along * along, 0.0)));

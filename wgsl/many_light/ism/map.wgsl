@@ -2,8 +2,8 @@
 //
 // Parameterisation: Lambert's azimuthal equal-area projection in the square, so every texel has the same solid angle.
 // Texel: the plane of the nearest surface in 32 bits. The upper half codes its nearness at the texel's centre (log2 of
-// the squared distance, 0 for no surface); two bytes hold the slopes of that code along x and y. So a plane is stored
-// as a plane, and atomicMax keeps the nearest of several surfaces.
+// the squared distance, 0 for no surface); two bytes hold the slopes of that code along x and y. A texel thus stores a
+// plane exactly but for rounding, and atomicMax keeps the nearest of several surfaces.
 #import "scene/info.wgsl"
 #import "many_light/vpl/table.wgsl"
 
@@ -26,7 +26,7 @@ fn distance_code(squared: f32) -> f32 {
     return CODES_PER_OCTAVE * log2(scale / squared) + 1.0;
 }
 
-// Returns the place in the unit disc of a unit direction with z >= 0, by Lambert's equal-area projection.
+// Returns the place in the unit disc of a unit direction with z >= 0 (Lambert's equal-area projection).
 fn hemisphere_encode(v: vec3f) -> vec2f {
     return v.xy * inverseSqrt(1.0 + v.z);
 }
@@ -37,8 +37,8 @@ fn hemisphere_decode(place: vec2f) -> vec3f {
     return vec3f(place * sqrt(2.0 - min(squared, 2.0)), 1.0 - squared);
 }
 
-// Returns the direction of the ray through a point of a map, in texels from its corner. Points within half a texel of
-// the horizon, where the VPL's own surface lies, and beyond it are moved to half a texel above it.
+// Returns the direction of the ray through a point of a map, in texels from its corner. Points lower than half a texel
+// above the horizon, where the VPL's own surface lies, are moved up to that height.
 fn ray_direction(texel: vec2f) -> vec3f {
     let place = texel * (2.0 / f32(ISM_RESOLUTION)) - 1.0;
     let highest = 1.0 - 1.0 / f32(ISM_RESOLUTION);
@@ -69,7 +69,7 @@ struct Nearness {
     slopes: vec2f,
 }
 
-// Returns the nearness of the plane dot(m, x) = 1 in a unit direction w. m = 0 stands for no surface.
+// Returns the nearness of the plane dot(m, x) = 1 in a unit direction w. m = 0 means no surface.
 fn plane_nearness(w: vec3f, m: vec3f) -> Nearness {
     // With (x, y) = w.xy / s and s = sqrt(1 + w.z): dw/dx = (s, 0, -2 x) - x (x, y, 0) / s, and the same along y.
     let inverse = max(dot(m, w), 0.0);
@@ -93,14 +93,14 @@ fn plane_texel(w: vec3f, m: vec3f) -> u32 {
     return select(0u, pack_texel(distance_code(t * t), near.slopes), near.inverse > 0.0);
 }
 
-// Texels on a side of a block, which shows one plane.
+// Texels a side of a block; a block shows one plane.
 const BLOCK: u32 = 2u;
 
 // Returns the four texels, row by row, of a block whose centre has the unit direction w and which shows the plane m.
 fn block_texels(w: vec3f, m: vec3f) -> vec4u {
     let near = plane_nearness(w, m);
     let half = 0.5 * near.slopes;
-    // Within a block 1 / distance is taken as linear; the bound keeps it positive on planes that are nearly edge-on.
+    // 1 / distance is assumed linear within a block; the bound keeps it positive on planes seen nearly edge-on.
     let rises = max(
         1.0 + vec4f(-half.x - half.y, half.x - half.y, half.y - half.x, half.x + half.y), vec4f(0.1));
     let t = 1.0 / max(near.inverse, 1e-30);
@@ -121,7 +121,7 @@ fn texel_plane(w: vec3f, t: f32, slopes: vec2f) -> vec3f {
     // d ln dot(m, w) / d place along x and y.
     const K: f32 = 2.0 * CODES_PER_OCTAVE / 0.6931472 / SLOPE_STEP;
     let relative = slopes * (f32(ISM_RESOLUTION) / (2.0 * K));
-    // dw / d place; the two span an area of 2.
+    // dw / d place along x and y; both span an area of 2.
     let s = sqrt(max(1.0 + w.z, 0.01));
     let x = w.xy / s;
     let along_x = vec3f(s - x.x * x.x / s, -x.x * x.y / s, -2.0 * x.x);

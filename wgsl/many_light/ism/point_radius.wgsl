@@ -1,4 +1,4 @@
-// How far a surface point, or a ray's hit, spreads in a map by pull-push.
+// The radius by which pull-push spreads a surface point or a ray's hit in a map.
 #import "many_light/ism/map.wgsl"
 #import "many_light/points/table.wgsl"
 
@@ -6,8 +6,8 @@ override RAY_SPACING: u32 = 8u;  // texels between rays
 
 const RAY_RADIUS: f32 = 0.5;  // of a ray, over the spacing: half-way to the next ray
 
-// Returns the radius in texels of a disc with a point's share of all surfaces, seen at a right angle from a distance in
-// metres. Without points in the maps (0 `points_per_map`) it is the radius of a ray.
+// Returns the radius in texels of a disc with a point's share of all surface area, seen face-on from `distance` metres.
+// Without points in the maps (`points_per_map` = 0) it is the radius of a ray.
 fn point_radius(distance: f32, points_per_map: u32) -> f32 {
     if (points_per_map == 0u) {
         return RAY_RADIUS * f32(RAY_SPACING);

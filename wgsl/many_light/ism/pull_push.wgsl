@@ -2,14 +2,13 @@
 // "Efficient Point-Based Rendering Using Image Reconstruction"; Linke 2016, section 3.3.2).
 //
 // Pull: an element of the pyramid is the nearest sample among its four children. Push: a block of 2 x 2 texels takes
-// the nearest plane among the four coarser elements around it whose samples reach it, unless its own sample is less
-// than a depth interval behind. In: `samples`. Out: the atlas. A tile holds several small maps or a part of a large
-// one; nothing crosses the border of a map or of a tile.
+// the nearest plane of the four coarser elements around it whose samples reach it, unless its own sample lies less than
+// a depth interval behind that plane. In: `samples`. Out: the atlas. A tile holds several small maps or a part of a
+// large one; nothing crosses the border of a map or of a tile.
 //
-// Departures: samples are planes, which have another distance in each direction, so nothing is averaged; a sample's
-// radius is foreshortened; the pyramid has two levels, and blocks that no sample reaches take the nearest ray's plane.
-// Errs dark at convex edges, where planes are extended, and bright where near samples lie farther apart than their
-// reach.
+// Departures: samples are planes, whose distance varies with direction, so nothing is averaged; a sample's radius is
+// foreshortened; the pyramid has two levels, and blocks that no sample reaches take the nearest ray's plane. Errs dark
+// at convex edges, where pushing extends planes, and bright where near samples lie farther apart than their reach.
 #import "many_light/ism/map.wgsl"
 #import "many_light/ism/point_radius.wgsl"
 
@@ -63,7 +62,8 @@ fn sample_of(tile: vec2u, element: u32) -> Sample {
     let texel = load_sample(tile, at);
     let distance = code_distance(f32(texel >> 16u));
     let plane = texel_plane(tile_direction(tile, place), distance, texel_slopes(texel));
-    // The plane is 1 / |m| away from the VPL: over the sample's distance, that is the cosine of the angle of incidence.
+    // The plane is 1 / |m| away from the VPL; divided by the sample's distance, this is the cosine of the angle of
+    // incidence.
     let cosine = inverseSqrt(max(dot(plane, plane), 1e-37)) / distance;
     let radius = point_radius(distance, params.points_per_map);
     let reach = min(params.push_reach * radius * sqrt(cosine), RAY_RADIUS * f32(RAY_SPACING));
@@ -72,14 +72,14 @@ fn sample_of(tile: vec2u, element: u32) -> Sample {
     return Sample(plane, place, select(-1.0, reach, element != 0u), interval);
 }
 
-// Returns a coarse element, none beyond the tile.
+// Returns a coarse element; 0 (no sample) beyond the tile.
 fn coarse_at(at: vec2i) -> u32 {
     let inside = all(at >= vec2i(0)) && all(at < vec2i(i32(COARSE)));
     let place = clamp(at, vec2i(0), vec2i(i32(COARSE) - 1));
     return select(0u, coarse[u32(place.y) * COARSE + u32(place.x)], inside);
 }
 
-// The samples of the four coarse elements around a corner that four blocks share, one in each column or component.
+// The samples of the four coarse elements around a corner shared by four blocks, one per column or component.
 struct Neighbours {
     planes: mat4x3f,
     x: vec4f,
@@ -105,13 +105,13 @@ fn push(tile: vec2u, block: vec2u, neighbours: Neighbours) -> vec4u {
     let w = tile_direction(tile, centre);
     let dx = neighbours.x - centre.x;
     let dy = neighbours.y - centre.y;
-    // Find the samples that reach its centre. Maps smaller than a tile have neighbours in it.
+    // Find the samples of the same map that reach the block's centre; a tile may hold several maps.
     let shift = vec4u(firstTrailingBit(min(ISM_RESOLUTION, TILE)));
     let same_map = (vec4u(neighbours.x) >> shift == vec4u(u32(centre.x)) >> shift)
         & (vec4u(neighbours.y) >> shift == vec4u(u32(centre.y)) >> shift);
     let squared_reach = neighbours.reach * neighbours.reach;
     let reached = (neighbours.reach >= vec4f(0.0)) & (dx * dx + dy * dy <= squared_reach) & same_map;
-    // Take the nearest of their planes there.
+    // Take the nearest of their planes at the centre.
     let off = 1.0 - SLOPE_ERROR * (abs(dx) + abs(dy));
     let inverse = select(vec4f(0.0), w * neighbours.planes * off, reached);
     let nearest = max(max(inverse.x, inverse.y), max(inverse.z, inverse.w));
@@ -122,7 +122,8 @@ fn push(tile: vec2u, block: vec2u, neighbours: Neighbours) -> vec4u {
     let plane = select(
         select(neighbours.planes[3], neighbours.planes[2], is.z),
         select(neighbours.planes[1], neighbours.planes[0], is.x), is.x || is.y);
-    // Its own sample stays unless it is more than the interval behind that plane. Without one, the nearest ray's does.
+    // The block keeps its own sample unless this lies more than the interval behind that plane. Without one, it keeps
+    // the nearest ray's sample.
     let own = blocks[block.y * BLOCKS + block.x];
     let place = tile + vec2u(centre);
     let map = place & ~vec2u(ISM_RESOLUTION - 1u);

@@ -29,7 +29,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (max3(vpl.flux) <= 0.0) {
         return;
     }
-    // Trace the rays of the row, and store what they hit.
+    // Trace the rays of the row, and store their hits.
     let frame = frame_from_normal(vpl.normal);
     let first = id.x * side;
     for (var k = 0u; k < side; k += 1u) {

@@ -1,4 +1,4 @@
-// One invocation refines a row of blocks of a silhouette cell: it traces a ray through the centre of each.
+// One invocation refines a row of blocks of a silhouette cell: it traces a ray through each block's centre.
 //
 // In: the list of cells, VPLs, scene. Out: the four texels of each block, by cell, row and column. Exact at
 // the centre of a block; errs either way within it at silhouettes.

@@ -5,7 +5,7 @@ override RAY_SPACING: u32 = 4u;  // texels along the side of a cell
 
 const REFINE_GROUP: u32 = 64u;  // threads of a workgroup; each takes a row of blocks of a cell
 
-// Returns how many blocks lie along the side of a cell.
+// Returns the number of blocks along the side of a cell.
 fn blocks_per_side() -> u32 {
     return RAY_SPACING / BLOCK;
 }

@@ -1,7 +1,7 @@
 // One invocation splats one surface point into one imperfect shadow map (Ritschel et al. 2008): the texels
 // of a disc, each with the plane of the disc and its distance.
 //
-// Map k takes the n points from k n on (modulo their number), and discs grow with the share that is left out:
+// Map k takes the n points from k n on (modulo their number); discs grow to cover the area of the points left out:
 // radius = splat_scale * radius of the point's area * sqrt(points / n). In: points and VPLs, metres. Out: `samples`,
 // for each texel the nearest disc. Errs dark at silhouettes, which discs overlap, and bright where discs leave gaps.
 #import "many_light/ism/map.wgsl"
@@ -14,11 +14,11 @@ struct Params {
     points_per_map: u32,
     atlas_width: u32,   // texels
     max_radius: f32,    // of a splat, texels; 0: single texels
-    splat_scale: f32,   // radius of a splat over that of the area it stands for
+    splat_scale: f32,   // radius of a splat over the radius of the area that it represents
 }
 
-// Sine of the least angle between a ray and a surface, of the VPL and of the point: below it, the plane of a splat and
-// its distance are rounding errors of 16-bit normals (1e-4) and of positions.
+// Sine of the least angle between a ray and the surface of the VPL or of the point. Below it, rounding of 16-bit
+// normals (1e-4) and of positions dominates the plane and distance of a splat.
 const MIN_SINE: f32 = 1e-3;
 
 @compute @workgroup_size(64)
@@ -36,7 +36,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let distance = length(v);
     let normal = point.normal * frame;
     let facing = dot(normal, v);
-    // Skip points behind the VPL or in its plane, and discs that are seen edge-on.
+    // Skip points behind the VPL or in its plane, and discs seen edge-on.
     if (max3(vpl.flux) <= 0.0 || v.z <= MIN_SINE * distance || abs(facing) <= MIN_SINE * distance) {
         return;
     }
@@ -49,7 +49,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let high = vec2u(min(place + reach, vec2f(f32(ISM_RESOLUTION) - 1.0)));
     let corner = map_corner(slot, params.atlas_width);
     let home = vec2u(min(place, vec2f(f32(ISM_RESOLUTION) - 1.0)));
-    // Keep the nearest disc of each texel whose ray meets it, and of the texel of its centre in any case.
+    // Keep the nearest disc in each texel. A disc covers the texels whose rays meet it, and always the texel of its
+    // centre.
     for (var y = low.y; y <= high.y; y += 1u) {
         for (var x = low.x; x <= high.x; x += 1u) {
             let w = map_direction(vec2f(vec2u(x, y)) + 0.5);

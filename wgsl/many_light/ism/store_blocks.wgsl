@@ -1,7 +1,7 @@
 // One invocation copies a row of refined blocks of a silhouette cell into the map.
 //
-// A pass of its own, because WebGPU's default limit is four storage textures per stage and rays read four. In: the list
-// of cells, the texels of their blocks. Out: the atlas. Exact.
+// This is a separate pass, because WebGPU's default limit is four storage textures per stage and tracing reads four.
+// In: the list of cells, the texels of their blocks. Out: the atlas. Exact.
 #import "many_light/ism/silhouette_cells.wgsl"
 
 @group(1) @binding(11) var<storage, read> silhouette_cells: array<u32>;

@@ -1,4 +1,4 @@
-// One invocation adds the near field's irradiance to that by VPLs: E = E_far + E_near.
+// One invocation adds the near field's irradiance to the VPLs': E = E_far + E_near.
 //
 // In: both, W/m2, (r, g, b, depth of `shared/denoise/plane.wgsl`). Out: their sum; the depth is that of E_far.
 #import "scene/info.wgsl"

@@ -1,7 +1,7 @@
-// One invocation finds the share of a VPL's light that the near field finds at distance 0: 1 if the picture shows the
-// VPL's surface, fading to 0 at the picture's border (`border_fade`), 0 if it does not.
+// One invocation computes the share of a VPL's light that the near field finds at distance 0: 0 if the picture does not
+// show the VPL's surface, else 1, fading to 0 at the picture's border (`border_fade`).
 //
-// In: VPLs, G-buffer. Out: a share for each slot, in rows as the table's. Errs at silhouettes, by a pixel.
+// In: VPLs, G-buffer. Out: a share per slot, in the rows of the table. Errs at silhouettes, by a pixel.
 #import "many_light/vpl/table.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "ssdo/search_radius.wgsl"
@@ -13,11 +13,11 @@ struct Params {
     count: u32,  // of VPLs
 }
 
-// A VPL lies on a pixel's surface if it is at most so many widths of the pixel off its tangent plane and off its point:
-// up to its footprint at grazing angles. tools/README.md, "Constants".
+// A VPL lies on a pixel's surface if it is at most these many pixel widths off the surface's tangent plane and off its
+// point: up to the pixel's footprint at grazing angles. tools/README.md, "Constants".
 const MAX_PLANE_DISTANCE: f32 = 1.0;
 const MAX_POINT_DISTANCE: f32 = 16.0;
-// And if the cosine of their normals is at least this, half-way between those of one wall and of two at a right angle.
+// The cosine of both normals must also be at least this: half-way between one wall and two walls at a right angle.
 const SIMILAR_NORMALS: f32 = 0.5;
 
 @compute @workgroup_size(64)
@@ -26,14 +26,14 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (slot >= params.count) {
         return;
     }
-    // Find the pixel that it falls on.
+    // Find the pixel that the VPL falls on.
     let vpl = load_vpl(slot);
     let clip = view.clip_from_world * vec4f(vpl.position, 1.0);
     let size = vec2f(view.size);
     let place = (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * size;
     let inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < size);
     let pixel = vec2u(select(vec2f(0.0), place, inside));
-    // Compare it with the surface of that pixel.
+    // Compare the VPL with the surface of that pixel.
     let seen = load_distance(pixel);
     let surface = load_surface(pixel);
     let ray = pixel_ray(pixel);

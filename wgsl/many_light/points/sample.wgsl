@@ -1,9 +1,9 @@
 // One invocation places a point on the scene's surfaces, in proportion to their area.
 //
-// Inverse transform sampling: first the instance, then the triangle of its mesh, by cumulative areas; a point of a
-// low-discrepancy sequence each. In: cumulative areas, scene. Out: points as `many_light/points/table.wgsl` reads them.
-// Exact: where a transform stretches a mesh unevenly, triangles are drawn by their area before it, and the area that
-// each point stands for corrects that.
+// Inverse transform sampling by cumulative areas: first the instance, then the triangle of its mesh, each with a
+// low-discrepancy sequence. In: cumulative areas, scene. Out: points as `many_light/points/table.wgsl` reads them.
+// Exact: where a transform stretches a mesh unevenly, triangles are drawn by their area before it, and each point's
+// represented area corrects for that.
 #import "scene/surface.wgsl"
 #import "common/random.wgsl"
 #import "deferred/environment/reflectance.wgsl"
@@ -11,7 +11,7 @@
 struct AreaInstance {
     cumulative: f32,   // area of this instance and those before it, over that of all
     share: f32,        // area of this instance over that of all
-    first: u32,        // triangle of its mesh
+    first: u32,        // first triangle of its mesh
     count: u32,        // of triangles
     instance: u32,     // of the scene, which transforms the triangles; NONE: they are in world space
     local_area: f32,   // of the mesh before the transform, m2
@@ -21,7 +21,7 @@ struct AreaInstance {
 @group(1) @binding(12) var<storage, read> area_cdf: array<f32>;  // by triangle, cumulative over its mesh
 @group(1) @binding(13) var<storage, read_write> points: array<vec4u>;
 
-// Scramble the sequences of triangles and of places in them; any two different numbers do.
+// Seeds that scramble the sequences of triangles and of places in them; any two different numbers will do.
 const PLACE_SEED: u32 = 0x5bd1e995u;
 const WEIGHTS_SEED: u32 = 0x1b873593u;
 
@@ -66,7 +66,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     let t = load_triangle(low);
     let stored_area = 0.5 * length(cross(t.edge1, t.edge2));
     let s = surface_at(Hit(0.0, low, placed.instance, weights), vec3f(0.0, 0.0, 1.0));
-    // Find the area that it stands for: area / (probability of the triangle * number of points).
+    // Compute the area that the point represents: area / (probability of the triangle * number of points).
     var edge1 = t.edge1;
     var edge2 = t.edge2;
     if (HAS_INSTANCES && t.instance == NONE) {
@@ -76,7 +76,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     }
     let area = 0.5 * length(cross(edge1, edge2));
     let share = area * placed.local_area / max(stored_area * placed.share * f32(count), 1e-37);
-    // Store it with its reflectance.
+    // Store the point with its reflectance.
     let b = surface_brdf(s);
     let albedo = select(directional_reflectance(b, MEAN_COSINE), vec3f(0.0), (s.flags & UNLIT) != 0u);
     points[2u * index] = vec4u(bitcast<vec3u>(s.position), pack2x16snorm(octahedral_encode(s.geometric_normal)));

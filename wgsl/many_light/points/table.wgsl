@@ -3,8 +3,8 @@
 
 struct SurfacePoint {
     position: vec3f,  // metres relative to the scene's origin
-    normal: vec3f,    // unit, geometric, of the side where corners run counter-clockwise
-    radius: f32,      // of a disc with the area that the point stands for, metres
+    normal: vec3f,    // unit, geometric, on the counter-clockwise side
+    radius: f32,      // of a disc with the area that the point represents, metres
     albedo: vec3f,    // hemispherical reflectance, 8 bits
     triangle: u32,
     instance: u32,

@@ -6,7 +6,7 @@ struct RsmLight {
     level: u32,   // log2 of the texels on a side
 }
 
-// Transforms a texel of a square into the orientation of the curve in a quadrant; `last` is the square's last texel.
+// Transforms a texel of a square into the curve's orientation in a quadrant; `last`: the square's last texel.
 fn turn_quadrant(texel: vec2u, last: u32, quadrant: vec2u) -> vec2u {
     let mirrored = select(texel, last - texel, quadrant.x == 1u);
     return select(texel, mirrored.yx, quadrant.y == 0u);

@@ -3,10 +3,10 @@
 //
 // flux = light's power in the texel * reflectance, W. Texels of point and spot lights have equal solid angles, those of
 // directional lights equal areas across the rays. In: scene, lights. Out: candidates as `vpl/vpl.wgsl` packs them, in
-// the order of `rsm/layout.wgsl`; black where a ray leaves the scene. Unbiased, if jittered, but for a bound on shading
-// normals (`vpl/reflect.wgsl`).
+// the order of `rsm/layout.wgsl`; black where a ray leaves the scene. Unbiased if jittered, except for the bound on
+// shading normals (`vpl/reflect.wgsl`).
 //
-// Departure: rays instead of rasterisation. Few texels are needed, and a point light takes one map instead of six.
+// Departure: rays instead of rasterisation. Few texels are needed, and a point light needs one map instead of six.
 #import "many_light/rsm/layout.wgsl"
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
@@ -19,7 +19,7 @@
 
 struct Params {
     texels: u32,
-    jitter: u32,  // 1: rays go through a random point of their texel, else through its centre
+    jitter: u32,  // 1: rays go through a random point of their texel, 0: through its centre
     seed: u32,
 }
 

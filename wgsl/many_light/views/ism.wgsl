@@ -1,5 +1,5 @@
-// One invocation shows the imperfect shadow maps, the atlas over the whole picture: of the texels that a pixel covers,
-// the least distance from the VPL in metres, 0 for none.
+// One invocation shows the atlas of imperfect shadow maps, stretched over the picture: the least distance from the VPL,
+// metres, among the texels that a pixel covers; 0 for none.
 #import "many_light/ism/map.wgsl"
 
 override SAMPLES: bool = false;   // show the samples before gaps are closed: texels, and rays at every RAY_SPACING
@@ -21,7 +21,7 @@ fn nearness(at: vec2u, size: vec2u) -> f32 {
         return inverse_distance(textureLoad(atlas, at).r);
     }
     let index = at.y * size.x + at.x;
-    // A splat or a single texel, or the hit of a ray through the texel's corner.
+    // Read the splat or single texel, or the hit of the ray through the texel's corner.
     var found = 0.0;
     if (index < arrayLength(&samples)) {
         found = inverse_distance(samples[index]);

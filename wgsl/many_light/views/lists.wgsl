@@ -1,4 +1,5 @@
-// One invocation shows how many virtual point lights a pixel gathers from: those of its class in its cluster's list.
+// One invocation shows the number of virtual point lights that a pixel gathers from: its class' lights in its cluster's
+// list.
 //
 // In: light lists, G-buffer. Out: a number.
 #import "many_light/gather/classes.wgsl"

@@ -1,4 +1,4 @@
-// One invocation shows the share of a pixel's history that was rejected, from 0 to 1.
+// One invocation shows the rejected share of a pixel's history, 0 to 1.
 #import "scene/info.wgsl"
 
 @group(1) @binding(11) var<storage, read> rejected: array<f32>;

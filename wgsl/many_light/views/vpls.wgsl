@@ -1,6 +1,6 @@
 // One invocation shows the flux of a virtual point light as a square of 3 x 3 pixels, W.
 //
-// Lights behind surfaces are shown, too. Where several overlap, which of them is shown depends on the GPU.
+// Lights behind surfaces are shown, too. Where several overlap, the GPU determines which one is shown.
 #import "scene/info.wgsl"
 #import "many_light/vpl/table.wgsl"
 

@@ -1,10 +1,11 @@
 // One invocation divides the area of a VPL by the number of VPLs that share it: several lights and bounces may light
-// the same surface. The area bounds the light of near VPLs, so it must be the VPL's part of the surface among all.
+// the same surface. The area bounds the light of near VPLs, so it must be the VPL's own part of the surface.
 //
 // A'_k = A_k / max(1, sum_j [|x_j - x_k| < sqrt(2) r_j] / 2) over the VPLs j of similar normals, pi r_j^2 = A_j: the
-// density of VPLs by discs of twice the area, which count half. Every n-th VPL stands for n. In: VPLs as resampled.
-// Out: the same with areas that cover each surface about once, m2. Errs large: discs that reach over a surface's edge
-// find too few VPLs. In a box lit by 40 lamps the areas add up to twice that of its walls, instead of 40 times.
+// density of VPLs, estimated by discs of twice the area that count half. Every n-th VPL represents n. In: resampled
+// VPLs. Out: the same VPLs with areas that cover each surface about once, m2. Errs large: discs that reach over a
+// surface's edge find too few VPLs. In a box lit by 40 lamps the areas sum to twice the walls' area, instead of 40
+// times.
 #import "many_light/vpl/table.wgsl"
 
 @group(1) @binding(11) var resampled: texture_storage_2d<rgba32uint, read>;
@@ -20,7 +21,7 @@ const GROUP: u32 = 64u;
 // Area of the discs over that of their VPLs. 2 is closer to the true areas than 4, with a thousand VPLs in one place
 // (tests/analytic/test_gather.py) and with all bounces in the Cornell box.
 const WIDENED: f32 = 2.0;
-// Cosine of similar normals: half-way between those of one wall and of two walls at a right angle.
+// Least cosine of similar normals: half-way between one wall and two walls at a right angle.
 const SIMILAR_NORMALS: f32 = 0.5;
 
 var<workgroup> discs: array<vec4f, GROUP>;  // position, squared radius
@@ -35,7 +36,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     @builtin(num_workgroups) groups: vec3u) {
     let slot = min(id.x, params.count - 1u);
     var v = load_resampled(slot);
-    // Count the discs that cover the VPL, a workgroup of them at a time.
+    // Count the discs that cover the VPL; the workgroup loads 64 discs at a time.
     var covered = 0.0;
     for (var first = 0u; first < groups.x * GROUP; first += GROUP * params.stride) {
         let other = first + thread * params.stride;

@@ -3,9 +3,9 @@
 //
 // The first `sky_paths` paths carry the environment's light. They start at a point on a surface, with a direction from
 // which light arrives, so none misses the scene. All others start at a light. Their first vertex is black for point,
-// spot and directional lights, because the reflective shadow maps have it. Paths end by Russian roulette and after
-// `vertices`. In: scene, surface points. Out: candidates, by vertex, then by path. Unbiased up to the last vertex, but
-// for a bound on shading normals (`reflect.wgsl`); errs dark by the bounces after it.
+// spot and directional lights, because the reflective shadow maps already hold it. Paths end by Russian roulette and
+// after `vertices`. In: scene, surface points. Out: candidates, by vertex, then by path. Unbiased up to the last
+// vertex, except for the bound on shading normals (`reflect.wgsl`); errs dark by the bounces after it.
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
@@ -26,7 +26,7 @@ const CHOICE_PAIR: u32 = 0u;
 const POINT_PAIR: u32 = 1u;
 const DIRECTION_PAIR: u32 = 2u;
 const FIRST_BOUNCE_PAIR: u32 = 3u;
-// Of Russian roulette: below 1, so that paths end where nothing absorbs light.
+// Highest survival of Russian roulette: below 1, so that paths end where nothing absorbs light.
 const MAX_SURVIVAL: f32 = 0.95;
 
 fn store(path: u32, vertex: u32, v: Vpl) {
@@ -36,7 +36,8 @@ fn store(path: u32, vertex: u32, v: Vpl) {
 }
 
 // Returns the environment's light that a side of a surface point reflects. The direction is drawn by the environment's
-// picture or by the cosine, half of the time each, with the density of both (one-sample multiple importance sampling).
+// picture or by the cosine, each with probability 1/2, and divided by the density of both (one-sample multiple
+// importance sampling).
 fn sky_vertex(point: SurfacePoint, area: f32, u: vec2f, choice: vec2f) -> Vpl {
     // Choose a side and a direction.
     let normal = select(point.normal, -point.normal, choice.x < 0.5);
@@ -59,13 +60,13 @@ fn sky_vertex(point: SurfacePoint, area: f32, u: vec2f, choice: vec2f) -> Vpl {
     // Test whether the environment is visible.
     let start = point.position + normal * ray_offset(scene_extent());
     if (trace(Ray(start, direction), FLOAT_MAX).triangle == NONE) {
-        // Over the probability of the side, 1/2.
+        // Divide by the probability of the side, 1/2.
         v.flux = point.albedo * radiance * (2.0 * area * cosine / density);
     }
     return v;
 }
 
-// Returns the first vertex of a path that starts at a light. `count` is how many such paths there are.
+// Returns the first vertex of a path that starts at a light. `count`: number of such paths.
 fn light_vertex(light: Light, count: f32, choice: f32, u_point: vec2f, u_direction: vec2f) -> Vpl {
     let sent = sample_ray_of(light, choice, u_point, u_direction);
     let hit = trace(sent.ray, FLOAT_MAX);
@@ -80,13 +81,13 @@ fn light_vertex(light: Light, count: f32, choice: f32, u_point: vec2f, u_directi
     return reflect_flux(s, sent.ray.direction, sent.flux / count, area);
 }
 
-// The first vertex of a path as it continues, and as a candidate.
+// The first vertex of a path: for the path's continuation, and as a candidate.
 struct FirstVertex {
     v: Vpl,
     candidate: Vpl,
 }
 
-// Returns the first vertex of a path; `index` is that of its random numbers.
+// Returns the first vertex of a path; `index`: of its random numbers.
 fn first_vertex(path: u32, index: u32) -> FirstVertex {
     let choices = sobol_2d(index, hash2(CHOICE_PAIR, params.seed));
     let u_point = sobol_2d(index, hash2(POINT_PAIR, params.seed));
@@ -120,10 +121,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var v = first.v;
     store(path, 0u, first.candidate);
 
-    // Follow the path. The density of later vertices is not known: each stands for an equal part of the sphere around
-    // the scene, which is an upper bound of the area of convex scenes.
+    // Follow the path. The density of later vertices is not known: each represents an equal part of the sphere around
+    // the scene, an upper bound of the area of convex scenes.
     let later_area = 4.0 * PI * scene.radius * scene.radius / f32(params.paths);
-    var flux = vec3f(0.0);  // that arrived at v, 0 for the first vertex
+    var flux = vec3f(0.0);  // arriving at v; 0 for the first vertex
     var vertex = 1u;
     while (vertex < vertices) {
         let brightest = max3(v.flux);

@@ -1,7 +1,7 @@
-// One workgroup makes the sums of all blocks of candidates cumulative: 448 blocks at quality medium, 1,792 at high.
+// One workgroup makes all blocks' sums of weights cumulative: 448 blocks at quality medium, 1,792 at high.
 //
-// One thread adds, from workgroup memory: so few numbers need no parallel sum, and their order is fixed. In, out:
-// weights.
+// One thread adds the sums from workgroup memory, in a fixed order; there are too few for a parallel sum to pay. In,
+// out: weights.
 
 @group(1) @binding(11) var<storage, read> block_sums: array<f32>;
 @group(1) @binding(12) var<storage, read_write> totals: array<f32>;

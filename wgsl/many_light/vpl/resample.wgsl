@@ -6,10 +6,11 @@
 // VPLs keep the order of candidates, so every n-th VPL is a stratified sample of all. In: candidates, W and m2, and
 // their weights. Out: VPLs as `vpl.wgsl` packs them. Unbiased; their total flux is exact if weights are the flux.
 //
-// Temporal coherence: if a light moves a little, all weights and places (i + u) / N shift a little. Among texels a VPL
-// then moves to a neighbour, since they lie along a Hilbert curve. Vertices of light paths have no such order, so among
-// them each level of the search has a random number of its own: a VPL changes only if one of its numbers lies between
-// the old and the new share of a half. For each level, the numbers of consecutive VPLs are an additive recurrence.
+// Temporal coherence: if a light moves a little, all weights and places (i + u) / N shift a little. A VPL at a texel
+// then moves to a neighbour, since texels lie along a Hilbert curve. Vertices of light paths have no such order, so
+// among them each level of the search draws its own random number: a VPL changes only if one of its numbers lies
+// between the old and the new share of a half. On each level, the numbers of consecutive VPLs form an additive
+// recurrence.
 #import "scene/sequence.wgsl"
 #import "many_light/vpl/candidates.wgsl"
 #import "many_light/vpl/table.wgsl"
@@ -27,8 +28,8 @@ struct Params {
     seed: u32,
 }
 
-// Ranges of vertices of at most so many blocks are searched with a random number per level; 8 to 128 keep as many VPLs
-// in place while a lamp moves (tests/analytic/test_vpl.py).
+// The search draws a random number per level in ranges of vertices of at most this many blocks. Values from 8 to 128
+// keep equally many VPLs in place while a lamp moves (tests/analytic/test_vpl.py).
 const RANDOM_BLOCKS: u32 = 32u;
 const GOLDEN_RATIO: u32 = 0x9e3779b9u;  // (sqrt(5) - 1) / 2, of 2^32
 
@@ -37,13 +38,13 @@ struct Search {
     low: u32,
     high: u32,
     before: f32,  // weight before the range
-    upto: f32,    // weight up to and with the range
+    upto: f32,    // weight up to the end of the range
     wanted: f32,  // the place
     code: u32,    // random state of the level
     stride: u32,  // of the additive recurrence of the level
 }
 
-// Returns the search at the next level. If `random`, its place is a new random one within the range.
+// Returns the search at the next level; `random`: draw a new random place within the range.
 fn next_level(search: Search, slot: u32, random: bool) -> Search {
     var s = search;
     s.code = hash(s.code);
@@ -81,7 +82,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         s = next_level(s, slot, s.low * BLOCK >= params.texels && s.high - s.low < RANDOM_BLOCKS);
         s = take_half(s, middle, totals[middle]);
     }
-    // Find the candidate in it.
+    // Find the candidate in the block.
     let first = s.low * BLOCK;
     let are_vertices = first >= params.texels;
     s.wanted -= s.before;
@@ -94,7 +95,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         s = next_level(s, slot, are_vertices);
         s = take_half(s, middle, cumulative[middle]);
     }
-    // Divide by its probability. Rounding of the sums may lead to a candidate of weight 0, which makes a black VPL.
+    // Divide by the candidate's probability. Rounding of the sums may select a candidate of weight 0, which makes a
+    // black VPL.
     let weight = cumulative[s.low] - select(0.0, cumulative[max(s.low, 1u) - 1u], s.low > first);
     var v = load_candidate(s.low, params.texels);
     let share = select(0.0, total / (f32(params.count) * weight), weight > 0.0 && total > 0.0);

@@ -1,4 +1,4 @@
-// The table of virtual point lights, a slot each. It is a texture, because loops over it are fastest so on CPUs.
+// The table of virtual point lights, one slot per light. It is a texture, which CPUs loop over fastest.
 #import "many_light/vpl/vpl.wgsl"
 
 // Two texels per slot, in rows of VPL_TABLE_WIDTH texels.

@@ -1,4 +1,4 @@
-// A surface that the camera sees: a few of them estimate how much light of a candidate reaches the view.
+// A surface that the camera sees. A few of them estimate the share of a candidate's light that reaches the view.
 
 struct ViewSample {
     position: vec3f,  // metres relative to the scene's origin

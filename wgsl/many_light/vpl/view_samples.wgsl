@@ -1,4 +1,4 @@
-// One invocation picks a pixel of a low-discrepancy sequence and keeps the surface that it shows.
+// One invocation picks a pixel by a low-discrepancy sequence and stores the surface that it shows.
 //
 // In: G-buffer. Out: `view_samples`, metres. Exact; small objects may get no sample.
 #import "many_light/vpl/view_sample.wgsl"

@@ -1,12 +1,12 @@
-// A virtual point light (VPL): a point of a surface whose reflected light leaves it as from a diffuse emitter (Keller
-// 1997, "Instant Radiosity").
+// A virtual point light (VPL): a surface point that reflects light like a diffuse emitter (Keller 1997, "Instant
+// Radiosity").
 #import "common/math.wgsl"
 
 struct Vpl {
     position: vec3f,  // metres relative to the scene's origin
-    normal: vec3f,    // unit, geometric, of the side that it lights
+    normal: vec3f,    // unit, geometric, on the side that it lights
     flux: vec3f,      // W; intensity in a direction w is flux / pi * max(dot(normal, w), 0)
-    area: f32,        // m2, of the surface that it stands for
+    area: f32,        // m2, of the surface that it represents
 }
 
 // A VPL is two vec4u: position and normal, flux and area.

@@ -3,12 +3,12 @@
 //
 // w = luminance(flux) * (mean_k cos cos / (d^2 + r^2) * R^2 + floor) over the view samples k, without visibility; R is
 // the scene's radius, r = R / 10 bounds near candidates. In: candidates, W, and view samples, metres. Out: cumulative
-// weights within each block, and the blocks' sums. Weights bias nothing: resampling divides by them.
+// weights within each block, and the blocks' sums. Weights cause no bias: resampling divides by them.
 #import "many_light/vpl/candidates.wgsl"
 #import "many_light/vpl/view_sample.wgsl"
 #import "scene/info.wgsl"
 
-override VIEW: bool = true;   // weight by the contribution to the view, else by flux alone
+override VIEW: bool = true;   // true: weight by the contribution to the view; false: by flux alone
 override GRID: bool = false;  // equal weights, but 0 for black candidates: the texels of the maps are a regular grid
 
 @group(1) @binding(11) var<storage, read_write> cumulative: array<f32>;
@@ -21,8 +21,9 @@ struct Params {
     candidates: u32,  // texels and vertices of light paths
 }
 
-// Weight of a candidate that no view sample faces, over that of one that faces it at the distance R. It bounds how much
-// brighter than others such a VPL can be, where another part of the view needs it. tools/README.md, "Constants".
+// Weight of a candidate that no view sample faces, over the weight of one that a sample faces at the distance R. It
+// limits the excess brightness of such VPLs where an unsampled part of the view needs them. tools/README.md,
+// "Constants".
 const WEIGHT_FLOOR: f32 = 0.02;
 
 var<workgroup> sums: array<f32, BLOCK>;
@@ -57,7 +58,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
         }
     }
     sums[thread] = weight;
-    // Make the weights of the block cumulative: the parallel prefix sum of Hillis and Steele 1986.
+    // Make the weights of the block cumulative by the parallel prefix sum of Hillis and Steele 1986.
     for (var step = 1u; step < BLOCK; step *= 2u) {
         workgroupBarrier();
         let below = select(0.0, sums[max(thread, step) - step], thread >= step);

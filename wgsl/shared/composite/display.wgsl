@@ -25,8 +25,8 @@ fn tone_map(radiance: vec3f) -> vec3f {
     return select(mix(compressed, vec3f(new_peak), grey), color, peak < START_COMPRESSION);
 }
 
-// IEC 61966-2-1 with its power as a polynomial of roots, faster on CPU drivers: a minimax fit, off by at most 0.009 /
-// 255.
+// IEC 61966-2-1. A polynomial of roots replaces the power, which is slower on CPU drivers: a minimax fit, off by at
+// most 0.009 / 255.
 fn srgb_from_linear(color: vec3f) -> vec3f {
     let x = clamp(color, vec3f(0.0), vec3f(1.0));
     let root = sqrt(x);

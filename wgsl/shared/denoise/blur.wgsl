@@ -2,10 +2,10 @@
 // interleaved sampling.
 //
 // mean = sum_k tent(k) w_plane w_normal x_k / sum of the weights. The tent of half-width n has the same sum over each
-// class of pixels n apart, so an n-periodic pattern on a flat surface vanishes; beyond the picture's border taps wrap
-// back by n, which keeps that true. In: light, W/m2, with depth; what coats reflect; G-buffer. Out: the same, and in
-// the last pass reflected radiance, W/(m2 sr). Errs blurry where light changes within n pixels, and leaves some of the
-// pattern at edges.
+// class of pixels n apart, so an n-periodic pattern on a flat surface vanishes. Taps beyond the picture's border wrap
+// back by n, which preserves this. In: light, W/m2, with depth; the coats' light; G-buffer. Out: the same, or in the
+// last pass reflected radiance, W/(m2 sr). Errs blurry where light changes within n pixels; some of the pattern remains
+// at edges.
 #import "shared/denoise/plane.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "common/coat.wgsl"
@@ -13,11 +13,11 @@
 
 override RADIUS: u32 = 4u;     // n; 1: no blur
 override VERTICAL: bool = false;
-override LAST: bool = false;   // out: radiance
-override GUIDED: bool = false; // there are moments
+override LAST: bool = false;   // output radiance
+override GUIDED: bool = false; // compare mean light, from moments
 override SHARES: bool = false; // the light is a share, from 0 to 1
-override STRIDE: u32 = 1u;     // of the picture's pixels per pixel of the blurred grid, a side
-override RATIO: bool = false;  // out: light over `glossy`
+override STRIDE: u32 = 1u;     // picture pixels per side of a pixel of the blurred grid
+override RATIO: bool = false;  // output light over `glossy`
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read> normals: array<u32>;
@@ -26,7 +26,7 @@ override RATIO: bool = false;  // out: light over `glossy`
 @group(1) @binding(15) var<storage, read_write> blurred_glossy: array<vec4f>;
 @group(1) @binding(16) var<storage, read> moments: array<vec2f>;  // of luminance, over the frames so far
 
-// A neighbour has weight 0 from this distance off the tangent plane on, as a share of RADIUS pixel widths: surfaces
+// A neighbour has weight 0 if its distance from the tangent plane exceeds this share of RADIUS pixel widths: surfaces
 // that bend by 14 degrees stay together. Smaller values leave more noise in a single frame of Sponza, larger ones leak
 // at edges. tools/README.md, "Constants".
 const OFF_PLANE: f32 = 0.25;
@@ -104,7 +104,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(first >= grid_size())) {
         return;
     }
-    // Load the four centres and lay their planes out by component, so that each tap is tested against all four at once.
+    // Load the four centres, and transpose their planes so that each tap is tested against all four at once.
     let a = load_center(first);
     let b = load_center(first + step);
     let c = load_center(first + 2u * step);
@@ -118,7 +118,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let across = transpose(mat4x2f(a.plane.across, b.plane.across, c.plane.across, d.plane.across));
     let slope = select(across[0], across[1], VERTICAL) * (per_pixel * f32(STRIDE));
 
-    // Sum the taps of the row (or column): the tent times both tests, times that of means where there are moments.
+    // Sum the taps of the row (or column). The weight is the tent times the test of plane and normal and, if guided,
+    // that of means.
     let guide_mean = vec4f(a.guide.x, b.guide.x, c.guide.x, d.guide.x);
     let guide_variance = vec4f(a.guide.y, b.guide.y, c.guide.y, d.guide.y);
 

@@ -4,7 +4,7 @@
 #import "scene/sequence.wgsl"
 #import "common/math.wgsl"
 
-override STRIDE: u32 = 1u;  // of the picture's pixels per pixel of the blurred grid, a side
+override STRIDE: u32 = 1u;  // picture pixels per side of a pixel of the blurred grid
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> moments: array<vec2f>;
@@ -17,7 +17,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let index = id.y * size.x + id.x;
     let value = luminance(light[index].rgb);
-    // Frame 0 starts over. Squares of more than 1e18 overflow sums of float32.
+    // Frame 0 starts over. Values above 1e18 have squares whose sums overflow float32.
     let now = min(value, 1e18);
     let before = select(vec2f(0.0), moments[index], sequence.index > 0u);
     moments[index] = before + (vec2f(now, now * now) - before) / f32(sequence.index + 1u);

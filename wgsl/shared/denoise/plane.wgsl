@@ -1,8 +1,8 @@
 // The guide of edge-aware filters: each pixel's depth and normal in the camera's frame, and the distance of other
 // pixels from its tangent plane.
 //
-// Depth here is linear over the picture for planes: 1 / view depth in perspective, the view depth of parallel rays; 0
-// where there is nothing to light.
+// Depth here is linear over the picture on a plane: 1 / view depth in perspective, view depth if orthographic; 0 where
+// there is nothing to light.
 #import "scene/info.wgsl"
 
 // Returns the depth of a point at a distance along a pixel's ray.
@@ -30,8 +30,8 @@ fn unpack_view_normal(code: u32) -> vec3f {
     return vec3f(bitcast<vec3i>(vec3u(code << 22u, code << 12u, code << 2u)) >> vec3u(22u)) * (1.0 / 511.0);
 }
 
-// The tangent plane of a pixel: at + across . (x, y) - factor * depth is how far a pixel (x, y) off is from it, in
-// widths of a pixel at that pixel's depth.
+// The tangent plane of a pixel. A pixel (x, y) away lies at + across . (x, y) - factor * depth off the plane, in pixel
+// widths at that pixel's depth.
 struct Plane {
     factor: f32,
     at: f32,

@@ -1,13 +1,13 @@
-// One invocation computes a pixel's motion vector, by the previous frame's camera and transforms.
+// One invocation computes a pixel's motion vector from the previous frame's camera and transforms.
 //
-// In: visibility, distance, transforms. Out: x, y the surface's motion over the picture since then, pixels, right and
-// down; z its distance from the camera then, metres; w 1 if it was in front of that camera, else 0. The sky moves by
-// the camera's rotation only; its z is 0.
+// In: visibility, distance, transforms. Out: x, y the surface's motion over the picture since the previous frame,
+// pixels, right and down; z its distance from the previous camera, metres; w 1 if it was in front of that camera, else
+// 0. The sky moves by the camera's rotation only; its z is 0.
 #import "shared/gbuffer/visible_surface.wgsl"
 
 @group(0) @binding(2) var<uniform> view_before: View;
 @group(1) @binding(11) var<storage, read_write> motion: array<vec4f>;
-// From an instance's current place to its previous one, both in the world.
+// Transforms an instance's current world positions to its previous ones.
 @group(1) @binding(12) var<storage, read> before_from_now: array<mat4x3f>;
 @group(1) @binding(31) var distance: texture_2d<f32>;
 

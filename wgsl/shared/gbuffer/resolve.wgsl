@@ -1,7 +1,7 @@
 // One invocation resolves a pixel of the visibility buffer: the triangle's surface, exactly as the path tracer sees it.
 //
 // In: visibility. Out: the packed surface; distance along the pixel's ray in metres, 0 where nothing is seen; emission,
-// the surface's radiance towards the eye, W/(m2 sr). Pixels that show nothing stay as they are.
+// the surface's radiance towards the eye, W/(m2 sr). Pixels without a surface are not written.
 #import "shared/gbuffer/tiles.wgsl"
 #import "shared/gbuffer/visible_surface.wgsl"
 #import "shared/gbuffer/surface.wgsl"
@@ -10,7 +10,7 @@
 @group(1) @binding(12) var<storage, read_write> emission: array<vec4f>;
 @group(1) @binding(13) var distance: texture_storage_2d<r32float, write>;
 
-// Some surface is emissive or unlit; else emission stays as it was cleared.
+// True: some surface is emissive or unlit. False: emission keeps its cleared value.
 override HAS_EMISSION: bool = true;
 
 @compute @workgroup_size(8, 8)
@@ -35,6 +35,6 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     if (HAS_EMISSION) {
         emission[index] = vec4f(select(s.emission, s.base_color, unlit), 1.0);
     }
-    // 0 means that nothing is seen.
+    // Keep it above 0, which means no surface.
     textureStore(distance, pixel, vec4f(max(hit.distance, 1e-37)));
 }

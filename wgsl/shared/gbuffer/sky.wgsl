@@ -1,7 +1,7 @@
 // One invocation writes the environment to a pixel that shows no surface; one workgroup lists its tile of 8x8 pixels if
 // any pixel shows a surface.
 //
-// In: visibility, environment. Out, of pixels without a surface: an empty surface, distance 0, emission W/(m2 sr).
+// In: visibility, environment. Out, for pixels without a surface: an empty surface, distance 0, emission W/(m2 sr).
 #import "scene/environment.wgsl"
 #import "shared/gbuffer/tile_row.wgsl"
 

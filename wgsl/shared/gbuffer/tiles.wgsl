@@ -2,10 +2,10 @@
 #import "shared/gbuffer/tile_row.wgsl"
 
 @group(1) @binding(34) var<storage, read> seen_tiles: array<u32>;
-// x, y, z workgroups, a row of tiles at most TILE_ROW long; number of tiles.
+// Workgroups along x (at most TILE_ROW), y and z; number of tiles.
 @group(1) @binding(35) var<storage, read> tile_groups: array<u32>;
 
-// Returns the pixel of a thread of such a pass; `size`, outside the picture, for threads beyond the list.
+// Returns a thread's pixel, or `size` (outside the picture) for threads beyond the list.
 fn pixel_of_tile(group: vec3u, thread: vec3u, size: vec2u) -> vec2u {
     let number = group.y * TILE_ROW + group.x;
     if (number >= tile_groups[3]) {

@@ -7,8 +7,8 @@
 
 struct RasterVertex {
     position: vec3f,  // metres relative to the scene's origin
-    triangle: u32,    // if it is a triangle's first vertex
-    instance: u32,    // that it is placed by; NONE: it is in world space
+    triangle: u32,    // valid for a triangle's first vertex
+    instance: u32,    // that transforms it; NONE: it is in world space
 }
 
 fn raster_vertex(index: u32, slot: u32) -> RasterVertex {

@@ -1,7 +1,8 @@
 // One fragment writes its triangle to the visibility buffer; the depth test keeps the nearest.
 //
-// Out: triangle and instance (NONE: the mesh lies in the world's tree) plus 1, so that 0 is nothing; depth reversed,
-// near / view depth. With PEEL, only fragments behind `nearer` pass: the next layer of depth peeling (Everitt 2001).
+// Out: triangle and instance (NONE: the mesh lies in the world's tree) plus 1, so that 0 is no triangle; depth
+// reversed, near / view depth. With PEEL, only fragments behind `nearer` pass: the next layer of depth peeling (Everitt
+// 2001).
 #import "shared/gbuffer/vertices.wgsl"
 
 override PEEL: bool = false;

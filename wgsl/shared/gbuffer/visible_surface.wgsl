@@ -2,14 +2,14 @@
 #import "scene/surface.wgsl"
 #import "scene/ray_triangle.wgsl"
 
-// Sum of barycentric coordinates from which a hit counts as none: beyond 1e4 triangles' widths their rounding, 1e4 *
-// 6e-8, is as large as the difference between the corners in a picture.
+// A hit counts as none if its barycentric coordinates sum to this or more: beyond 1e4 triangle widths their rounding,
+// 1e4 * 6e-8, is as large as the difference between the corners in a picture.
 const FAR_OUTSIDE: f32 = 1e4;
 
 @group(1) @binding(33) var visibility: texture_2d<u32>;  // triangle + 1, instance + 1
 
-// Returns where a ray meets the plane of a triangle, clamped to the triangle: at its edges the coverage of
-// rasterisation and the ray's rounding differ.
+// Returns a ray's hit with the plane of a triangle, clamped to the triangle: rasterisation and rays round differently
+// at its edges.
 fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
     var origin = ray.origin;
     var direction = ray.direction;
@@ -19,7 +19,7 @@ fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
         direction = local_from_world * vec4f(direction, 0.0);
     }
     let h = hit_plane(origin, direction, t);
-    // A triangle seen edge-on has no such point, or one far outside: take its first corner.
+    // A triangle seen edge-on has no hit, or one far outside: use its first corner.
     let is_near = h.exists && abs(h.barycentric.x) + abs(h.barycentric.y) < FAR_OUTSIDE;
     var weights = select(vec2f(0.0), clamp(h.barycentric, vec2f(0.0), vec2f(1.0)), is_near);
     weights /= max(weights.x + weights.y, 1.0);
@@ -28,7 +28,7 @@ fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
     return Hit(max(distance, 0.0), triangle, select(instance, t.instance, t.instance != NONE), weights);
 }
 
-// Returns the triangle and the instance that a pixel shows; the triangle is NONE where there is nothing.
+// Returns the triangle and the instance that a pixel shows; the triangle is NONE if the pixel shows no surface.
 fn load_visibility(pixel: vec2u) -> vec2u {
     return textureLoad(visibility, pixel, 0).xy - 1u;
 }

@@ -1,10 +1,10 @@
-// One invocation averages a pixel's irradiance over frames by reprojection: mean += (x - mean) / k, for the k-th frame
-// that shows its surface, at most `frames`, fewer where it moves.
+// One invocation averages a pixel's irradiance over frames by reprojection: mean += (x - mean) / k. k counts the frames
+// that show the surface, up to `frames`, or fewer where it moves.
 //
 // `motion` gives the previous position; of the four taps there, those whose distance or normal disagrees get weight 0
-// (history rejection). Later frames of a still picture pass through: they are averaged after the blur, which tells
-// noise from detail by how frames differ. In: irradiance W/m2, motion, the previous history. Out: mean irradiance,
-// W/m2, the history, and the rejected share of it. Errs late where light changes, by at most `frames` frames.
+// (history rejection). Later frames of a still picture pass through: a pass after the blur averages them, because the
+// blur tells noise from detail by the variance over frames. In: irradiance W/m2, motion, the previous history. Out:
+// mean irradiance, W/m2, the history, and its rejected share. Lags where light changes, by at most `frames` frames.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/temporal/history.wgsl"
 #import "scene/sequence.wgsl"
@@ -22,11 +22,11 @@ struct Params {
 @group(1) @binding(15) var<storage, read_write> averaged: array<vec4f>;
 @group(1) @binding(16) var<storage, read_write> rejected: array<f32>;
 
-// A tap shows the same surface up to this relative difference of distances and down to this cosine of normals (26
+// A tap shows the same surface if distances differ by at most this share and the normals' cosine is at least this (26
 // degrees). tools/README.md, "Constants".
 const MAX_DISTANCE_CHANGE: f32 = 0.02;
 const MIN_NORMAL_COSINE: f32 = 0.9;
-// Weight of accepted taps below which the history is dropped: less than a tenth of a pixel is mostly noise.
+// The history is dropped if accepted taps weigh less than this: less than a tenth of a pixel is mostly noise.
 // tools/README.md, "Constants".
 const MIN_HISTORY_WEIGHT: f32 = 0.1;
 

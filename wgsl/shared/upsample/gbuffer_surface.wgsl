@@ -1,9 +1,9 @@
-// A pixel of the G-buffer as joint bilateral upsampling compares it.
+// A G-buffer pixel's surface for joint bilateral upsampling.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/upsample/weights.wgsl"
 
-// Returns the surface of a pixel, none where there is nothing to light; `outward`: its normal points to the
-// counter-clockwise side, else to the viewer.
+// Returns a pixel's surface; it does not exist where there is nothing to light. `outward`: true turns the normal to the
+// counter-clockwise side, false to the viewer.
 fn gbuffer_guide_surface(pixel: vec2u, outward: bool) -> GuideSurface {
     let surface = load_surface(pixel);
     let seen = load_distance(pixel);

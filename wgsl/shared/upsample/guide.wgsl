@@ -11,8 +11,8 @@
 @group(1) @binding(12) var<storage, read_write> unrepresented: array<u32>;
 @group(1) @binding(13) var<storage, read_write> unrepresented_groups: array<atomic<u32>>;
 
-// Coarse pixels represent a fine one if their bilinear weights times similarities add up to this: less than the least
-// bilinear weight at a stride of 2, 1 / 16, so that one coarse pixel of the same surface is enough.
+// Coarse pixels represent a fine one if their bilinear weights times similarities sum to at least this. It is below 1 /
+// 16, the least bilinear weight at a stride of 2, so one coarse pixel of the same surface suffices.
 const LEAST_REPRESENTED: f32 = 0.05;
 
 fn list_pixel(index: u32) {

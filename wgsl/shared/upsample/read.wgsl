@@ -1,10 +1,10 @@
-// Light of coarse pixels for a fine one, by the weights that `shared/upsample/guide.wgsl` found.
+// Upsamples coarse light by the weights that `shared/upsample/guide.wgsl` stored.
 #import "shared/upsample/weights.wgsl"
 
 @group(1) @binding(11) var<storage, read> coarse: array<vec4f>;
 @group(1) @binding(12) var<storage, read> guide: array<u32>;
 
-// Returns four weights, which add up to 1, or to 0 where there is no surface.
+// Returns four weights; their sum is 1, or 0 where there is no surface.
 fn load_guide(pixel: vec2u) -> vec4f {
     let weights = unpack4x8unorm(guide[pixel.y * view.size.x + pixel.x]);
     return weights / max(dot(weights, vec4f(1.0)), 0.5);

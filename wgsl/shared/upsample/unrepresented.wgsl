@@ -1,4 +1,4 @@
-// The list of unrepresented pixels, as the passes over it read it; `shared/upsample/guide.wgsl` makes it.
+// Read access to the list of unrepresented pixels; `shared/upsample/guide.wgsl` writes it.
 #import "shared/upsample/list_group.wgsl"
 
 @group(1) @binding(17) var<storage, read> unrepresented: array<u32>;         // pixels, by their index

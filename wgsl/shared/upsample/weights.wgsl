@@ -1,4 +1,4 @@
-// Joint bilateral upsampling (Kopf et al. 2007): how much the four coarse pixels around a fine pixel count for it.
+// Joint bilateral upsampling (Kopf et al. 2007): the weights of the four coarse pixels around a fine pixel.
 //
 // w_k = (b_k + WEIGHT_FLOOR) (s_k + WEIGHT_FLOOR): b_k is the bilinear weight, s_k in 0 to 1 the similarity of both surfaces, s_k =
 // max(1 - d_k^2, 0) max(n . n_k, 0), where d_k is the distance of the coarse surface from the tangent plane of the
@@ -6,7 +6,7 @@
 #import "scene/info.wgsl"
 
 override COARSE_STRIDE: u32 = 2u;       // fine pixels along the side of a coarse one
-override COARSE_CENTRED: bool = false;  // a coarse pixel lies at the centre of its square, else at its first pixel
+override COARSE_CENTRED: bool = false;  // true: a coarse pixel samples its square's centre; false: its first pixel
 
 // Keeps the sum above 0 wherever a coarse pixel shows something; leaks at most 0.2 % of another surface's light into
 // pixels that a coarse pixel represents.
@@ -18,7 +18,7 @@ struct GuideSurface {
     exists: bool,
 }
 
-// Returns how many fine pixels a metre spans that faces the camera.
+// Returns the number of fine pixels per metre on a surface that faces the camera.
 fn pixels_per_metre(position: vec3f) -> f32 {
     let depth = select(dot(position, view.forward), 1.0, view.orthographic != 0u);
     return f32(view.size.x) / max(2.0 * length(view.right) * depth, 1e-37);

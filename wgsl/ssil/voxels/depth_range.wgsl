@@ -1,4 +1,4 @@
-// One workgroup finds the depth range of its surfels. In: surfels. Out: the largest 1 / depth, 1/m, and the largest
+// One workgroup computes the depth range of its surfels. In: surfels. Out: the largest 1 / depth, 1/m, and the largest
 // depth, m, as bits of positive floats.
 #import "ssil/surfel.wgsl"
 
@@ -10,7 +10,7 @@ var<workgroup> largest: atomic<u32>;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32) {
-    // WebGPU has workgroup memory begin as zeros; wgpu-native 29 leaves in it what was there.
+    // WebGPU zeroes workgroup memory; wgpu-native 29 does not.
     if (thread == 0u) {
         atomicStore(&largest_inverse, 0u);
         atomicStore(&largest, 0u);

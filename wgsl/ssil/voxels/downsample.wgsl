@@ -1,5 +1,5 @@
 // One invocation makes a cell of the next level: the AND of four finer cells, slice by slice (section 4). In, out:
-// voxels. Errs bright: leaves out occluders thinner than a cell, and never blocks free space.
+// voxels. Errs bright: omits occluders thinner than a cell, and never blocks free space.
 
 override SLICES: u32 = 128u;
 

@@ -1,13 +1,13 @@
-// One invocation fills a cell: slices behind an odd number of solid boundaries, and slices that other surfaces pass.
+// One invocation fills a cell: slices behind an odd number of solid boundaries, and slices that shells pass.
 //
-// In: cells of `voxelize.wgsl`, boundaries first. Out: the finest grid. Errs where a mesh is not closed: its parity is
-// that of what lies before the cell.
+// In: cells of `voxelize.wgsl`, boundaries first. Out: the finest grid. Errs where a mesh is not closed: parity counts
+// only the surfaces in front.
 
 override SLICES: u32 = 128u;
 override HAS_SOLIDS: bool = true;
 override HAS_SHELLS: bool = true;
 
-const ROW: u32 = 4096u;  // threads along x: fine grids need more workgroups than a dispatch has along one axis
+const ROW: u32 = 4096u;  // threads along x: fine grids exceed a dispatch's workgroups along one axis
 
 @group(1) @binding(11) var<storage, read> cells: array<u32>;
 @group(1) @binding(12) var<storage, read_write> voxels: array<u32>;

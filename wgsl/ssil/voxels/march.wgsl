@@ -1,22 +1,22 @@
-// Visibility between two surfaces by a march through voxels: a step tests at once, as bits of a word, the slices that
-// the segment passes within a cell.
+// Visibility between two surfaces by a march through voxels. A step tests all slices that the segment passes within a
+// cell at once, as bits of a word.
 //
-// Both ends are lifted off their surfaces along the normals by the extent of a voxel in that direction: so a plane does
-// not occlude itself, and an occluder close to an end still counts. Errs bright: within the lifts, between steps longer
-// than a cell, in slices that lie in another 32-bit word than the step's midpoint; dark where two surfaces share a voxel.
-// Who imports this declares `params` with grid_size, cell, and step, cells along the longer axis.
+// Both ends are lifted off their surfaces along the normals by a voxel's extent in that direction, so a plane does not
+// occlude itself, but an occluder close to an end still counts. Errs bright within the lifts, between steps longer than
+// a cell, and in slices of another 32-bit word than the step's midpoint; dark where two surfaces share a voxel. The
+// importing shader declares `params` with grid_size, cell, and step (cells along the longer axis).
 #import "ssil/voxels/slices.wgsl"
 
 @group(1) @binding(50) var<storage, read> voxels: array<u32>;
 @group(1) @binding(51) var<storage, read> range: array<u32>;
 
-// Lift, voxels: 1 just leaves a plane. 320x180, one bounce, 16 frames, relMSE and bias with 1.5 and 1.75:
+// Lift, voxels; 1 just leaves a plane. 320x180, one bounce, 16 frames, relMSE and bias with 1.5 and 1.75:
 // Cornell's area light 0.0089, 0.0087 and -4.0, -3.8 %; spot 0.017, 0.016 and -2.1, -1.9 %; Sponza 3.2, 3.7 and -11.0,
 // -8.6 %.
 const LIFT: f32 = 1.75;
-// Left out at each end besides, cells: half a cell, since a segment from a cell's middle leaves it after that.
+// Length also skipped at each end, cells: a segment from a cell's middle leaves the cell after half a cell.
 const END_CELLS: f32 = 0.5;
-// Slices that a step passes at most: half of a word's bits, so that any middle in the word has room on one side.
+// Most slices per step: half of a word's bits, so that any middle in the word has room on one side.
 const STEP_SLICES: f32 = 16.0;
 
 var<private> slices: Slices;
@@ -47,7 +47,7 @@ fn prepare_march() {
     lift_forward = view.forward * (LIFT / slices.per_unit);
 }
 
-// Returns an end of a segment, lifted: cells right and down, and near / depth, or depth under parallel rays, which is
+// Returns a segment's lifted end: cells right and down, and near / depth (or depth under parallel rays), which is
 // linear along the segment in the picture.
 fn lifted(position: vec3f, normal: vec3f) -> vec3f {
     let spanned = abs(dot(normal, lift_right)) + abs(dot(normal, lift_up)) + abs(dot(normal, lift_forward));
@@ -70,11 +70,11 @@ fn march(start: vec3f, end: vec3f, jitter: f32) -> f32 {
     let step = length / steps;
     // Half of the slices that the segment passes in a cell.
     let half = 0.5 * passed * min(step, 1.0 / cells);
-    // A bit for each of them.
+    // One bit per slice.
     let bits = 0xffffffffu >> (31u - u32(2.0 * half + 0.5));
     var k = 0.0;
     var hidden = false;
-    // Tests at the end: lavapipe runs a loop once more where it tests at the beginning.
+    // Test at the loop's end: lavapipe runs one more iteration if the test is at the beginning.
     loop {
         let t = gap + (vec4f(0.0, 1.0, 2.0, 3.0) + k + jitter) * step;
         let x = vec4u(start.x + t * way.x);

@@ -1,8 +1,8 @@
-// The slices of the voxel grid, between the nearest and the farthest visible surface: no segment between two visible
-// surfaces leaves them.
+// The slices of the voxel grid, between the nearest and the farthest visible surface: all segments between visible
+// surfaces stay within them.
 //
-// In perspective every doubling of the depth has the same number of slices, of equal thickness in 1 / depth within it:
-// `octaves` is close to a logarithm and costs one conversion. Under parallel rays all slices are equally thick.
+// In perspective every doubling of the depth has the same number of slices, equally thick in 1 / depth. `octaves` is
+// close to a logarithm and costs one conversion. Under parallel rays all slices are equally thick.
 #import "scene/info.wgsl"
 
 override SLICES: u32 = 128u;  // slices, one bit each, in words of 32

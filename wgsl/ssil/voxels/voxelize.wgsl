@@ -1,10 +1,10 @@
 // One invocation voxelizes a triangle; a workgroup shares large ones.
 //
-// A triangle of a solid flips the bit of the slice that it passes under the centre of a cell; `fill.wgsl` makes solids
-// of these by parity. A triangle of a shell sets all slices that it passes within a cell. Edges are lines in
+// A triangle of a solid flips the bit of the slice that it passes at the centre of a cell; `fill.wgsl` fills solids by
+// the parity of these bits. A triangle of a shell sets all slices that it passes within a cell. Edges are lines in
 // homogeneous coordinates, so nothing is clipped (Olano and Greer 1997, "Triangle Scan Conversion Using 2D Homogeneous
 // Coordinates"). In: the scene, its solid triangles, the depth range. Out: cells, boundaries of solids first, then
-// shells. Errs by leaving out solids thinner than a slice or a cell, and by making shells up to a cell wider.
+// shells. Errs by omitting solids thinner than a slice or a cell, and by widening shells by up to a cell.
 #import "shared/gbuffer/vertices.wgsl"
 #import "ssil/voxels/slices.wgsl"
 
@@ -15,7 +15,7 @@ override HAS_CUTS: bool = false;  // alpha-masked materials
 struct Params {
     size: vec2u,     // cells
     cell: f32,       // pixels of the picture along the side of a cell
-    shells: u32,     // the first word of shells
+    shells: u32,     // first word of shells
     first: u32,      // entry of the index buffer
     triangles: u32,
     slot: u32,       // of the first instance
@@ -28,17 +28,17 @@ struct Params {
 @group(1) @binding(14) var<storage, read> raster_indices: array<u32>;
 @group(1) @binding(19) var<uniform> params: Params;
 
-const ROW: u32 = 4096u;   // threads along x: large scenes need more workgroups than a dispatch has along one axis
+const ROW: u32 = 4096u;   // threads along x: large scenes exceed a dispatch's workgroups along one axis
 const GROUP: u32 = 64u;
-const LARGE: u32 = 200u;  // cells of a triangle that the workgroup shares. tools/README.md, "Constants"
-// Margin of a shell beyond its edges, cells along the axis closer to the edge's normal: with 0.5 no row or column that
-// it passes is left out; 0.001 is for rounding.
+const LARGE: u32 = 200u;  // a workgroup shares triangles of more cells. tools/README.md, "Constants"
+// Margin of a shell beyond its edges, cells along the axis closer to the edge's normal: 0.5 covers every row or column
+// that the shell passes; 0.001 is for rounding.
 const SHELL_MARGIN: f32 = 0.501;
-// Least area, as a share of the terms it is the sum of. Rounding makes up 1e-7 of them, so below 1e-5 slopes are off by
-// over 1 %: the triangle is edge-on or tiny, and fills its whole depth range in each cell.
+// Least area, as a share of the terms that it sums. Their rounding is 1e-7, so below 1e-5 slopes err by over 1 %: the
+// triangle is edge-on or tiny, and fills its whole depth range in each cell.
 const MIN_RELATIVE_AREA: f32 = 1e-5;
-// Depth in front of which nothing is voxelized, share of the nearest visible one: no segment between visible surfaces
-// comes nearer than that; half of it leaves room for rounding.
+// Nearest voxelized depth, as a share of the nearest visible depth: segments between visible surfaces come no nearer
+// than the latter; half of it leaves room for rounding.
 const MIN_RELATIVE_DEPTH: f32 = 0.5;
 
 var<workgroup> large: array<u32, GROUP>;
@@ -59,7 +59,7 @@ fn corner_of(entry: u32, slot: u32) -> Corner {
     return Corner(vec3f((ndc + w) * vec2f(view.size) * (0.5 / params.cell), w), depth, vertex.triangle);
 }
 
-// A line through two corners; both triangles of an edge get the same numbers with opposite signs.
+// A line through two corners. Both triangles at an edge compute the same numbers with opposite signs.
 struct Edge {
     line: vec3f,
     swapped: bool,
@@ -106,7 +106,7 @@ fn set_slices(cell: u32, ends: vec2f) {
         let l = max(low, 32u * word) & 31u;
         let h = min(high, 32u * word + 31u) & 31u;
         let mask = (0xffffffffu << l) & (0xffffffffu >> (31u - h));
-        // A load is cheaper than an atomic where all are set.
+        // A load is cheaper than an atomic if all bits are already set.
         if ((mask & ~atomicLoad(&cells[first + word])) != 0u) {
             atomicOr(&cells[first + word], mask);
         }
@@ -131,8 +131,8 @@ fn is_hole(triangle: u32, off: vec3f) -> bool {
     return is_cut_out(load_triangle(triangle), shares.yz / max(shares.x + shares.y + shares.z, 1e-37));
 }
 
-// Voxelizes every `lanes`-th cell of a triangle from `lane` on, unless it has more than `most`; returns how many it
-// has.
+// Voxelizes every `lanes`-th cell of a triangle from `lane` on, unless it has more than `most` cells. Returns the
+// number of its cells.
 fn voxelize(number: u32, lane: u32, lanes: u32, most: u32) -> u32 {
     let slot = params.slot + number / params.triangles;
     let entry = params.first + 3u * (number % params.triangles);
@@ -158,7 +158,7 @@ fn voxelize(number: u32, lane: u32, lanes: u32, most: u32) -> u32 {
     let lines = mat3x3f(side * edges[0].line, side * edges[1].line, side * edges[2].line);
     let slopes = transpose(lines);
     let wider = SHELL_MARGIN * max(abs(slopes[0]), abs(slopes[1]));
-    // 1 / depth is linear in the picture; under parallel rays depth is.
+    // 1 / depth is linear in the picture; under parallel rays, depth is.
     let plane = lines * select(vec3f(1.0), vec3f(a.depth, b.depth, c.depth), parallel) / max(abs(area), 1e-37);
     let thin = abs(area) <= MIN_RELATIVE_AREA * dot(abs(a.place), abs(edges[0].line));
     let reach = 0.5 * (abs(plane.x) + abs(plane.y));
@@ -189,7 +189,7 @@ fn voxelize(number: u32, lane: u32, lanes: u32, most: u32) -> u32 {
 
 @compute @workgroup_size(GROUP)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32) {
-    // WebGPU has workgroup memory begin as zeros; wgpu-native 29 leaves in it what was there.
+    // WebGPU zeroes workgroup memory; wgpu-native 29 does not.
     if (thread == 0u) {
         atomicStore(&large_count, 0u);
     }
