@@ -23,19 +23,19 @@ UNLIMITED = 0x7FFFFFFF
 
 @dataclass
 class PathSettings:
-    """How the path tracer divides its work, and what it is the truth of."""
+    """How the path tracer divides its work, and which light it counts."""
 
     samples_per_run: int = setting(
-        16, "Paths per pixel in one run of the pass; fewer refine in smaller steps.", "paths", range=(1, 64)
+        16, "Paths per pixel in one run of the pass; fewer paths refine in smaller steps.", "paths", range=(1, 64)
     )
     visible_only: bool = setting(
-        False, "Let light leave only surfaces that the camera sees: the best that techniques in screen space can find."
+        False, "Only surfaces that the camera sees send light: the best result that screen-space techniques can reach."
     )
 
 
 @dataclass
 class Primary:
-    """What is seen through the pixel centres: base colour; shading normal and distance; position. Four floats each."""
+    """Surfaces at the pixel centres: base colour; shading normal and distance; position. Four floats each."""
 
     albedo: Buffer
     normal: Buffer
@@ -54,24 +54,24 @@ class PathOptions(Protocol):
 
 @dataclass
 class PathInputs(SceneInputs):
-    """What the path tracer needs of a scene, and in how many runs of the graph it traces its samples."""
+    """The scene inputs of the path tracer, and the number of graph runs over which it traces its samples."""
 
     runs: int
 
     def shape(self) -> tuple[object, ...]:
-        """Return all that calls for another declaration of the passes."""
+        """Return the values whose change forces the passes to be redeclared."""
         return (*super().shape(), self.runs)
 
 
 class LongPaths:
-    """Runs that come on top of those planned, for pixels whose paths are exceptionally long."""
+    """Runs added to the planned ones, for pixels whose paths are exceptionally long."""
 
     def __init__(self) -> None:
         self.extra_runs = 0
 
 
 def path_inputs(shot: Shot, settings: PathOptions) -> PathInputs:
-    """Set the uniforms `scene` and `view`; return what the passes read."""
+    """Set the uniforms `scene` and `view`; return the inputs of the passes."""
     shot.graph.uniform("view", shot.upload.view(shot.camera, shot.size, settings.camera.jitter))
     return PathInputs(**vars(share_scene(shot.graph, shot.upload)), runs=_runs(settings, shot.kept))
 
@@ -81,10 +81,10 @@ def _runs(settings: PathOptions, kept: Kept) -> int:
 
 
 def _refine(graph: Graph, kept: Kept, settings: PathOptions) -> bool:
-    """Plan more runs if a pixel lacks samples, because its paths took too many steps; return True if so."""
+    """Plan more runs if a pixel lacks samples because its paths took too many steps; return whether it did."""
     samples = int(graph.read_back("path/emission").reshape(-1, 4)[:, 3].min())
     missing = settings.spp - samples
-    # As many runs as the slowest pixel needs at its pace so far.
+    # Add as many runs as the slowest pixel needs at its pace so far.
     kept(LongPaths).extra_runs += -(-missing * _runs(settings, kept) // max(samples, 1))
     return missing > 0
 
@@ -105,8 +105,8 @@ TECHNIQUE = Technique(
 def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) -> Light:
     """Declare the path tracer: `spp` paths per pixel, with at most `bounces` indirect bounces (None: unlimited).
 
-    It adds up to `path.samples_per_run` samples in each of `scene.runs` runs of the graph, until a pixel has them all.
-    `emission`'s fourth value counts them: pixels with very long paths take fewer in a run and need more runs.
+    Each of `scene.runs` runs of the graph adds up to `path.samples_per_run` samples to a pixel, until it has `spp`.
+    `emission`'s fourth value counts them: pixels with very long paths get fewer per run and need more runs.
     """
     width, height = graph.size
 
@@ -154,9 +154,9 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
 
 
 def _keep_full_runs(trace: Pass, spp: int) -> None:
-    """Go on with the samples that there are if only `spp` is another and no run has taken fewer for its sake.
+    """Keep the existing samples if only `spp` changes and no run took fewer samples because of it.
 
-    Then all runs are those of a picture that had this `spp` from the start, and so is every bit of it.
+    Then the picture equals, bit for bit, one that had this `spp` from the start.
     """
     before = trace.params_before
     if before is not None and (trace.state.settle_index + 1) * before["samples"] <= min(spp, before["spp"]):
@@ -164,7 +164,7 @@ def _keep_full_runs(trace: Pass, spp: int) -> None:
 
 
 def declare_primary(graph: Graph, scene: SceneInputs) -> Primary:
-    """Declare the pass that finds what each pixel's centre shows, without light."""
+    """Declare the pass that finds the surface at each pixel's centre, unlit."""
     width, height = graph.size
     buffers = {
         name: graph.buffer(f"primary/{name}", dtype=FOUR_FLOATS, count=width * height, width=width)

@@ -1,6 +1,6 @@
-// The response of a surface's coat to a VPL: the GGX lobe, widened by the angle that the VPL's disc subtends. The
-// widened lobe mirrors a VPL as bright as its disc, without a spike. Errs blurry, by less than the distance between
-// VPLs.
+// The response of a surface's coat to a source, such as a VPL: the GGX lobe, widened by the angle that the source's
+// disc subtends. The widened lobe mirrors a source as bright as its disc, without a spike. Errs blurry, by less than
+// the distance between sources.
 #import "common/brdf.wgsl"
 
 struct Shine {

@@ -1,6 +1,6 @@
 """The deferred base (`--gi none`): direct light by shadow maps, and the environment's light unoccluded.
 
-The techniques for indirect light begin with its stages: `declare_base`, then `declare_direct`.
+The techniques for indirect light start with the same stages: `declare_base`, then `declare_direct`.
 """
 
 from __future__ import annotations

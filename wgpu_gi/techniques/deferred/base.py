@@ -1,4 +1,4 @@
-"""The stages that every deferred technique begins with: G-buffer, motion, environment and shadow maps."""
+"""The first stages of every deferred technique: G-buffer, motion, environment and shadow maps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class BaseOptions(Protocol):
 
 @dataclass
 class Base:
-    """What the camera sees, how it moved, the prefiltered environment, and the atlas of shadow maps if there is one."""
+    """G-buffer, motion vectors, prefiltered environment, and shadow atlas (None: no light casts shadows)."""
 
     gbuffer: Gbuffer
     motion: Buffer
@@ -38,7 +38,7 @@ def declare_base(
     lobes: bool = False,
     albedo: bool = False,
 ) -> Base:
-    """Declare the stages; `gbuffer` is there if the technique has declared its own.
+    """Declare the stages; `gbuffer`: the technique's own G-buffer, if it has already declared one.
 
     `lobes` and `albedo` ask for tables of the environment: see `declare_environment`.
     """

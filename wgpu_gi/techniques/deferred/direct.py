@@ -1,7 +1,7 @@
 """Direct light: shadow maps, with rays where a shadow's edge crosses a pixel; and the environment's light.
 
-Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows". Departure: rays go only where the
-filter finds texels that see the light beside texels that do not.
+Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows". Departure: only pixels whose filter
+finds both lit and shadowed texels trace rays.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from .environment import Ambient
 from .inputs import DeferredInputs, DirectInputs
 
 TILE = int(load("deferred/direct/tile.wgsl").constants["TILE"])
-UNROLLED = 3  # lights up to which there is no loop
-# Lights of one pass of shadow rays where drivers cut loops: a ray takes about a hundred iterations, llvmpipe (Mesa 22)
-# allows an invocation 65,535.
+UNROLLED = 3  # up to this many lights, the shader has no loop
+# Lights per pass of shadow rays where drivers cut loops: a ray takes about a hundred iterations; llvmpipe (Mesa 22)
+# allows 65,535 per invocation.
 EDGE_LIGHTS = 64
-TILED_FROM = 8  # spots and lights with a range from which lists save time: tools/README.md, "Constants"
+TILED_FROM = 8  # number of bounded lights from which lists save time: tools/README.md, "Constants"
 
 
 @dataclass
@@ -34,17 +34,17 @@ class DirectSettings:
     """Direct light."""
 
     samples: int = setting(
-        16, "Sample lights over all emitters together.", "lights", range=(1, 4096), presets={"low": 8, "high": 64}
+        16, "Lights sampled on all emitters together.", "lights", range=(1, 4096), presets={"low": 8, "high": 64}
     )
     edges: bool = setting(True, "Trace shadow rays where shadow maps are undecided, instead of filtering.")
     tiles: bool = setting(True, "Cull lights by tiles of 16x16 pixels if there are many.")
     contacts: int = setting(
         0,
-        "Samples of a screen-space shadow ray across a shadow map's bias; 0 for none. Has no effect with direct.edges.",
+        "Steps of a screen-space shadow ray across a shadow map's bias; 0: none. Has no effect with direct.edges.",
         "points",
         range=(0, 64),
     )
-    range: bool = setting(False, "End lights at the range that the file gives, which physical lights do not.")
+    range: bool = setting(False, "End lights at the range given in the file; physical lights have none.")
 
 
 def declare_direct(
@@ -57,10 +57,10 @@ def declare_direct(
     sky: Buffer | None = None,
     layers: Sequence[Gbuffer] = (),
 ) -> Buffer:
-    """Declare the light scattered once towards the eye: (r, g, b, 1) per pixel, W/(m2 sr).
+    """Declare direct light reflected to the eye: (r, g, b, 1) per pixel, W/(m2 sr).
 
-    `sky` is the share of the environment that each pixel's surface sees, (r, g, b, -); without it, that is all.
-    `layers`, at most four, are those of depth peeling, of which `gbuffer` is the first.
+    `sky`: unoccluded share of the environment at each pixel, (r, g, b, -); None: 1. `layers`: at most four layers of
+    depth peeling; `gbuffer` is the first.
     """
     width, height = graph.size
     direct = graph.buffer("direct/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
@@ -110,9 +110,9 @@ def declare_direct(
 
 
 def _declare_tiles(graph: Graph, settings: DirectSettings, lights: DirectInputs, gbuffer: Gbuffer) -> Buffer | None:
-    """Declare the lights that reach each tile, a bit for each; return None where that would cost more than it saves."""
+    """Declare one bit per tile and light: the light can reach the tile. None where lists cost more than they save."""
     if not settings.tiles or lights.bounded < TILED_FROM:
-        reason = f"fewer than {TILED_FROM} lights end somewhere" if settings.tiles else "direct.tiles is off"
+        reason = f"fewer than {TILED_FROM} lights have a cone or a range" if settings.tiles else "direct.tiles is off"
         graph.skip("direct/tiles", reason)
         return None
     width, height = graph.size
@@ -137,7 +137,7 @@ def _declare_edges(
     edge_groups: Buffer,
     direct: Buffer,
 ) -> None:
-    """Declare the passes that light listed pixels by rays: one, or one for every EDGE_LIGHTS lights on a CPU."""
+    """Declare the passes that light listed pixels by rays: one pass, or on a CPU one per EDGE_LIGHTS lights."""
     shader = "deferred/direct/edges.wgsl"
     is_cpu = graph.device.is_cpu
     per_pass = EDGE_LIGHTS if is_cpu else scene.direct.count

@@ -1,7 +1,7 @@
 """The environment's light, unoccluded: prefiltered once, then looked up by every pixel.
 
-Karis 2013, "Real Shading in Unreal Engine 4" (split sum). Departures: the lobe's mean direction instead of the mirrored
-one; sums over all of the picture instead of samples, so that suns of a few pixels keep their energy.
+Karis 2013, "Real Shading in Unreal Engine 4" (split sum). Departures: lookups use the lobe's mean direction instead of
+the mirror direction; sums cover the whole picture instead of samples, so suns of a few pixels keep their energy.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from ...gpu.wgsl.load import load
 from ...settings import setting
 from ..shared.scene_inputs import SceneInputs
 
-# Entries of the table of albedos along the view's cosine and the roughness. Bilinear lookups, against a table of
-# 512 x 512 at 20,000 random angles and roughnesses: off by 0.4 % at most; with 48 x 48 it was 0.7 %.
+# Entries of the table of albedos along the view's cosine and the roughness. Bilinear lookups differ by at most 0.4 %
+# from a table of 512 x 512 at 20,000 random angles and roughnesses; with 48 x 48 entries, by 0.7 %.
 TABLE_SIZE = (64, 64)
 
 
@@ -35,7 +35,7 @@ class EnvironmentSettings:
 
 @dataclass
 class Ambient:
-    """What `deferred/environment/ambient.wgsl` reads, by name; goes into `reads=` of passes that import it."""
+    """Bindings and features of `deferred/environment/ambient.wgsl`; passes that import it need both."""
 
     reads: dict[str, Handle]
     features: dict[str, bool]
@@ -49,9 +49,10 @@ class Ambient:
 def declare_environment(
     graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, *, lobes: bool = False, albedo: bool = False
 ) -> Ambient:
-    """Declare the passes that prefilter the environment; they run again only when its picture changes.
+    """Declare the passes that prefilter the environment; they rerun only when its picture changes.
 
-    With `albedo` there is the table of what coated surfaces reflect even if there is no environment.
+    `albedo`: make the reflectance table of coated surfaces even without an environment. `lobes`: make the maps of all
+    lobes even without coats.
     """
     shines = settings.ambient and scene.features["HAS_ENVIRONMENT"]
     pictured, coated = scene.features["HAS_PICTURED_ENVIRONMENT"], scene.features["HAS_COATS"]
@@ -81,11 +82,11 @@ def _declare_albedo(graph: Graph) -> Handle:
 
 
 def _declare_maps(graph: Graph, picture: Handle, coated: bool) -> Handle:
-    """Declare the sums over the picture: by quadtree cells, then for each direction and lobe of the maps."""
+    """Declare the sums over the picture: into quadtree cells, then for each direction and lobe of the maps."""
     shader = load("deferred/environment/prefilter.wgsl")
     known = {name: int(value) for name, value in shader.constants.items()}
     cells = graph.buffer("environment/cells", dtype=shader.struct_dtype("Cell"), count=known["CELLS"])
-    # Without coats, only the cosine's map is needed, the first.
+    # Without coats, only the first map, of the cosine lobe, is needed.
     size = (known["LAST_SIDE"], known["MAPS_HEIGHT"]) if coated else (known["SMALL_SIDE"], known["SMALL_SIDE"])
     maps = graph.texture("environment/maps", "rgba32float", size=size, nonnegative=True)
     graph.compute(

@@ -1,4 +1,4 @@
-"""What passes of the deferred base read of a scene, and what calls for another declaration of them."""
+"""The scene inputs of the deferred base, and the values that force its passes to be redeclared."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .shadow_draws import ShadowDraws
 
 @dataclass
 class DirectInputs:
-    """The table of the lights that deferred techniques loop over, and their shadow views.
+    """The table of lights that deferred techniques loop over, and their shadow views.
 
-    count: lights in the table; `bounded` of them have an end: spots, and lights with a range. atlas_size:
-    texels on a side of the shadow atlas; 0: no light casts shadows.
+    count: lights in the table. bounded: number of spots and lights with a range. atlas_size: side of the shadow atlas,
+    texels; 0: no light casts shadows.
     """
 
     lights: Shared
@@ -26,9 +26,9 @@ class DirectInputs:
 
 @dataclass
 class DeferredInputs(RasterInputs):
-    """What deferred techniques need of a scene.
+    """The scene inputs of deferred techniques.
 
-    before_from_now: the motion of each instance since the frame before. frames: how many make a still picture.
+    before_from_now: each instance's transform to the previous frame. frames: number of frames of a still picture.
     """
 
     direct: DirectInputs
@@ -37,6 +37,6 @@ class DeferredInputs(RasterInputs):
     frames: int
 
     def shape(self) -> tuple[object, ...]:
-        """Return all that calls for another declaration of the passes."""
+        """Return the values whose change forces the passes to be redeclared."""
         direct = self.direct
         return (*super().shape(), direct.count, direct.bounded, direct.atlas_size, self.frames)

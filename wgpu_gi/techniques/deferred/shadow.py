@@ -1,4 +1,4 @@
-"""Shadow maps: all views of all lights in one depth atlas, kept while lights and geometry are still.
+"""Shadow maps: all views of all lights in one depth atlas, redrawn only when lights or geometry change.
 
 Williams 1978, "Casting Curved Shadows on Curved Surfaces"; filtering in `wgsl/deferred/shadow/lookup.wgsl`.
 """
@@ -12,7 +12,7 @@ from .shadow_draws import ShadowPart, slot_bits
 
 
 def declare_shadow_maps(graph: Graph, scene: DeferredInputs) -> Texture | None:
-    """Declare the atlas of all shadow views, depth reversed; None where there are none."""
+    """Declare the atlas of all shadow views, depth reversed; return None if there are no views."""
     if not scene.direct.atlas_size:
         graph.skip("shadow/opaque", "no light casts shadows")
         return None

@@ -1,7 +1,7 @@
-"""Shares one square depth texture between all shadow maps: how large each may be, and where it lies.
+"""Layout of one square depth texture shared by all shadow maps: the size and place of each.
 
-Sides are powers of two, so that maps placed along a Z-order curve, the largest first, fill the square without gaps or
-overlaps (Morton 1966); a map of half height is half of such a square.
+Sides are powers of two, so maps placed along a Z-order curve, the largest first, fill the square without gaps or
+overlaps (Morton 1966). A map of half height takes half of a square.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...errors import GiError
 from ...webgpu_limits import MAX_TEXTURE_SIDE
 
-SMALLEST = 16  # texels on a side; of a map of half height, half of that
+SMALLEST = 16  # least side of a map, texels; maps of half height have half as many rows
 
 
 def fit_sides(
@@ -20,9 +20,8 @@ def fit_sides(
 ) -> NDArray[np.int64]:
     """Return the sides of the lights' maps, (n,), halved until all of them fit into `atlas` x `atlas` texels.
 
-    A light's maps take `weights` times its side squared. The one with the most texels for its share of the importance
-    goes first. None gets smaller than SMALLEST: where that is too much, the atlas has to grow. Raises GiError where it
-    cannot.
+    A light's maps take `weights` times its side squared. The light with the most texels per share of importance is
+    halved first, down to SMALLEST at least; if that does not suffice, the atlas grows. Raises GiError if it cannot.
     """
     least = float(weights.sum()) * SMALLEST**2
     if least > MAX_TEXTURE_SIDE**2:
@@ -33,7 +32,7 @@ def fit_sides(
     excess = float((weights * sides**2.0).sum()) - max(float(atlas) ** 2, least)
     if excess <= 0:
         return sides
-    # All halvings that are possible, and what each of them frees.
+    # List all possible halvings, and the texels that each frees.
     possible = np.log2(sides / SMALLEST).round().astype(np.int64)
     light = np.repeat(np.arange(len(sides)), possible)
     step = np.arange(len(light)) - np.repeat(np.cumsum(possible) - possible, possible)
@@ -45,14 +44,14 @@ def fit_sides(
 
 
 def place(widths: NDArray[np.int64], heights: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """Return the corners (n, 2) of maps, and the side of the square that they need.
+    """Return the corners (n, 2) of maps, and the side of the square that holds them.
 
-    Widths are powers of two, heights as large or half as large.
+    Widths are powers of two; a height equals the width or half of it.
     """
     area = widths * heights
     order = np.argsort(-area, kind="stable")
     end = np.cumsum(area[order])
-    # Every area is a multiple of the next, so that each map begins at a multiple of its own.
+    # Every area is a multiple of the next, so each map begins at a multiple of its own area.
     code = np.empty_like(area)
     code[order] = end - area[order]
     corners = np.zeros((len(area), 2), np.int64)

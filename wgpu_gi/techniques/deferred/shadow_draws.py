@@ -17,21 +17,21 @@ Call = tuple[int, ...]  # of draw_indexed
 
 
 def slot_bits(draws: DrawList) -> int:
-    """Return how many bits of an instance number hold its slot; in steps of four, so that pipelines stay the same."""
+    """Return the bits of an instance number that hold its slot: a multiple of four, so that pipelines rarely change."""
     return -(-(len(draws.slots) - 1).bit_length() // 4) * 4
 
 
 class ShadowDraws:
-    """Draws into each view the clusters that it may see; `update` tells which views and what."""
+    """Draws into each view the clusters that it may see; `update` sets the views and the draw list."""
 
     def __init__(self) -> None:
         self.culling = ViewCulling()
         self._calls: dict[bool, list[tuple[Viewport, list[Call]]]] = {}
 
     def update(self, views: NDArray[np.void], draws: DrawList) -> None:
-        """Take other views, another scene or other places of it; what each view sees is found when it is drawn.
+        """Set the views and the draw list; culling runs when a view is drawn.
 
-        Raises GiError for more views than instance numbers leave room for.
+        Raises GiError if instance numbers cannot hold that many views.
         """
         if len(views) > 1 << (32 - slot_bits(draws)):
             raise GiError(
@@ -51,7 +51,7 @@ class ShadowDraws:
                 encoder.draw_indexed(*call)
 
     def _find_calls(self, masked: bool) -> list[tuple[Viewport, list[Call]]]:
-        """Return what to draw where, for the views that see anything."""
+        """Return viewport and draw calls of each view that sees any cluster."""
         assert self.culling.draws is not None
         bits = slot_bits(self.culling.draws)
         found: list[tuple[Viewport, list[Call]]] = []

@@ -1,6 +1,6 @@
-"""Fits the shadow maps of a sun: one to the whole scene, and finer ones to what is near the camera.
+"""Fits the shadow maps of a sun: one covers the whole scene, finer cascades cover the view near the camera.
 
-All are parallel projections whose texels stay where they are in the world while the camera moves (Valient 2008, "Stable
+All are parallel projections whose texels keep their world positions while the camera moves (Valient 2008, "Stable
 Rendering of Cascaded Shadow Maps").
 """
 
@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 MARGIN = 2.5  # texels at each edge: two for the filter, half a one for snapping
-RATIO = 4.0  # of the depths that successive cascades reach: tools/README.md, "Constants"
+RATIO = 4.0  # of successive cascades' depths, and of texels to pixels: tools/README.md, "Constants"
 MOST_CASCADES = 4
-FLAT = 0.45  # a scene that looks flatter than that from the sun gets a map of half height
-# Steps to a doubling of a scene's extent: texels move only when it grows past a step; at most 2^(1/8) = 9 % too wide.
+FLAT = 0.45  # a scene with at most this ratio of height to width, seen from the sun, gets a map of half height
+# Steps per doubling of a scene's extent: texels move only past a step, and are at most 2^(1/8) = 9 % too wide.
 STEPS = 8
 
 
 @dataclass
 class SunMap:
-    """A rectangle across the light: its centre along the axes and half its extent, metres; `flat`: of half height."""
+    """A rectangle perpendicular to the light: centre and half extent along the axes, metres; `flat`: of half height."""
 
     centre: NDArray[np.float64]  # (2,)
     half: NDArray[np.float64]  # (2,)
@@ -34,7 +34,7 @@ class SunMap:
 
 
 def sun_axes(direction: NDArray[np.float64], box: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Return right, up and the direction of travel as rows; right goes along the edge of `box` that looks longest."""
+    """Return right, up and the direction of travel as rows; right follows the edge of `box` that looks longest."""
     direction = direction / np.linalg.norm(direction)
     across = np.eye(3) - direction[:, None] * direction
     edges = np.ones(3) if box is None else box[1] - box[0]
@@ -48,7 +48,7 @@ def sun_axes(direction: NDArray[np.float64], box: NDArray[np.float64] | None) ->
 def fit_scene(axes: NDArray[np.float64], box: NDArray[np.float64]) -> SunMap:
     """Return the map that shows all of `box` (2, 3)."""
     edges = box[1] - box[0]
-    reach = np.maximum(np.abs(axes[:2]) @ edges / 2, 1e-6 * np.linalg.norm(edges))  # flat scenes have some extent, too
+    reach = np.maximum(np.abs(axes[:2]) @ edges / 2, 1e-6 * np.linalg.norm(edges))  # above 0 for flat scenes, too
     half = 2.0 ** (np.ceil(np.log2(reach) * STEPS) / STEPS)
     return SunMap(axes[:2] @ box.mean(0), half, bool(half[1] <= FLAT * half[0]))
 
@@ -61,10 +61,10 @@ def fit_view(
     surface_samples: NDArray[np.float64],
     cascades: int | None,
 ) -> list[SunMap]:
-    """Return all maps of a sun, the finest first: those for what is near the camera, and `whole`.
+    """Return all maps of a sun, the finest first: cascades near the camera, then `whole`.
 
-    There are `cascades` of them, or as many as it takes until no texel looks wider than RATIO pixels; fewer where a
-    finer map of `side` texels would not be finer, and where no sample of the surfaces (n, 3) is in view.
+    There are `cascades` maps, or enough that no texel looks wider than RATIO pixels. There are fewer if a cascade of
+    `side` texels would not be finer than `whole`, or if no surface sample (n, 3) is in view.
     """
     spheres = _view_spheres(view, surface_samples, whole.texel(side), cascades)
     maps = [SunMap(axes[:2] @ centre, np.full(2, radius)) for centre, radius in spheres]
@@ -92,9 +92,9 @@ def sun_matrix(
 def _view_spheres(
     view: NDArray[np.void], surface_samples: NDArray[np.float64], texel: float, cascades: int | None
 ) -> list[tuple[NDArray[np.float64], float]]:
-    """Return spheres around the near parts of what the camera sees, the nearest first: centre and radius, metres.
+    """Return spheres around the near parts of the view, the nearest first: centre and radius, metres.
 
-    `texel` is the width of one of the map of the whole scene.
+    `texel`: a texel's width in the map of the whole scene, metres.
     """
     eye, forward = (np.asarray(view[name], np.float64) for name in ("position", "forward"))
     right, up = (np.asarray(view[name], np.float64) for name in ("right", "up"))
@@ -107,19 +107,19 @@ def _view_spheres(
     if parallel:
         if cascades is None and texel <= RATIO * pixel:
             return []
-        # All depths look the same: one map for what is in view, in steps so that it does not follow every movement.
+        # Pixels have one width at all depths: one map covers the view, in steps, so that it does not follow every move.
         step = 2.0 ** np.ceil(np.log2(max(float(np.ptp(depths)), corner)))
         near, far = np.floor(depths.min() / step) * step, np.ceil(depths.max() / step) * step
         return [(eye + forward * (near + far) / 2, float(np.hypot(corner, (far - near) / 2)))]
-    # From this depth on, the map of the whole scene will do.
+    # From this depth on, the map of the whole scene suffices.
     enough = max(texel / (RATIO * pixel), float(depths.min()))
     count = cascades or min(1 + int(np.ceil(np.log(enough / depths.min()) / np.log(RATIO) - 1e-9)), MOST_CASCADES)
-    # In steps, so that the maps keep their extents while the camera moves a little.
+    # Use steps, so that the maps keep their extents while the camera moves a little.
     nearest = 2.0 ** np.floor(np.log2(depths.min()))
     ratio = max(RATIO, (enough / nearest) ** (1 / max(count - 1, 1)))
     spheres = []
     for far in nearest * ratio ** np.arange(1, count):
-        # The smallest sphere around the pyramid from the eye to that depth.
+        # Find the smallest sphere around the view pyramid from the eye to that depth.
         middle = min(1.0, (1 + corner**2) / 2) * far
         spheres.append((eye + forward * middle, float(max(middle, np.hypot(far - middle, corner * far)))))
     return spheres
@@ -132,7 +132,7 @@ def _visible_depths(
     forward: NDArray[np.float64],
     parallel: bool,
 ) -> NDArray[np.float64]:
-    """Return the depths of those points, given relative to the eye, that lie in the picture and before it."""
+    """Return the view depths of the points that the picture shows; `offset`: points relative to the eye, metres."""
     depth = offset @ forward
     scale = np.ones_like(depth) if parallel else depth
     inside = depth > 0

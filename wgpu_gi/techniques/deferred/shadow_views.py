@@ -1,8 +1,8 @@
-"""The shadow maps of all lights: which views each light needs, their matrices, and their places in one atlas.
+"""The shadow views of all lights: their number, matrices and places in one atlas.
 
-A point light sees by the six faces of a cube, a sample of an emitter by the half cube over its surface (Cohen and
-Greenberg 1985, "The Hemi-Cube"), a spot by one view or, if it is wide, by a half cube, too; for suns see `shadow_sun`.
-Departures: depth is reversed and infinite, and every view is widened by a margin, so that filters stay inside it.
+A point light has the six faces of a cube, a sample of an emitter the half cube over its surface (Cohen and Greenberg
+1985, "The Hemi-Cube"), a spot one view or, if it is wide, a half cube; for suns see `shadow_sun`. Departures: depth is
+reversed and infinite; a margin widens every view, so that filters stay inside it.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from ...webgpu_limits import MAX_TEXTURE_SIDE
 from .shadow_atlas import SMALLEST, fit_sides, place
 from .shadow_sun import SunMap, fit_scene, fit_view, sun_axes, sun_matrix
 
-MARGIN = 2  # texels around what a perspective view must show, for the filter
+MARGIN = 2  # texels around a perspective view's face, for the filter
 HALF_CUBE, CUBE = 5, 6  # views
-# Near planes over the scene's radius. Nothing nearer casts shadows, and of reversed float depth a near one costs no
-# precision. A sample of an emitter must not see its own surface, so it needs more than positions are rounded by: with
-# 1e-6 the Cornell lamp shades itself, with 1e-5 it does not.
+# Near planes over the scene's radius. Nothing nearer casts shadows; with reversed float depth, a small value costs no
+# precision. A sample of an emitter must not see its own surface, so it needs more than the rounding of positions: with
+# 1e-6 the Cornell lamp shadows itself, with 1e-5 it does not.
 NEAR = 1e-9
 NEAR_EMITTER = 1e-5
-WIDEST_COSINE = 0.5  # of a spot's half angle with a single view: 60 degrees, texels 4 times as dense at the edge
+WIDEST_COSINE = 0.5  # of the widest half angle of a spot with one view: 60 degrees, texels 4 times as dense at the edge
 DIMMEST_SIDE = 1 / 8  # least side over that of the most important light of its kind: tools/README.md, "Constants"
 PROBES = 64  # surface points at which lights are compared: tools/README.md, "Constants"
 ROUNDING = 1e-6  # of cosines: 17 roundings of float32
@@ -45,7 +45,7 @@ class ShadowSettings:
 
     atlas: int = setting(
         4096,
-        "Side of the texture that all shadow maps share, at most.",
+        "Largest side of the texture that all shadow maps share.",
         "texels",
         range=(256, MAX_TEXTURE_SIDE),
         presets={"low": 2048, "high": MAX_TEXTURE_SIDE},
@@ -71,27 +71,27 @@ class ShadowSettings:
         presets={"low": 64, "high": 256},
     )
     cascades: int | None = setting(
-        None, "Maps of a sun, from near the camera to the whole scene; none: as the view needs.", range=(1, 4)
+        None, "Shadow maps of a sun, from near the camera to the whole scene; none: as the view needs.", range=(1, 4)
     )
 
 
 @dataclass
 class _Sun:
-    """A sun's axes, as `sun_axes` has them, and its maps, the finest first."""
+    """A sun's axes, from `sun_axes`, and its maps, the finest first."""
 
     axes: NDArray[np.float64]
     maps: list[SunMap]
 
     def fill(self, records: NDArray[np.void], centre: NDArray[np.float64], radius: float) -> None:
-        """Write the matrices of records that have their sizes; `centre` and `radius` are of the scene."""
-        # Cover the depths of the whole scene: surfaces out of view cast shadows, too.
+        """Write the matrices of records whose sizes are set; `centre` and `radius`: of the scene, metres."""
+        # Cover all depths of the scene: surfaces out of view cast shadows, too.
         along, reach = float(self.axes[2] @ centre), 1.001 * radius
         for record, sun_map in zip(records, self.maps, strict=True):
             matrix, texel = sun_matrix(self.axes, sun_map, int(record["size"][0]), along - reach, along + reach)
             record["clip_from_world"], record["texel"] = matrix.T, texel
             record["right"], record["up"], record["forward"] = self.axes
             record["depth_scale"], record["depth_offset"] = -1 / (2 * reach), matrix[2, 3]
-            # The matrix is of rows that begin at the centre of what it shows.
+            # Find the place of the scene's origin in the atlas.
             record["centre"] = record["corner"] + record["size"] * (1 + matrix[:2, 3] * (1, -1)) / 2
 
 
@@ -104,7 +104,7 @@ class ShadowViews:
     atlas_size: int
 
     def table(self) -> NDArray[np.uint32]:
-        """Return lights and views as `wgsl/deferred/shadow/table.wgsl` reads them: texels (n, 4)."""
+        """Return lights and views in the layout of `wgsl/deferred/shadow/table.wgsl`: texels (n, 4)."""
         header = np.array([len(self.lights), 0, 0, 0], np.uint32).tobytes()
         assert self.records.dtype.fields is not None
         first = self.records.dtype.fields["right"][1]
@@ -125,9 +125,9 @@ def build_shadow_views(
 ) -> ShadowViews:
     """Lay out the shadow maps of `lights` (DirectLight records).
 
-    `centre` and `radius` are of a sphere around the scene, `box` (2, 3) its bounds if known, `surface_samples` (n, 3)
-    points on it; all relative to the scene's origin. `view` is the camera's View uniform: only a sun's cascades follow
-    it. Raises GiError for more lights than any atlas can hold.
+    centre, radius: of a sphere around the scene. box: the scene's bounds (2, 3), if known. surface_samples: points on
+    surfaces, (n, 3). All are in metres relative to the scene's origin. view: the camera's View uniform; only a sun's
+    cascades follow it. Raises GiError for more lights than the largest atlas holds.
     """
     if radius <= 0:
         radius, box = 1.0, None
@@ -142,14 +142,14 @@ def build_shadow_views(
     first = np.cumsum(counts) - counts
     light = np.repeat(np.arange(len(lights)), counts)
     face = np.arange(len(light)) - first[light]
-    # Beside the front of a half cube are halves of faces.
+    # The side faces of a half cube have half height.
     flat = (counts[light] == HALF_CUBE) & (face > 0)
     for k, sun in suns.items():
         flat[first[k] + counts[k] - 1] = sun.maps[-1].flat
 
     importance = _importance(lights, samples if len(samples) else centre[None], radius)
     sides = _wanted_sides(lights["kind"], counts, importance, settings)
-    # Share half of the atlas by importance, half equally.
+    # Distribute half of the atlas by importance, half equally.
     share = 0.5 * importance / importance.sum() + 0.5 / len(lights) if len(lights) else importance
     weights = np.bincount(light, np.where(flat, 0.5, 1.0), len(lights)).astype(np.float64)
     side = fit_sides(sides, weights, share, _power_of_two(settings.atlas))[light]
@@ -199,10 +199,10 @@ def _view_counts(lights: NDArray[np.void], suns: dict[int, _Sun]) -> NDArray[np.
 
 
 def _importance(lights: NDArray[np.void], probes: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """Return the mean unshadowed irradiance by each light at points (n, 3) of the scene, W/m2."""
+    """Return each light's mean unshadowed irradiance at points (n, 3) of the scene, W/m2."""
     probes = probes[:: -(-len(probes) // PROBES)]
     offset = probes - lights["position"][:, None].astype(np.float64)
-    # The light of a lamp that touches a probe has a bound.
+    # Bound the light of a lamp that touches a probe.
     squared = np.maximum((offset**2).sum(2), (0.01 * radius) ** 2)
     cosine = np.einsum("lpc,lc->lp", offset, lights["direction"].astype(np.float64)) / np.sqrt(squared)
     cone = np.clip(cosine * lights["cone_scale"][:, None] + lights["cone_offset"][:, None], 0, 1) ** 2
@@ -218,7 +218,7 @@ def _importance(lights: NDArray[np.void], probes: NDArray[np.float64], radius: f
 def _wanted_sides(
     kind: NDArray[np.uint32], counts: NDArray[np.int64], importance: NDArray[np.float64], settings: ShadowSettings
 ) -> NDArray[np.int64]:
-    """Return the sides of each light's maps: full for the most important one of its kind, texels by importance."""
+    """Return the sides of each light's maps: the full side for the most important of its kind, texels by importance."""
     full = np.zeros(len(kind), np.int64)
     relative = np.ones(len(kind))
     for which, side in (
@@ -239,7 +239,7 @@ def _wanted_sides(
 def _perspective(
     records: NDArray[np.void], lights: NDArray[np.void], face: NDArray[np.int64], near: NDArray[np.float64]
 ) -> NDArray[np.void]:
-    """Return `records`, which have their place and size, filled: of `lights`, one face of each."""
+    """Return `records`, whose place and size are set, filled for the lights and faces of the same index."""
     size = records["size"].astype(np.float64)
     of_world = (lights["kind"] == DIRECT_POINT)[:, None]
     frames = frames_from_normals(lights["direction"].astype(np.float64))
@@ -247,7 +247,7 @@ def _perspective(
     up = np.where(of_world, WORLD_UPS[face], np.einsum("nk,nkc->nc", OWN_UPS[face], frames))
     right = np.cross(forward, up)
 
-    # What must be seen at 1 m, to either side: of a narrow spot its cone, else a face, whole or its upper half.
+    # Extent to show at 1 m, to either side: the cone of a narrow spot, else a whole face or its upper half.
     cosine = np.maximum(_outer_cosine(lights) - ROUNDING, WIDEST_COSINE - 2 * ROUNDING)
     single = (lights["kind"] == DIRECT_SPOT) & (_outer_cosine(lights) > WIDEST_COSINE - ROUNDING)
     reach = np.where(single, np.sqrt(1 - cosine**2) / cosine, 1.0)

@@ -1,6 +1,6 @@
-"""How much of the environment's light each pixel's surface sees, by a few rays each and a blur.
+"""The unoccluded share of the environment's light at each pixel, from a few rays and a blur.
 
-Interleaved as the gathering of virtual point lights is (Segovia et al. 2006), so that the same blur serves.
+Interleaved like the gathering of virtual point lights (Segovia et al. 2006), so both share one blur.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ INTERLEAVE = 4
 def declare_sky_occlusion(
     graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, gbuffer: Gbuffer, seed: int, frames: int
 ) -> Buffer | None:
-    """Declare the share of the environment that arrives, (r, g, b, -) per pixel; None where nothing occludes it."""
+    """Declare the unoccluded share of the environment, (r, g, b, -) per pixel; return None if occlusion is off."""
     if not (settings.ambient and settings.rays and scene.features["HAS_ENVIRONMENT"]):
         absent = not scene.features["HAS_ENVIRONMENT"]
         graph.skip("sky/occlusion", "there is no environment" if absent else "environment.rays is 0 or ambient off")
@@ -52,7 +52,7 @@ def declare_sky_occlusion(
         constants={**scene.constants(shader), "INTERLEAVE": INTERLEAVE},
         clear=[arriving, sent],
     )
-    # What arrives of a constant environment is the share itself.
+    # With a constant environment, the arriving light is the share itself.
     whole = sent if pictured else None
     return declare_blur(
         graph, "sky", gbuffer, arriving, normals, INTERLEAVE, frames=frames, shares=not pictured, glossy=whole

@@ -1,4 +1,4 @@
-"""What deferred techniques need of a scene, brought up to date once per frame: lights, shadow views, camera, motion."""
+"""Updates the scene inputs of deferred techniques once per frame: lights, shadow views, camera, motion."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class DeferredOptions(Protocol):
 
 
 class DeferredState:
-    """What lasts from frame to frame: shadow views and their draws while lights are still, and the view before."""
+    """State kept from frame to frame: shadow views and their draws while lights are still, and the previous view."""
 
     def __init__(self) -> None:
         self.shadows = ShadowDraws()
@@ -47,7 +47,7 @@ class DeferredState:
         self.features: dict[str, bool] = {}
         self._records: NDArray = np.zeros(0)
         self._key: tuple[object, ...] = ()
-        self._alive: tuple[object, ...] = ()  # what the key names by identity
+        self._alive: tuple[object, ...] = ()  # objects that the key names by id, kept alive
 
     def update(
         self,
@@ -57,7 +57,7 @@ class DeferredState:
         direct: DirectSettings,
         shadow: ShadowSettings,
     ) -> None:
-        """Send what changed; `upload` is up to date with `scene`. `view` returns the camera's View uniform."""
+        """Upload the changes; `upload` is up to date with `scene`. `view` returns the camera's View uniform."""
         draws = upload.update_draws(scene)
         lights = upload.direct_lights(scene, self._dtype, direct.samples, direct.range)
         samples = upload.surface_samples(scene)
@@ -86,7 +86,7 @@ class DeferredState:
         self.shadows.update(self._records, draws)
 
     def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:
-        """Send where everything was at the last call."""
+        """Upload the motion of instances and the view of the previous call."""
         upload.update_motion(scene)
         before, shift = self._view_before, upload.origin - self._origin_before
         # A picture of another size has no history to reproject.
@@ -99,12 +99,12 @@ class DeferredState:
 
 
 def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
-    """Bring lights, shadow views, the camera and the motion of a frame up to date; return what passes read.
+    """Update lights, shadow views, camera and motion for a frame; return the inputs of the passes.
 
     Sets the uniforms `scene`, `view`, `view_before` and `sequence`.
     """
     graph, upload, state = shot.graph, shot.upload, shot.kept(DeferredState)
-    # Shadow maps follow the camera, but not from frame to frame of a still picture.
+    # Shadow maps follow the camera, but not the jitter of a still picture's frames.
     state.update(
         upload, shot.scene, lambda: upload.view(shot.camera, shot.size, False), settings.direct, settings.shadow
     )
@@ -115,7 +115,7 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
     sequence["index"], sequence["ahead"] = max(shot.frame, 0), max(-shot.frame, 0)
     graph.uniform("sequence", sequence)
     graph.uniform("view", view)
-    # Share what passes bind.
+    # Share the resources that passes bind.
     names = ("light_table", "shadow_views", "before_from_now")
     lights, views, motion = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
     raster = share_raster(graph, upload)
@@ -128,7 +128,7 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
 
 
 def _about(view: NDArray[np.void], shift: NDArray[np.float64]) -> NDArray[np.void]:
-    """Return a view in coordinates relative to an origin that lies `shift` off its own."""
+    """Return a view relative to an origin moved by `shift`, metres."""
     moved = view.copy()
     moved["position"] -= shift
     moved["clip_from_world"][3] += shift @ view["clip_from_world"][:3]
@@ -136,5 +136,5 @@ def _about(view: NDArray[np.void], shift: NDArray[np.float64]) -> NDArray[np.voi
 
 
 def _at_least_one(records: NDArray[np.void]) -> NDArray[np.void]:
-    """WebGPU binds nothing smaller."""
+    """Return `records`, or one zero record if empty: WebGPU binds no empty buffers."""
     return records if len(records) else np.zeros(1, records.dtype)

@@ -32,7 +32,7 @@ from .vpl import declare_light_paths, declare_vpls
 
 POINTS = 1 << 17  # on all surfaces; tools/README.md, "Constants"
 
-NO_RSM = "there is no reflective shadow map, because no point, spot or directional light is reflected"
+NO_RSM = "there is no reflective shadow map: it needs a point, spot or directional light, and bounces"
 NO_ISM = "there are no imperfect shadow maps; they need --set gather.visibility=ism and light that is reflected"
 
 TECHNIQUE = Technique(
@@ -94,7 +94,7 @@ def _declare_indirect(
         views |= declare_rsm_views(graph, scene, rsm)
     if ism is not None:
         views |= declare_ism_views(graph, ism)
-    # Add the light that the bound of near lights takes, and the near field in screen space.
+    # Add the light that the bound of near VPLs removes, and the near field in screen space.
     gathered = declare_compensation(graph, scene, gbuffer, direct, gathered, settings.bounces, seed)
     if near_field is not None:
         gathered = declare_near_field(

@@ -1,9 +1,8 @@
-"""Light lists of clusters: which VPLs can light which tiles of the picture, or ranges of distances within them.
+"""Light lists of clusters: the VPLs that can light a tile of the picture, or a range of distances within it.
 
 Olsson, Billeter and Assarsson 2012, "Clustered Deferred and Forward Shading"; Linke 2016, sections 3.5 and 4.6.
-Departures: bounds are the boxes of the positions that pixels show, as Olsson proposes; slices divide the range of
-distances of each tile; lists are bit masks in the order of slots, so that light is summed in the same order as without
-culling.
+Departures: bounds are boxes of the visible positions, as Olsson proposes; slices divide each tile's own range of
+distances; lists are bit masks in the order of slots, so light is summed in the same order as without culling.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _CLUSTERS = int(load("many_light/gather/light_lists.wgsl").constants["CLUSTERS"]
 
 @dataclass
 class Clusters:
-    """The light lists as `wgsl/many_light/gather/common.wgsl` reads them: bindings and constants, by name."""
+    """The bindings and constants by which `wgsl/many_light/gather/common.wgsl` reads the light lists, by name."""
 
     reads: dict[str, Buffer | Shared]
     constants: dict[str, float]

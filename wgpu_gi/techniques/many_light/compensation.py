@@ -1,9 +1,9 @@
-"""Bias compensation: the light that the bound of near virtual point lights takes, from near surfaces in screen space.
+"""Bias compensation: adds the light that the bound of near VPLs removes, from near surfaces in screen space.
 
 Novak, Engelhardt and Dachsbacher 2011, "Screen-Space Bias Compensation for Interactive High-Quality Global Illumination
-with Virtual Point Lights". Departures: few pixels are sampled around each, by the light they may give, instead of a
-hierarchy of pictures; the bound is the mean of the bounds of the VPLs that light the pixel, found while gathering, so
-that both are the same light.
+with Virtual Point Lights". Departures: a few pixels around each are sampled, by the light that they may give, instead
+of a hierarchy of pictures; the bound is the mean bound of the VPLs that light the pixel, computed while gathering, so
+the added light matches the removed light.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..shared.scene_inputs import SceneInputs
 from .gather import Gathered, near_radius
 
 SHADER = "many_light/gather/compensate.wgsl"
-SIDE = 4  # of the squares of pixels that share a set of samples; no more than the blur averages by default
+SIDE = 4  # of the squares of pixels that share a set of samples; at most the default radius of the blur
 
 
 def declare_compensation(
@@ -30,7 +30,7 @@ def declare_compensation(
     bounces: int | None,
     seed: int,
 ) -> Gathered:
-    """Declare the irradiance and what its bound took; `direct` is the light scattered once, (r, g, b, -), W/(m2 sr)."""
+    """Declare the irradiance with the bound's loss added; `direct`: light scattered once, (r, g, b, -), W/(m2 sr)."""
     if gathered.bound_sums is None:
         graph.skip("gather/compensate", "gather.compensation is off, or gather.clamping is none")
         return gathered

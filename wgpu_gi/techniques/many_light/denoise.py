@@ -1,6 +1,6 @@
 """Denoising of gathered light: accumulation over frames and the edge-aware blur of interleaved sampling.
 
-Linke 2016, section 3.4, for the blur; `shared/denoise.py` and `shared/temporal.py` have sources and departures.
+Linke 2016, section 3.4, for the blur; `shared/denoise.py` and `shared/temporal.py` name sources and departures.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .gather import Gathered
 
 @dataclass
 class Accumulated:
-    """Light accumulated over frames; `rejected` is the share of each pixel's history that was rejected, 0 to 1."""
+    """Light accumulated over frames; `rejected`: the rejected share of each pixel's history, 0 to 1."""
 
     gathered: Gathered
     rejected: Buffer
@@ -33,7 +33,7 @@ def declare_temporal(
     motion: Buffer,
     gathered: Gathered,
 ) -> Accumulated:
-    """Declare the mean of irradiance over frames; the radiance of coats depends on the view and is not accumulated."""
+    """Declare the mean of irradiance over frames; coats' radiance depends on the view and is not accumulated."""
     found = declare_accumulate(graph, settings, scene, gbuffer, motion, gathered.irradiance)
     return Accumulated(replace(gathered, irradiance=found.averaged), found.rejected)
 
@@ -44,7 +44,7 @@ class DenoiseSettings:
 
     radius: int = setting(
         4,
-        "Radius of the edge-aware blur, at least gather.interleave; 1 for none.",
+        "Radius of the edge-aware blur, at least gather.interleave; 1: no blur.",
         "pixels",
         range=(1, 8),
     )
@@ -53,7 +53,7 @@ class DenoiseSettings:
 def declare_denoise(
     graph: Graph, settings: DenoiseSettings, gbuffer: Gbuffer, gathered: Gathered, frames: int
 ) -> Buffer:
-    """Declare the indirect light, blurred: (r, g, b, 1) per pixel, W/(m2 sr); `frames` are those of a still picture."""
+    """Declare the blurred indirect light: (r, g, b, 1) per pixel, W/(m2 sr); `frames`: number per still picture."""
     radius = max(settings.radius, gathered.interleave) if settings.radius > 1 else 1
     return declare_blur(
         graph,

@@ -35,11 +35,11 @@ class GatherSettings:
     """How pixels gather light from VPLs."""
 
     interleave: int = setting(
-        4, "Side of the squares of pixels that share the VPLs among them.", "pixels", range=(1, 8)
+        4, "Side of the squares of pixels that divide the VPLs among them.", "pixels", range=(1, 8)
     )
     culling: str = setting(
         "tiled",
-        "Skip VPLs that cannot light a tile of the picture (tiled), or its pixels in a range of distances (clustered).",
+        "Skip VPLs that cannot light a tile of the picture (tiled), or a range of distances in it (clustered).",
         choices=("none", "tiled", "clustered"),
     )
     visibility: str = setting(
@@ -48,18 +48,18 @@ class GatherSettings:
         " each VPL (exact), or all visible (none).",
         choices=("sampled", "ism", "exact", "none"),
     )
-    rays: int = setting(1, "Rays of each pixel with visibility `sampled`.", "rays", range=(1, 8), presets={"high": 4})
+    rays: int = setting(1, "Rays per pixel with visibility `sampled`.", "rays", range=(1, 8), presets={"high": 4})
     clamping: str = setting(
-        "disc", "Bound of the light of near VPLs: that of a disc of their area, or none.", choices=("disc", "none")
+        "disc", "Bound of near VPLs' light: by a disc of the VPL's area, or none.", choices=("disc", "none")
     )
-    compensation: bool = setting(False, "Add the light that the bound takes, from near surfaces in screen space.")
+    compensation: bool = setting(False, "Add the light that the bound removes, from near surfaces in screen space.")
 
 
 @dataclass
 class NearField:
-    """The part of the light that is found in screen space and left out of gathering.
+    """The part of the light that the near field finds in screen space and gathering leaves out.
 
-    shares: of each VPL's light at distance 0, in rows as the table's. radius: r_max, heights of the picture.
+    shares: of each VPL's light at distance 0, in the rows of the table. radius: r_max, heights of the picture.
     """
 
     shares: Texture
@@ -76,10 +76,10 @@ class Gathered:
     """The light of VPLs at each pixel, from those of its class; 0 where there is no lit surface.
 
     irradiance: (r, g, b) in W/m2, and the depth of `shared/denoise/plane.wgsl`, 0 without a surface.
-    normals: packed as there. glossy: the radiance of coats, W/(m2 sr), over `coat_tint` of `common/coat.wgsl`; None
-    without coated materials. interleave: side of the squares of pixels that share the VPLs. clusters: the light lists.
-    bound_sums: sums of the bounds of near VPLs, as in `many_light/gather/common.wgsl`; None without compensation.
-    near_field: the part that is left out; None without a near field.
+    normals: packed by the same file. glossy: the radiance of coats, W/(m2 sr), over `coat_tint` of `common/coat.wgsl`;
+    None without coated materials. interleave: side of the squares of pixels that divide the VPLs. clusters: the light
+    lists. bound_sums: sums of the bounds of near VPLs, as in `many_light/gather/common.wgsl`; None without
+    compensation. near_field: the part left out; None without a near field.
     """
 
     irradiance: Buffer
@@ -101,7 +101,7 @@ def declare_gather(
     seed: int,
     near_field: NearField | None = None,
 ) -> Gathered:
-    """Declare the light of VPLs at each pixel; `ism` is there if `settings.visibility` is "ism"."""
+    """Declare the light of VPLs at each pixel; `ism` is needed if `settings.visibility` is "ism"."""
     n, exact = settings.interleave, settings.visibility == "exact"
     coated = scene.features["HAS_COATS"]
     compensated = settings.compensation and settings.clamping != "none"
@@ -109,7 +109,7 @@ def declare_gather(
     clusters = declare_clusters(graph, settings.culling, gbuffer, vpls, n)
     shader = f"many_light/gather/{settings.visibility}.wgsl"
     visibility, constants = _visibility(settings, scene, ism)
-    # Rays to all VPLs take a pass for each word of a class' light list, as `gather/exact.wgsl` says.
+    # Rays to all VPLs need one pass per word of a class' light list: see `gather/exact.wgsl`.
     words = -(-vpls.count // (32 * n * n))
     for first in range(words if exact else 1):
         graph.compute(
@@ -146,7 +146,7 @@ def declare_gather(
 def _visibility(
     settings: GatherSettings, scene: SceneInputs, ism: Ism | None
 ) -> tuple[dict[str, Handle], dict[str, float]]:
-    """Return the bindings and constants of the shader that finds the visibility of VPLs, by name."""
+    """Return the bindings and constants by which the shader finds the visibility of VPLs, by name."""
     if settings.visibility == "ism":
         assert ism is not None
         return ism.reads, ism.constants

@@ -1,4 +1,4 @@
-"""The inputs of virtual point lights from a scene: areas to place points on, the layout of reflective shadow maps."""
+"""The scene inputs of virtual point lights: areas to place points on, and the layout of reflective shadow maps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..deferred.inputs import DeferredInputs
 
 @dataclass
 class VplInputs:
-    """Cumulative areas by instance and triangle; how lights share the `rsm_texels` of all reflective shadow maps."""
+    """Cumulative areas by instance and triangle; the lights' parts of all `rsm_texels` of reflective shadow maps."""
 
     area_instances: Shared
     area_cdf: Shared
@@ -20,10 +20,10 @@ class VplInputs:
 
 @dataclass
 class ManyLightInputs(DeferredInputs):
-    """The inputs of many-light from a scene."""
+    """The scene inputs of many-light."""
 
     vpl: VplInputs
 
     def shape(self) -> tuple[object, ...]:
-        """Return all that calls for another declaration of the passes."""
+        """Return the values whose change forces the passes to be redeclared."""
         return (*super().shape(), self.vpl.rsm_texels)

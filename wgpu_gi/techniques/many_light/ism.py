@@ -7,7 +7,7 @@ Ritschel et al. 2008, "Imperfect Shadow Maps for Efficient Computation of Indire
   no surface near the VPL is missed.
 * Cells of the map with silhouettes of large triangles are refined: each block of 2 x 2 texels gets a ray.
 * Texels hold a plane instead of a distance, and splats lie in the plane of their surface.
-* Texels have equal solid angles, which leaked less behind a thin screen than octahedral maps, and no more than
+* Texels have equal solid angles; they leaked less light behind a thin screen than octahedral maps, and no more than
   paraboloids.
 """
 
@@ -29,10 +29,10 @@ from .points import Points
 from .vpl import Vpls
 
 MAX_GROUPS = 65535  # WebGPU's default limit of a dispatch
-TILE = int(load("many_light/ism/pull_push.wgsl").constants["TILE"])  # texels of a side that a workgroup holds
+TILE = int(load("many_light/ism/pull_push.wgsl").constants["TILE"])  # side of a workgroup's square, texels
 BLOCK = int(load("many_light/ism/map.wgsl").constants["BLOCK"])
 REFINE_GROUP = int(load("many_light/ism/silhouette_cells.wgsl").constants["REFINE_GROUP"])
-# Pull-push needs so many points per map beside its rays for a bias within 3 % in the Cornell box.
+# Points per map. Pull-push needs this many beside its rays for a bias within 3 % in the Cornell box.
 DEFAULT_POINTS = {"splat": 0, "pull-push": 1024}
 
 
@@ -42,36 +42,36 @@ class IsmSettings:
 
     mode: str = setting(
         "splat",
-        "Draw points as discs in the plane of their surface (splat), or as texels and close the gaps (pull-push).",
+        "Draw points as discs in their surface's plane (splat), or as texels whose gaps are closed (pull-push).",
         choices=("splat", "pull-push"),
     )
     resolution: int = setting(
-        64, "Texels on a side of a map; a power of two.", "texels", range=(16, 256), presets={"low": 32, "high": 128}
+        64, "Side of a map; a power of two.", "texels", range=(16, 256), presets={"low": 32, "high": 128}
     )
     ray_spacing: int = setting(
-        8, "Texels from one ray of a light to the next; a power of two.", "texels", range=(4, 16), presets={"high": 4}
+        8, "Spacing of a light's rays; a power of two.", "texels", range=(4, 16), presets={"high": 4}
     )
     refine: bool = setting(True, "Trace a ray per 2 x 2 texels in cells with silhouettes of large triangles.")
     points: int | None = setting(
         None,
-        f"Surface points drawn into each map; none for {DEFAULT_POINTS['pull-push']} with pull-push, 0 with splat.",
+        f"Surface points drawn into each map; none: {DEFAULT_POINTS['pull-push']} with pull-push, 0 with splat.",
         "points",
         range=(0, 65536),
     )
     max_splat_radius: float = setting(3.0, "Largest radius of a splat.", "texels", range=(0.5, 16.0))
-    splat_scale: float = setting(0.7, "Radius of a splat over that of its point's area.", range=(0.1, 4.0))
-    push_reach: float = setting(0.7, "Reach of a sample in pull-push over its radius.", range=(0.1, 4.0))
+    splat_scale: float = setting(0.7, "Radius of a splat over the radius of its point's area.", range=(0.1, 4.0))
+    push_reach: float = setting(0.7, "Reach of a pull-push sample over its radius.", range=(0.1, 4.0))
     depth_interval: float = setting(
-        1.2, "Depth that pull-push takes for one surface, over a sample's radius.", range=(0.1, 8.0)
+        1.2, "Depth interval that pull-push treats as one surface, over a sample's radius.", range=(0.1, 8.0)
     )
 
 
 @dataclass
 class Ism:
-    """What `wgsl/many_light/ism/lookup.wgsl` needs: its bindings and its constants, by name.
+    """The bindings and constants of `wgsl/many_light/ism/lookup.wgsl`, by name.
 
-    For debug views: `samples`, the texels before gaps are closed, and `ray_hits`, the hits of rays at every
-    `ray_spacing` texels; 0 where ray hits are among the samples.
+    For debug views: `samples`, the texels before gaps are closed; `ray_hits`, the hits of rays, `ray_spacing` texels
+    apart (0: `samples` holds them).
     """
 
     reads: dict[str, Handle]
@@ -83,7 +83,7 @@ class Ism:
 
 @dataclass
 class _Layout:
-    """Sizes of all maps: `size` of the atlas in texels, rays on a side of a map, points per map."""
+    """Sizes of all maps: `size` of the atlas in texels, rays per side of a map, points per map."""
 
     size: tuple[int, int]
     rays: int
@@ -91,9 +91,9 @@ class _Layout:
 
 
 def declare_ism(graph: Graph, settings: IsmSettings, scene: SceneInputs, points: Points, vpls: Vpls) -> Ism:
-    """Declare the maps of all virtual point lights in one atlas, r32uint as `wgsl/many_light/ism/map.wgsl` codes it.
+    """Declare the maps of all VPLs in one atlas, r32uint, in the code of `wgsl/many_light/ism/map.wgsl`.
 
-    Raises GiError for sizes that are no powers of two, and for maps larger than a texture or a buffer may be.
+    Raises GiError for sizes that are not powers of two, and for maps that exceed a texture or a buffer.
     """
     layout = _layout(graph, settings, vpls)
     single = settings.mode == "pull-push"
@@ -104,7 +104,7 @@ def declare_ism(graph: Graph, settings: IsmSettings, scene: SceneInputs, points:
     rays = vpls.count * layout.rays**2
     ray_hits = graph.buffer("ism/ray_hits", dtype=FOUR_FLOATS, count=1 if single else 3 * rays)
 
-    # Sample the surroundings of each VPL: by surface points, then by rays.
+    # Sample the surroundings of each VPL with surface points, then with rays.
     if layout.points:
         _declare_splats(graph, settings, layout, points, vpls, samples)
     else:
@@ -137,7 +137,7 @@ def _layout(graph: Graph, settings: IsmSettings, vpls: Vpls) -> _Layout:
         if value & (value - 1):
             raise GiError(f"ism.{name} must be a power of two, not {value}")
     points = settings.points if settings.points is not None else DEFAULT_POINTS[settings.mode]
-    # At least a tile, so that workgroups of pull-push are full.
+    # Make the atlas at least a tile, so that workgroups of pull-push are full.
     columns = max(1 << -(-(vpls.count - 1).bit_length() // 2), TILE // settings.resolution, 1)
     rows = max(-(-vpls.count // columns), TILE // settings.resolution)
     layout = _Layout(
@@ -147,10 +147,10 @@ def _layout(graph: Graph, settings: IsmSettings, vpls: Vpls) -> _Layout:
     )
     if max(layout.size) > MAX_TEXTURE_SIDE:
         raise GiError(
-            f"{vpls.count} maps of {settings.resolution} x {settings.resolution} texels are more than a texture holds;"
+            f"{vpls.count} maps of {settings.resolution} x {settings.resolution} texels do not fit into a texture;"
             " lower ism.resolution or vpl.count"
         )
-    # The largest buffers: ray hits of mode splat, samples of both.
+    # Check the largest buffers: ray hits of mode splat, samples of both modes.
     single = settings.mode == "pull-push"
     ray_bytes = 0 if single else 3 * vpls.count * layout.rays**2 * FOUR_FLOATS.itemsize
     sample_bytes = layout.size[0] * layout.size[1] * 4 if single or points else 0
@@ -165,7 +165,7 @@ def _layout(graph: Graph, settings: IsmSettings, vpls: Vpls) -> _Layout:
 
 
 def _buffer_limit(graph: Graph) -> int:
-    """Return the bytes of a buffer that a shader binds at most."""
+    """Return the largest buffer that a shader can bind, bytes."""
     return int(graph.device.limits.get("max-storage-buffer-binding-size", 2**27))
 
 
@@ -220,13 +220,13 @@ def _declare_fill(
 ) -> None:
     """Declare the passes that fill the cells between rays and refine silhouette cells by further rays.
 
-    One dispatch and one buffer hold a limited number of cells, so the maps are refined in ranges whose lists hold
-    all of their cells: every silhouette cell is refined, in whatever order cells are listed.
+    A dispatch and a buffer hold a limited number of cells, so the maps are refined in ranges whose lists hold all of
+    their cells. Every silhouette cell is refined, in any order of the list.
     """
     constants = {"ISM_RESOLUTION": settings.resolution, "RAY_SPACING": settings.ray_spacing}
     cells = settings.resolution // settings.ray_spacing
     blocks = settings.ray_spacing // BLOCK
-    # A range of maps at a time.
+    # Process a range of maps at a time.
     most = min(MAX_GROUPS * REFINE_GROUP // blocks, _buffer_limit(graph) // (FOUR_WORDS.itemsize * blocks**2))
     maps = min(max(most // cells**2, 1), vpls.count) if settings.refine else vpls.count
     listed = maps * cells**2 if settings.refine else 1

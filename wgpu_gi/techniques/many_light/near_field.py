@@ -1,8 +1,7 @@
 """The near field: light of close surfaces, found in screen space and left out of the light of virtual point lights.
 
-Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 5. Departure: the two parts
-add up to all of the light. A weight by distance and by visibility in the picture divides the light of each VPL
-between them.
+Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 5. Departure: both parts add
+up to all of the light. A weight by distance and by visibility in the picture divides each VPL's light between them.
 """
 
 from __future__ import annotations
@@ -55,16 +54,16 @@ def declare_near_field(
     bounces: int | None,
     seed: int,
 ) -> Gathered:
-    """Declare the irradiance with that of the near field added; `direct` is the light scattered once, (r, g, b, -)."""
+    """Declare the irradiance with the near field's added; `direct`: light scattered once, (r, g, b, -), W/(m2 sr)."""
     # Search for senders.
     width, height = graph.size
     sources = Sources([gbuffer], [])
-    # The search is for senders alone, so the environment is left out.
+    # The search finds senders only, so leave out the environment.
     dark = Ambient(ambient.reads, dict.fromkeys(ambient.features, False))
     request = SearchRequest(graph, settings, scene, sources, dark, seed, radius=settings.near_field_radius)
     search = declare_search(request)
     declare_unrepresented(request, search, None)
-    # Gather from them: at all pixels, or at those of a coarse grid, which are upsampled.
+    # Gather from them: at all pixels, or at a coarse grid and upsample.
     senders = graph.buffer("ssdo/senders", dtype=SURFACE, count=width * height)
     indirect = gathered.irradiance if bounces != 1 else None
     declare_first_layer_senders(graph, scene, gbuffer, direct, senders, indirect)

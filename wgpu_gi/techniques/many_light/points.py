@@ -1,7 +1,7 @@
 """Points on all surfaces in proportion to their area, for imperfect shadow maps and for light paths from the sky.
 
-Ritschel et al. 2008, "Imperfect Shadow Maps for Efficient Computation of Indirect Illumination". Departure: points are
-a low-discrepancy sequence over the area, made by the GPU when geometry or materials change.
+Ritschel et al. 2008, "Imperfect Shadow Maps for Efficient Computation of Indirect Illumination". Departure: points form
+a low-discrepancy sequence over the area; the GPU makes them when geometry or materials change.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
 from .inputs import ManyLightInputs
 
-WORD = np.dtype((np.uint32, 4))  # a point is two of them
+WORD = np.dtype((np.uint32, 4))  # half a point
 
 
 @dataclass
 class Points:
-    """Points as `many_light/points/table.wgsl` has them; every prefix is spread evenly over the area."""
+    """Points in the layout of `many_light/points/table.wgsl`; every prefix is spread evenly over the area."""
 
     buffer: Buffer
     count: int
 
 
 def declare_points(graph: Graph, scene: ManyLightInputs, count: int, albedo: Handle) -> Points:
-    """Declare `count` points on the scene's surfaces; `albedo` is the reflectance of coated surfaces."""
+    """Declare `count` points on the scene's surfaces; `albedo`: reflectance table of coated surfaces."""
     buffer = graph.buffer("points", dtype=WORD, count=2 * count)
     shader = "many_light/points/sample.wgsl"
     row = 1 << 15

@@ -1,7 +1,7 @@
-"""Reflective shadow maps (RSMs): the surfaces that point, spot and directional lights see, and the flux they reflect.
+"""Reflective shadow maps (RSMs): the surfaces that punctual lights see, and the flux that these reflect.
 
 Dachsbacher and Stamminger 2005, "Reflective Shadow Maps"; Linke 2016, section 3.2. Departure: rays through the texels
-instead of rasterisation, see `wgsl/many_light/rsm/trace.wgsl`.
+instead of rasterisation (`wgsl/many_light/rsm/trace.wgsl`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ...gpu.handles import Buffer, Handle
 from ...settings import setting
 from .inputs import ManyLightInputs
 
-CANDIDATE = np.dtype((np.uint32, 4))  # a candidate for a virtual point light is two of them
+CANDIDATE = np.dtype((np.uint32, 4))  # half a candidate for a virtual point light
 
 
 @dataclass
@@ -24,24 +24,24 @@ class RsmSettings:
 
     texels: int = setting(
         16384,
-        "Texels of all reflective shadow maps together; each map has a power of two on a side.",
+        "Texels of all reflective shadow maps together; the side of each map is a power of two.",
         "texels",
         range=(64, 1 << 18),
         presets={"low": 4096, "high": 65536},
     )
-    jitter: bool = setting(True, "Trace through a random point of each texel, a different one in each frame.")
+    jitter: bool = setting(True, "Trace through a random point of each texel, a different point in each frame.")
 
 
 @dataclass
 class Rsm:
-    """Candidates for virtual point lights as `wgsl/many_light/vpl/vpl.wgsl` packs them; `count` of them."""
+    """Buffer of `count` candidates for virtual point lights, packed as in `wgsl/many_light/vpl/vpl.wgsl`."""
 
     buffer: Buffer
     count: int
 
 
 def declare_rsm(graph: Graph, settings: RsmSettings, scene: ManyLightInputs, albedo: Handle, seed: int) -> Rsm | None:
-    """Declare the maps of all punctual lights; return None if there is none. `albedo` is that of coated surfaces."""
+    """Declare the maps of all punctual lights, None without lights. `albedo`: reflectance table of coated surfaces."""
     count = scene.vpl.rsm_texels
     if count == 0:
         graph.skip("rsm", "no point, spot or sun light")

@@ -1,4 +1,4 @@
-"""Updates the inputs of many-light from a scene, once per frame."""
+"""Updates the scene inputs of many-light once per frame."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RESOURCES = ("area_instances", "area_cdf", "rsm_lights")
 
 
 class ManyLightOptions(DeferredOptions, Protocol):
-    """The settings that many-light reads; of `ssdo`, those of the near field."""
+    """The settings that many-light reads; `ssdo` has those of the near field."""
 
     bounces: int | None
     seed: int
@@ -40,15 +40,15 @@ class ManyLightOptions(DeferredOptions, Protocol):
 
 
 class ManyLightState:
-    """The table of areas and the layout of reflective shadow maps, with the inputs that they were made from."""
+    """The table of areas and the layout of reflective shadow maps, with the inputs that they derive from."""
 
     def __init__(self) -> None:
         self.areas = AreaCdf(load("many_light/points/sample.wgsl").struct_dtype("AreaInstance"))
         self.geometry = -1
         self.rsm_light = load("many_light/rsm/trace.wgsl").struct_dtype("RsmLight")
         self.lights: NDArray[np.void] | None = None
-        self.texels = 0  # that the maps share
-        self.rsm_texels = 0  # that they have
+        self.texels = 0  # setting rsm.texels
+        self.rsm_texels = 0  # of all maps
 
 
 def check_light_order(lights: NDArray[np.void], count: int) -> None:
@@ -66,7 +66,7 @@ def many_light_inputs(shot: Shot, settings: ManyLightOptions) -> ManyLightInputs
     """Update areas and the layout of reflective shadow maps; return the inputs of the passes."""
     deferred = deferred_inputs(shot, settings)
     upload, state = shot.upload, shot.kept(ManyLightState)
-    # Another kind of materials has another upload, which has no areas yet.
+    # A new kind of materials makes a new upload, which has no areas yet.
     if state.geometry != upload.geometry or RESOURCES[0] not in upload.resources:
         state.geometry = upload.geometry
         upload.update_areas(shot.scene, state.areas)

@@ -1,4 +1,4 @@
-"""Debug views of many-light: a pass each, which runs only if the view is shown."""
+"""Debug views of many-light: one pass per view, which runs only if the view is shown."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def declare_vpl_view(graph: Graph, vpls: Vpls) -> dict[str, Buffer]:
 def declare_list_view(
     graph: Graph, settings: GatherSettings, gbuffer: Gbuffer, clusters: Clusters, vpls: Vpls
 ) -> dict[str, Buffer]:
-    """Declare the number of lights in each pixel's list; nothing without culling."""
+    """Declare the number of lights in each pixel's list; return no view without culling."""
     if not clusters.constants["CULLED"]:
         return {}
     picture = _picture(graph, "gather_lists")
@@ -72,7 +72,7 @@ def declare_list_view(
 
 
 def declare_ism_views(graph: Graph, ism: Ism) -> dict[str, Buffer]:
-    """Declare the distances in the atlas of imperfect shadow maps, and in the samples it is made from: metres."""
+    """Declare the distances in the atlas of imperfect shadow maps, and in its samples, metres."""
     views = {}
     for kind in ("atlas", "samples"):
         picture = views[f"ism/{kind}"] = _picture(graph, f"ism_{kind}")
@@ -88,7 +88,7 @@ def declare_ism_views(graph: Graph, ism: Ism) -> dict[str, Buffer]:
 
 
 def declare_rejected_view(graph: Graph, rejected: Buffer) -> dict[str, Buffer]:
-    """Declare the share of each pixel's history that was rejected."""
+    """Declare the rejected share of each pixel's history, 0 to 1."""
     picture = _picture(graph, "temporal_rejected")
     graph.compute(
         "debug/temporal_rejected",

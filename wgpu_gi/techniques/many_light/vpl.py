@@ -1,12 +1,12 @@
 """Virtual point lights (VPLs): resampled from all candidates by their contribution to the view.
 
-Keller 1997, "Instant Radiosity"; Linke 2016, sections 3.2 and 4.3; importance resampling as Talbot et al. 2005.
+Keller 1997, "Instant Radiosity"; Linke 2016, sections 3.2 and 4.3; importance resampling after Talbot et al. 2005.
 Departures:
 
 * VPLs are drawn by flux and by an estimate of their contribution to the view instead of on a regular grid of the
   reflective shadow map, so none falls on an empty texel.
 * Light paths add candidates for the light of emitters and of the environment, and for further bounces.
-* Each VPL knows the area that it stands for, which bounds its light; Linke's bound is a constant.
+* Each VPL stores the area that it represents, which bounds its light; Linke's bound is a constant.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from .inputs import ManyLightInputs
 from .points import Points
 from .rsm import CANDIDATE, Rsm
 
-VIEW_SAMPLES = 64  # pixels that stand for the view; tools/README.md, "Constants"
-DENSITY_VPLS = 512  # VPLs at most that the area of each is estimated from; tools/README.md, "Constants"
+VIEW_SAMPLES = 64  # pixels that represent the view; tools/README.md, "Constants"
+DENSITY_VPLS = 512  # most VPLs from which the area of each is estimated; tools/README.md, "Constants"
 TABLE_WIDTH = int(load("many_light/vpl/table.wgsl").constants["VPL_TABLE_WIDTH"])
 BLOCK = int(load("many_light/vpl/candidates.wgsl").constants["BLOCK"])
 
@@ -35,7 +35,7 @@ class VplSettings:
     count: int = setting(2048, "Virtual point lights.", "lights", range=(64, 16384), presets={"low": 512, "high": 4096})
     importance: str = setting(
         "view",
-        "Draw lights by their flux and contribution to the view (view), by flux alone, so that they stay while the"
+        "Draw lights by flux and contribution to the view (view), by flux alone, so that they stay in place while the"
         " camera moves (flux), or evenly (grid).",
         choices=("view", "flux", "grid"),
     )
@@ -51,7 +51,7 @@ class VplSettings:
 
 @dataclass
 class LightPaths:
-    """Candidates at the vertices of light paths, packed as in `wgsl/many_light/vpl/vpl.wgsl`; `count` of them."""
+    """Buffer of `count` candidates, the vertices of light paths, packed as in `wgsl/many_light/vpl/vpl.wgsl`."""
 
     buffer: Buffer
     count: int
@@ -59,7 +59,7 @@ class LightPaths:
 
 @dataclass
 class Vpls:
-    """The table of VPLs as `wgsl/many_light/vpl/table.wgsl` reads it, and its number of slots."""
+    """The table of VPLs, in the layout of `wgsl/many_light/vpl/table.wgsl`, and its number of slots."""
 
     table: Texture
     count: int
@@ -76,14 +76,14 @@ def declare_light_paths(
 ) -> LightPaths | None:
     """Declare the light paths for at most `bounces` bounces; return None if reflective shadow maps hold all light.
 
-    `albedo` is the reflectance of coated surfaces, `wgsl/deferred/environment/reflectance.wgsl`.
+    `albedo`: reflectance table of coated surfaces, for `wgsl/deferred/environment/reflectance.wgsl`.
     """
     vertices = min(settings.max_bounces, bounces or settings.max_bounces)
     has_sky, has_emitters = scene.features["HAS_ENVIRONMENT"], scene.features["HAS_EMITTERS"]
     if not has_sky and not has_emitters and vertices == 1:
         graph.skip("vpl/light_paths", "the reflective shadow maps hold all light of one bounce")
         return None
-    # Half of the paths carry the environment's light, or all if there is no other light for them.
+    # Half of the paths carry the environment's light, or all paths if there is no other light.
     others = has_emitters or (scene.vpl.rsm_texels > 0 and vertices > 1)
     sky_paths = (settings.paths // 2 if others else settings.paths) if has_sky else 0
     count = settings.paths * vertices
@@ -109,7 +109,7 @@ def declare_vpls(
     gbuffer: Gbuffer,
     seed: int,
 ) -> Vpls:
-    """Declare the resampling of `settings.count` VPLs from the texels of the maps and the vertices of the paths."""
+    """Declare the resampling of `settings.count` VPLs from the maps' texels and the paths' vertices."""
     count = settings.count
     texels = rsm.count if rsm is not None else 0
     candidates = texels + (light_paths.count if light_paths is not None else 0)

@@ -1,1 +1,1 @@
-"""What several techniques stand on: G-buffer, denoising, accumulation over frames, composite, scene inputs."""
+"""Stages that several techniques share: G-buffer, denoising, accumulation over frames, composite, scene inputs."""

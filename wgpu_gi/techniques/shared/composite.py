@@ -6,7 +6,7 @@ from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
 
-MEANS = "mean/"  # the names of passes that average frames begin so
+MEANS = "mean/"  # prefix of the names of passes that average frames
 
 
 def declare_sum(graph: Graph, emission: Buffer, direct: Buffer, indirect: Buffer | None) -> Buffer:

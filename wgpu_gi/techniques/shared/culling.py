@@ -1,8 +1,8 @@
-"""Frustum culling on the CPU, for cameras and lights: which clusters of the draw list each view may see.
+"""Frustum culling on the CPU, for cameras and lights: finds the clusters of the draw list that each view may see.
 
-Assarsson and Moller 2000, "Optimized View Frustum Culling Algorithms for Bounding Boxes": a box lies outside if the
-corner that is farthest along a plane's normal does. Draws keep the order of the index buffer, so that coplanar surfaces
-look the same from everywhere; drawing Sponza from near to far takes no less time.
+Assarsson and Moller 2000, "Optimized View Frustum Culling Algorithms for Bounding Boxes": a box lies outside if its
+farthest corner along a plane's normal does. Draws keep the order of the index buffer, so coplanar surfaces look the
+same from everywhere; drawing Sponza from near to far saves no time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ...gpu.handles import Uniform
 from ...upload.draw_list import DrawCall, DrawList
 from ...upload.scene_upload import SceneUpload
 
-SLACK = 4e-6  # error of a sum over its absolute terms: 67 roundings of float32, here and in shaders ten are made
+SLACK = 4e-6  # error of a sum over its absolute terms: 67 float32 roundings; this code and the shaders make ten
 
 # Planes of clip space: -w <= x <= w, -w <= y <= w, 0 <= z <= w.
 SIDES = np.array(
@@ -36,13 +36,13 @@ def frustum_planes(records: NDArray[np.void]) -> tuple[NDArray[np.float64], NDAr
 
 
 def visible(records: NDArray[np.void], boxes: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return which boxes (c, 2, 3), in metres, v views with a `clip_from_world` may see: (v, c).
+    """Return whether each of v views with a `clip_from_world` may see each box (c, 2, 3), metres: (v, c).
 
-    Conservative: boxes just outside are kept, so that rounding in the shaders loses nothing.
+    Conservative: boxes just outside are kept, so rounding in the shaders loses none.
     """
     planes, sizes = frustum_planes(records)
     low, high = boxes[:, 0].T, boxes[:, 1].T
-    # Twice the middle, the size, the largest coordinate, and 2; in float32 for speed.
+    # Per box: twice the middle, the size, the largest absolute coordinates, and 2; in float32 for speed.
     corners = np.empty((10, len(boxes)), np.float32)
     np.add(low, high, out=corners[:3])
     np.subtract(high, low, out=corners[3:6])
@@ -58,7 +58,7 @@ def visible(records: NDArray[np.void], boxes: NDArray[np.float32]) -> NDArray[np
 
 
 class ViewCulling:
-    """The visible draws of several views: computed on demand, kept while views and boxes are the same."""
+    """The visible draws of several views: computed on demand, kept while views and boxes do not change."""
 
     def __init__(self) -> None:
         self.views: NDArray = np.zeros(0)
@@ -77,7 +77,7 @@ class ViewCulling:
         return True
 
     def runs(self, masked: bool) -> list[list[DrawCall]]:
-        """Return the runs for each view, opaque or alpha-masked."""
+        """Return the draw calls of each view, opaque or alpha-masked."""
         assert self.draws is not None
         if masked not in self._runs:
             if self._shown is None:

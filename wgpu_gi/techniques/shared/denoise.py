@@ -1,10 +1,10 @@
-"""An edge-aware blur: removes noise and the pattern of interleaved sampling, and turns irradiance into radiance.
+"""An edge-aware blur: removes noise and the pattern of interleaved sampling, and converts irradiance to radiance.
 
-Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global Illumination", its
-geometry-aware blur. Departures: depths are compared with the pixel's tangent plane, in widths of a pixel; taps beyond
-the picture wrap back by the period; from the third frame of a still picture on, pixels whose mean light differs by more
-than its noise are not averaged (variances tell detail from noise as in Rousselle et al. 2012, "Adaptive Rendering with
-Non-Local Means Filtering", here of single pixels).
+The geometry-aware blur of Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dynamic Global
+Illumination". Departures: depths are compared with the pixel's tangent plane, in pixel widths; taps beyond the picture
+wrap back by the period; from the third frame of a still picture on, pixels whose mean light differs by more than its
+noise are not averaged (variances of single pixels tell detail from noise, after Rousselle et al. 2012, "Adaptive
+Rendering with Non-Local Means Filtering").
 """
 
 from __future__ import annotations
@@ -36,11 +36,10 @@ def declare_blur(
 ) -> Buffer:
     """Declare the average of `light` over squares of `radius` pixels: rows first, then columns.
 
-    Light is (r, g, b, depth of `shared/denoise/plane.wgsl`) per pixel, `normals` as the gathering pass leaves them.
-    With `reflected` it is irradiance in W/m2, `glossy` what coats add, and both become radiance, W/(m2 sr). Else light
-    is divided by the average of `glossy`, if given. With `shares` it is a share, 0 to 1. `frames`: of a still picture.
-    With a `stride` above 1, all are of pixels that lie so far apart, and `reflected` is not for them. `view` is the
-    uniform of the camera whose picture it is.
+    light: (r, g, b, depth of `shared/denoise/plane.wgsl`) per pixel. normals: packed by that file. reflected: light is
+    irradiance, W/m2, `glossy` the coats' light, and the result is radiance, W/(m2 sr); otherwise light is divided by
+    the average of `glossy`, if given. shares: light is a share, 0 to 1. frames: number per still picture. stride:
+    distance of the grid's pixels; above 1, `reflected` is not supported. view: uniform of the picture's camera.
     """
     width, height = (-(-side // stride) for side in graph.size)
     guided = radius > 1 and frames > GUIDED_FROM
@@ -84,7 +83,7 @@ def declare_blur(
 def _declare_moments(
     graph: Graph, name: str, light: Buffer, size: tuple[int, int], stride: int, view: str, guided: bool
 ) -> Handle:
-    """Declare the mean of luminance and of its square over the frames of a still picture, for each pixel."""
+    """Declare each pixel's mean luminance and mean squared luminance over the frames of a still picture."""
     if not guided:
         graph.skip(f"{name}/moments", "nothing is blurred, or the picture has too few frames")
         return graph.neutral("buffer")

@@ -1,15 +1,15 @@
-"""The G-buffer: triangle numbers are rasterised, a compute pass resolves them to surfaces.
+"""The G-buffer: raster passes write triangle numbers, a compute pass resolves them to surfaces.
 
 Burns and Hunt 2013, "The Visibility Buffer". Depth peeling: Everitt 2001, "Interactive Order-Independent Transparency".
-Departure: the resolve intersects the pixel's ray with the triangle instead of interpolating, so that a surface is
-exactly what the path tracer sees.
+Departure: the resolve intersects the pixel's ray with the triangle instead of interpolating, to match the path tracer
+exactly.
 
-Only clusters that the camera may see are drawn, as `culling` finds them.
+Raster passes draw only the clusters that `culling` finds in view.
 
 28 bytes per pixel (44 with emission; 4 more with instances). On llvmpipe, Sponza at 640x360, CPU time over two cores:
-this takes 24 + 7 ms to rasterise and 27 ms to resolve; one raster pass that writes a packed surface and emission,
-textured, 117 + 8 ms. Across the aisle, where 8 % of the clusters are in view, it takes 7 + 5 ms to rasterise; without
-culling, 11 + 6 ms.
+rasterising takes 24 + 7 ms and resolving 27 ms; one textured raster pass that writes packed surfaces and emission takes
+117 + 8 ms. Across the aisle, where 8 % of the clusters are in view, rasterising takes 7 + 5 ms; without culling, 11 + 6
+ms.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ SURFACE = np.dtype((np.uint32, 4))
 
 @dataclass
 class Gbuffer:
-    """One layer of surfaces. Buffers have an element for each pixel, rows from the top.
+    """One layer of surfaces. Buffers have one element per pixel, rows from the top.
 
-    visibility: triangle and instance, each plus 1; 0 is nothing. depth: reversed, near / view depth. distance: metres
-    along the pixel's ray, 0 where nothing is seen. surfaces: 16 bytes as `wgsl/shared/gbuffer/surface.wgsl` packs them.
-    emission: W/(m2 sr) of the surface, or of the environment where nothing is seen. seen_tiles: the tiles of 8x8 pixels
-    that show a surface, as `wgsl/shared/gbuffer/tiles.wgsl` has them; tile_groups: the workgroups for a pass over them.
+    visibility: triangle and instance, each plus 1; 0: none. depth: reversed, near / view depth. distance: metres along
+    the pixel's ray; 0: no surface. surfaces: 16 bytes, packed as in `wgsl/shared/gbuffer/surface.wgsl`. emission:
+    radiance of the surface, or of the environment without one, W/(m2 sr). seen_tiles: tiles of 8x8 pixels that show a
+    surface, for `wgsl/shared/gbuffer/tiles.wgsl`. tile_groups: workgroups of a pass over them.
     """
 
     visibility: Texture
@@ -48,16 +48,16 @@ class Gbuffer:
 
     @property
     def tiles(self) -> dict[str, Buffer]:
-        """What passes over the tiles read."""
+        """The bindings of passes over the tiles."""
         return {"seen_tiles": self.seen_tiles, "tile_groups": self.tile_groups}
 
 
 def declare_gbuffer(
     graph: Graph, scene: RasterInputs, *, name: str = "gbuffer", view: str = "view", layers: int = 1
 ) -> list[Gbuffer]:
-    """Declare the G-buffer of the camera in the uniform `view`, of the viewport's size: the nearest surfaces first.
+    """Declare the G-buffer of the camera in the uniform `view`, of the viewport's size, nearest surfaces first.
 
-    Further `layers` hold what lies behind the ones before.
+    Each further layer of `layers` holds the nearest surfaces behind the previous layer.
     """
     if view not in graph.uniforms:
         raise GiError(f"G-buffer {name!r}: there is no shared uniform {view!r}")
@@ -123,7 +123,7 @@ def _declare_visibility(
     nearer: Texture | None,
 ) -> tuple[Texture, Texture]:
     """Declare the raster passes of a layer, behind the depth `nearer` if given; return visibility and depth."""
-    # Without instances the second number is always 0, and so is what a one-channel texture gives for it.
+    # Without instances the second number is always 0; a one-channel texture reads as 0 there, too.
     ids = "rg32uint" if scene.features["HAS_INSTANCES"] else "r32uint"
     visibility = graph.texture(f"{name}/visibility{suffix}", ids)
     depth = graph.texture(f"{name}/depth{suffix}", "depth32float")
@@ -151,9 +151,9 @@ def _declare_visibility(
 
 
 def declare_motion(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer, before_from_now: Shared) -> Buffer:
-    """Declare where each pixel's surface was before: (x, y, distance, valid) as `shared/gbuffer/motion.wgsl` has it.
+    """Declare the motion of each pixel's surface: (x, y, distance, valid) of `shared/gbuffer/motion.wgsl`.
 
-    Needs the uniform `view_before`: the view of the frame before.
+    Needs the uniform `view_before`: the previous frame's view.
     """
     width, height = graph.size
     motion = graph.buffer("gbuffer/motion", dtype=FOUR_FLOATS, count=width * height, width=width)

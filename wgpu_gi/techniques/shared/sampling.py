@@ -1,4 +1,4 @@
-"""How pixels are sampled: through their centres, or through other points in each frame of a still picture."""
+"""Pixel sampling: through the centres, or through a different point in each frame of a still picture."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...upload.surface_samples import GOLDEN, R2
 
 @dataclass
 class CameraSettings:
-    """How pixels are sampled."""
+    """Pixel sampling."""
 
     jitter: bool = setting(True, "Average over the pixel's square (box filter) instead of sampling its centre.")
     frames: int = setting(
@@ -25,10 +25,10 @@ class CameraSettings:
 
 
 def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
-    """Return the point of each pixel's unit square that the rays of a jittered frame go through, of `frames` in all.
+    """Return the point of each pixel's unit square that a jittered frame samples, for `frames` frames in all.
 
-    A rank-1 lattice: every row and every column of the square has one point, their mean is exactly the centre, and
-    frames that follow one another are far apart.
+    The points are a rank-1 lattice: every row and column of the square has one point, their mean is exactly the centre,
+    and consecutive frames are far apart.
     """
     index = (frame * _coprime(frames, R2[0]) + frames // 2) % frames
     other = (index * _coprime(frames, GOLDEN)) % frames
@@ -37,5 +37,5 @@ def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
 
 @cache
 def _coprime(count: int, share: float) -> int:
-    """Return the number nearest to a share of `count` that has no common divisor with it."""
+    """Return the number coprime to `count` that is nearest to `share` times `count`."""
     return min(range(1, count + 1), key=lambda k: (math.gcd(k, count) > 1, abs(k - share * count)))

@@ -1,6 +1,6 @@
 """The scene's buffers and textures as handles of a graph, by the WGSL names of `wgsl/scene/`.
 
-A technique's inputs are a subclass: it adds what only that technique needs of the scene.
+A technique's inputs are a subclass that adds the scene data only this technique needs.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ RASTER_INPUTS = ("raster_vertices", "raster_sources", "raster_slots")
 
 @dataclass
 class SceneInputs:
-    """What rays need: `surfaces` to hit and shade, `lights` to sample; both go into `reads=`.
+    """The scene data of rays: `surfaces` to hit and shade, `lights` to sample; both go into `reads=`.
 
-    `features` are the HAS_ constants of shaders: what the scene has. `upload` owns all of it.
+    `features`: the HAS_ constants of shaders, which tell the scene's features. `upload` owns the resources.
     """
 
     surfaces: dict[str, Shared]
@@ -31,37 +31,37 @@ class SceneInputs:
     upload: SceneUpload
 
     def constants(self, shader: str) -> dict[str, bool]:
-        """Return the HAS_ constants that `shader` declares: code for what the scene lacks is compiled out."""
+        """Return the HAS_ constants that `shader` declares; code for absent features is compiled out."""
         declared = load(shader).overrides
         return {name: value for name, value in self.features.items() if name in declared}
 
     def shape(self) -> tuple[object, ...]:
-        """Return all that calls for another declaration of the passes; the contents of what they bind do not."""
+        """Return the values whose change forces the passes to be redeclared; contents of bound resources do not."""
         return (tuple(self.features.items()), self.upload)
 
 
 @dataclass
 class RasterInputs(SceneInputs):
-    """What raster passes need besides: `raster` goes into `reads=` of passes that draw `draws` by `raster_indices`."""
+    """Adds the data of raster passes: `raster` goes into `reads=` of passes that draw `draws` by `raster_indices`."""
 
     raster: dict[str, Shared]
     raster_indices: Shared
     draws: DrawList
 
     def shape(self) -> tuple[object, ...]:
-        """Return all that calls for another declaration of the passes."""
+        """Return the values whose change forces the passes to be redeclared."""
         return (*super().shape(), self.draws.opaque, self.draws.masked)
 
 
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:
-    """Make an uploaded scene known to the graph; call it again after each `upload.update`."""
+    """Register an uploaded scene with the graph; call it after each `upload.update`."""
     graph.uniform("scene", upload.info)
     surfaces, lights = (_share(graph, upload, names) for names in (SURFACE_INPUTS, LIGHT_INPUTS))
     return SceneInputs(surfaces, lights, dict(upload.features), upload)
 
 
 def share_raster(graph: Graph, upload: SceneUpload) -> RasterInputs:
-    """Make an uploaded scene known to the graph with its draws; call it again after each `upload.update_draws`."""
+    """Register an uploaded scene and its draws with the graph; call it after each `upload.update_draws`."""
     assert upload.draws is not None
     indices = _share(graph, upload, ("raster_indices",))["raster_indices"]
     scene = share_scene(graph, upload)

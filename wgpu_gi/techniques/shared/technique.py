@@ -1,7 +1,7 @@
-"""What a technique is to the rest: its promise, the scene that it asks for, and the light that it returns.
+"""The interface of a technique: its properties, its scene inputs, and the light that it returns.
 
-Each folder of `techniques/` offers, in its `__init__`, a `Technique` with the settings that it reads and what it needs
-of the scene, and `declare_...(graph, settings, scene)`, which declares its passes and returns a `Light`.
+The `__init__` of each folder in `techniques/` defines a `Technique`, with the settings and scene inputs that it reads,
+and `declare_...(graph, settings, scene)`, which declares its passes and returns a `Light`.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ T = TypeVar("T")
 
 
 class Kept:
-    """What a renderer keeps for its techniques from frame to frame: one instance of each class that they ask for."""
+    """State that a renderer keeps for its techniques between frames: one instance of each class that they request."""
 
     def __init__(self) -> None:
         self._instances: dict[type, Any] = {}
 
     def __call__(self, kind: type[T]) -> T:
-        """Return the instance of `kind`, made at the first call."""
+        """Return the instance of `kind`; the first call creates it."""
         if kind not in self._instances:
             self._instances[kind] = kind()
         found: T = self._instances[kind]
@@ -38,7 +38,7 @@ class Kept:
 class Shot:
     """One frame to render: the scene, its copy on the GPU, and the camera.
 
-    `frame` counts the frames of a still picture from 0 to `frames` - 1; those of the warm-up before them are negative.
+    `frame`: number in a still picture, 0 to `frames` - 1; negative for the warm-up frames before.
     """
 
     graph: Graph
@@ -55,9 +55,9 @@ class Shot:
 class Light:
     """The light of a frame by layers: (r, g, b, -) per pixel in W/(m2 sr), rows from the top.
 
-    emission: sources seen directly. direct: light scattered once, indirect: more often (None: there is none). radiance:
-    their sum, if the technique adds them itself. views: what else can be shown, by the names in
-    `Technique.extra` and `Technique.views`.
+    emission: sources seen directly. direct: light scattered once. indirect: light scattered more often (None: none).
+    radiance: their sum, if the technique computes it. views: further buffers to show, by the names in `Technique.extra`
+    and `Technique.views`.
     """
 
     emission: Buffer
@@ -73,20 +73,20 @@ def _no_warm_up(settings: Any) -> int:
 
 @dataclass(frozen=True)
 class Technique:
-    """A technique for indirect light: what it promises, and what it needs.
+    """A technique for indirect light: its properties and its needs.
 
     sentence: what it does, for lists of techniques.
-    bounces: how many bounces of indirect light it finds; None: as many as are asked for, or all.
-    most_bounces: how many may be asked for, if there is a limit.
-    is_random: True if each frame of a still picture draws other samples, so that their mean converges.
+    bounces: number of bounces of indirect light that it finds; None: as many as requested, or all.
+    most_bounces: largest number of bounces that may be requested; None: no limit.
+    is_random: True if each frame of a still picture draws new samples, so that their mean converges.
     options: a Protocol with the settings that it reads; all others have no effect.
-    inputs: brings what it needs of the scene on the GPU up to date, once per frame, and returns it.
-    extra: buffers that it can show besides those that all techniques have.
-    views: debug views, and for each the reason why a frame may lack it.
-    averages_samples: True if it averages samples itself; then a still picture is one frame.
-    warm_up: how many frames come before the first one that a still picture averages.
-    refine: plans more runs for a picture that lacks samples after all its runs; returns True if it did.
-    refined: the buffers that such runs improve.
+    inputs: updates its scene inputs on the GPU once per frame, and returns them.
+    extra: buffers that it can show besides those of all techniques.
+    views: debug views, each with the reason why a frame may lack it.
+    averages_samples: True if it averages samples itself; a still picture is then one frame.
+    warm_up: returns the number of frames before the first one that a still picture averages.
+    refine: plans more runs for a picture that lacks samples after all its runs; returns whether it did.
+    refined: the buffers that these runs improve.
     """
 
     sentence: str

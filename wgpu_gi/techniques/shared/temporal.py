@@ -1,7 +1,7 @@
 """Temporal accumulation: irradiance averaged over frames along reprojected pixels.
 
-Nehab et al. 2007, "Accelerating Real-Time Shading with Reverse Reprojection Caching". Departure: a
-cumulative mean at first instead of exponential smoothing, so that a disoccluded surface does not keep its first frame.
+Nehab et al. 2007, "Accelerating Real-Time Shading with Reverse Reprojection Caching". Departure: the first frames form
+a cumulative mean instead of exponential smoothing, so a disoccluded surface does not keep its first frame.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SHADER = "shared/temporal/reproject.wgsl"
 class TemporalSettings:
     """Temporal accumulation of indirect light."""
 
-    frames: int = setting(1, "Frames that indirect light is averaged over; 1 for none.", "frames", range=(1, 255))
+    frames: int = setting(1, "Frames over which indirect light is averaged; 1: no average.", "frames", range=(1, 255))
     speed: float = setting(
         0.0, "Fewer frames for moving surfaces: frames / (1 + speed * pixels moved per frame).", range=(0, 100)
     )
@@ -45,7 +45,7 @@ def declare_accumulate(
     irradiance: Buffer,
     name: str = "temporal",
 ) -> Averaged:
-    """Declare the mean over frames of light (r, g, b, depth) per pixel; pixels of depth 0 have nothing to light."""
+    """Declare the mean over frames of light (r, g, b, depth) per pixel; depth 0: no surface to light."""
     width, height = graph.size
     count = width * height
     history = graph.buffer(f"{name}/history", dtype=FOUR_WORDS, count=count, width=width, history=True)

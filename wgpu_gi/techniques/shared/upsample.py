@@ -1,10 +1,10 @@
-"""Light of a coarse grid for every pixel of the picture, and which pixels the grid does not represent.
+"""Joint bilateral upsampling of a coarse grid's light, and the list of pixels that the grid does not represent.
 
-Kopf et al. 2007, "Joint Bilateral Upsampling". Departures: the guide is not a picture but the surfaces: the distance
-from the pixel's tangent plane and the angle of normals; weights are found once and kept in 8 bits each, for all light
-that goes through the same grid; pixels whose surface no coarse pixel shows are listed, and techniques compute those at
-full resolution (as Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination", refine where depths
-and normals break off).
+Kopf et al. 2007, "Joint Bilateral Upsampling". Departures: the guide compares surfaces instead of colours, by the
+distance from the pixel's tangent plane and the angle of normals; weights, 8 bits each, are computed once for all light
+of the same grid; pixels whose surface no coarse pixel shows are listed, and techniques compute them at full resolution
+(Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination", refine at discontinuities of depth and
+normal).
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ SHADER = "shared/upsample/upsample.wgsl"
 
 @dataclass(frozen=True)
 class Guide:
-    """How coarse pixels, `stride` pixels apart, count for each pixel of the picture.
+    """Weights by which coarse pixels, `stride` pixels apart, contribute to each pixel of the picture.
 
-    A coarse pixel lies at the centre of its square if `centred`, else at its first pixel. weights: four of 8 bits per
-    pixel. unrepresented: indices of pixels; `room` at most. groups: workgroups that go through them; their number last.
+    centred: True: a coarse pixel samples its square's centre; False: its first pixel. weights: four of 8 bits per
+    pixel. unrepresented: indices of pixels, at most `room`. groups: workgroups over them, then their number.
     """
 
     stride: int
@@ -39,17 +39,17 @@ class Guide:
 
     @property
     def room(self) -> int:
-        """How many pixels can be unrepresented."""
+        """The largest number of unrepresented pixels."""
         return self.unrepresented.count
 
     @property
     def list_reads(self) -> dict[str, Resource]:
-        """What passes over the unrepresented pixels read, those that import `shared/upsample/unrepresented.wgsl`."""
+        """The bindings of passes that import `shared/upsample/unrepresented.wgsl`."""
         return {"unrepresented": self.unrepresented, "unrepresented_groups": self.groups}
 
     @property
     def constants(self) -> dict[str, float]:
-        """Those of `wgsl/shared/upsample/weights.wgsl`."""
+        """The constants of `wgsl/shared/upsample/weights.wgsl`."""
         return {"COARSE_STRIDE": self.stride, "COARSE_CENTRED": self.centred}
 
 
@@ -65,7 +65,7 @@ def declare_guide(
     """Declare the guide of a technique: its shader `guide.wgsl` reads the surfaces of fine and of coarse pixels."""
     width, height = graph.size
     coarse = -(-width // stride) * -(-height // stride)
-    # Of each square one pixel is the coarse one's own, so the list is shorter than the picture by their number.
+    # Each coarse pixel represents itself, so the list is shorter than the picture by their number.
     room = max(width * height - coarse, 1)
     guide = Guide(
         stride,
@@ -100,7 +100,7 @@ def declare_upsampling(
     *,
     reflected: bool,
 ) -> Buffer:
-    """Declare `coarse` light (r, g, b, -) for all pixels of the picture; `reflected`: irradiance becomes radiance."""
+    """Declare `coarse` light (r, g, b, -), upsampled to all pixels; `reflected`: irradiance becomes radiance."""
     width, height = graph.size
     fine = graph.buffer(f"{name}/fine", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     graph.compute(

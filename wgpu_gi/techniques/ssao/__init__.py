@@ -1,7 +1,7 @@
-"""SSAO (`--gi ssao`): the environment's light times a grey share, the ambient occlusion of what the picture shows.
+"""SSAO (`--gi ssao`): the environment's light times a grey share, the ambient occlusion found in screen space.
 
 Mittring 2007, "Finding Next Gen: CryEngine 2", section 8.5.4.3. Departure: occluders come from SSDO's search, with its
-settings (`ssdo`), so that the two differ by directional light alone.
+settings (`ssdo`), so both differ only by directional light.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ..ssdo.sources import declare_sources
 from ..ssdo.update import OcclusionOptions, ssdo_inputs
 
 TECHNIQUE = Technique(
-    sentence="ambient occlusion in screen space, the baseline that SSDO is held against",
+    sentence="ambient occlusion in screen space, the baseline for SSDO",
     bounces=0,
     most_bounces=0,
     is_random=True,

@@ -29,16 +29,16 @@ TECHNIQUE = Technique(
 def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Light:
     """Declare direct light with the environment occluded by direction, and one bounce, W/(m2 sr)."""
     s, seed = settings.ssdo, settings.seed
-    # Depth layers of the main camera, and further cameras.
+    # Declare the depth layers of the main camera, and further cameras.
     sources = declare_sources(graph, scene)
     base = declare_base(graph, settings, scene, gbuffer=sources.layers[0], lobes=True)
     history = History(settings.temporal, base.motion)
-    # The first occluder along each direction, which hides the environment.
+    # Find the first occluder along each direction, which hides the environment.
     occlusion = declare_occlusion(graph, s, scene, sources, base.ambient, history, seed, scene.frames)
     atlas, layers = base.shadow_atlas, sources.layers
     direct = declare_direct(graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, occlusion.share, layers)
     light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
-    # The same occluders, as senders of one bounce.
+    # Gather one bounce from the same occluders.
     if settings.bounces != 0 and s.bounce:
         light.indirect = declare_bounce(graph, s, scene, sources, occlusion, direct, atlas, base.ambient, history, seed)
     return light

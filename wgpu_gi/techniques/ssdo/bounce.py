@@ -1,7 +1,7 @@
 """One bounce of indirect light from the surfaces that the search for occluders found.
 
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departure: a sender's area
-is what the direction's solid angle cuts out of it, so there is no strength to set.
+is the part that the direction's solid angle cuts out of it, so there is no strength to set.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ def declare_bounce(
     history: History,
     seed: int,
 ) -> Buffer:
-    """Declare the indirect light by one bounce on the surfaces found: (r, g, b, -) per pixel, W/(m2 sr)."""
+    """Declare the indirect light of one bounce off the surfaces found: (r, g, b, -) per pixel, W/(m2 sr)."""
     search, gbuffer = occlusion.search, sources.layers[0]
-    # The radiance that each source reflects, gathered along the directions of the search.
+    # Gather the radiance that each source reflects, along the directions of the search.
     senders = declare_senders(graph, settings, scene, sources, direct, atlas, ambient, seed)
     irradiance = declare_gathered(graph, settings, scene, sources, search, senders)
-    # To all pixels; as radiance at once, unless irradiance is to be accumulated over frames.
+    # Upsample to all pixels: to radiance, or to irradiance if it is accumulated over frames.
     name, reflected = "ssdo/bounce", history.settings.frames == 1
     light = declare_full_resolution(graph, name, settings, scene, gbuffer, irradiance, search, reflected=reflected)
     declare_gathered_unrepresented(graph, settings, scene, sources, search, senders, light, reflected=reflected)
@@ -55,7 +55,7 @@ def declare_gathered(
     search: SearchResult,
     senders: Buffer,
 ) -> Buffer:
-    """Declare the irradiance of the search grid by the surfaces found, W/m2, before any blur."""
+    """Declare the irradiance of the search grid from the surfaces found, W/m2, before any blur."""
     width, height = grid_size(graph, search.stride)
     irradiance = graph.buffer("ssdo/irradiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     graph.compute(
@@ -86,7 +86,7 @@ def declare_gathered_unrepresented(
     *,
     reflected: bool,
 ) -> None:
-    """Declare the irradiance of unrepresented pixels, or if `reflected` their radiance, into `light` of all pixels."""
+    """Declare the irradiance (`reflected`: radiance) of unrepresented pixels, written into `light` of all pixels."""
     if search.guide is None or search.unrepresented_hits is None:
         return
     graph.compute(
@@ -109,7 +109,7 @@ def declare_gathered_unrepresented(
 def _gather_constants(
     settings: SsdoSettings, scene: DeferredInputs, sources: Sources, search: SearchResult
 ) -> dict[str, float]:
-    """Return what both gathering passes have in common."""
+    """Return the constants of both gathering passes."""
     return {
         **scene.constants(SHADER),
         **sources.constants,
@@ -121,7 +121,7 @@ def _gather_constants(
 
 
 def _declare_reflection(graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, irradiance: Buffer) -> Buffer:
-    """Declare the radiance that surfaces reflect of an irradiance, W/(m2 sr)."""
+    """Declare the radiance that surfaces reflect from `irradiance`, W/(m2 sr)."""
     width, height = graph.size
     radiance = graph.buffer("ssdo/radiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     shader = "ssdo/reflect.wgsl"

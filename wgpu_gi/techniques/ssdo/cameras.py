@@ -1,8 +1,8 @@
-"""Where further cameras stand, and which layers and cameras add nothing.
+"""The placement of further cameras, and the layers and cameras that add nothing.
 
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 4. Departure: the first
-further camera stands at the main one and sees more to all sides, since most of what is missed lies beside the picture;
-the paper's cameras look at the same things from aside.
+further camera stands at the main one with a wider lens, since most missing occluders lie beside the picture; the
+paper's cameras view the same geometry from aside.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from ...camera import Camera
 from .inputs import ScreenInputs
 from .settings import PLACEMENTS, SsdoSettings
 
-# Wide lenses: the tangent of the half angle (or the height of parallel rays) times this, up to a largest half angle.
+# Wide lenses: factor on the tangent of the half angle (or on the height of parallel rays), and the largest half angle.
 # tools/README.md, "Constants".
 WIDENING = 4.0
 WIDEST = math.radians(65.0)
-MARGIN = 0.01  # of the scene's size, so that a camera above it sees its border and stands clear of its top
+MARGIN = 0.01  # of the scene's size: a camera above it sees its border and stands clear of its top
 
 
 def screen_views(
@@ -31,17 +31,17 @@ def screen_views(
     settings: SsdoSettings,
     has_sky: bool,
 ) -> tuple[ScreenInputs, list[Camera]]:
-    """Return which layers and further cameras show a scene of some `triangles` in a (2, 3) `box`, metres.
+    """Return the layers and further cameras that show a scene of `triangles` triangles in a (2, 3) `box`, metres.
 
     Layers and cameras that would add nothing are left out. `size`: pixels of the picture.
     """
-    # Layers: a ray meets each triangle once, and a flat scene once.
+    # Layers: a ray hits each triangle once, and a flat scene once.
     most_layers = 1 if (np.ptp(box, axis=0) == 0).any() else max(triangles, 1)
     layers = min(settings.layers, most_layers)
     skipped = [
         (f"gbuffer/opaque_{k}", f"a ray meets {most_layers} surfaces at most") for k in range(layers, settings.layers)
     ]
-    # Cameras: without a sky one is enough, with one the occluders above and behind count, too.
+    # Cameras: one suffices without a sky; with a sky, occluders above and behind count, too.
     count = settings.cameras if settings.cameras is not None else 3 if has_sky else 1
     cameras: list[Camera] = []
     for name in PLACEMENTS[settings.camera_placement][:count]:
@@ -54,7 +54,7 @@ def screen_views(
 
 
 def _redundancy(name: str, camera: Camera, box: NDArray[np.float64], size: tuple[int, int]) -> str:
-    """Return why a camera would show nothing new; empty if it may."""
+    """Return the reason why a camera would show nothing new; empty if it may show something."""
     corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T
     clip = np.column_stack([corners, np.ones(8)]) @ camera.clip_from_world(size, np.zeros(3), 1.0, 1.0).T
     depth = (corners - camera.position) @ -camera.world_from_view[:3, 2]
@@ -66,26 +66,26 @@ def _redundancy(name: str, camera: Camera, box: NDArray[np.float64], size: tuple
 
 
 def _place(name: str, camera: Camera, box: NDArray[np.float64], size: tuple[int, int]) -> Camera:
-    """Return the further camera `name` of the main `camera` in a scene within `box`, metres."""
+    """Return the further camera `name` for the main `camera` in a scene within `box`, metres."""
     pose = np.array(camera.world_from_view, np.float64)
     centre, half = box.mean(0), np.ptp(box, axis=0) / 2
     radius = max(float(np.linalg.norm(half)), 1e-30)
     right, up, back, eye = pose[:3].T
-    # At the camera, forward or backward, with a wide lens.
+    # Place it at the camera, facing forward or backward, with a wide lens.
     if name in ("wide", "behind"):
         turned = pose if name == "wide" else pose @ np.diag([-1.0, 1.0, -1.0, 1.0])
         if camera.orthographic_height is not None:
             return Camera(turned, orthographic_height=WIDENING * camera.orthographic_height)
         tangent = WIDENING * math.tan(camera.yfov / 2) if name == "wide" else math.inf
         return Camera(turned, 2 * max(min(math.atan(tangent), WIDEST), camera.yfov / 2))
-    # Above the whole scene, with parallel rays.
+    # Place it above the whole scene, with parallel rays.
     if name == "above":
         over = centre + np.array((0.0, (1 + MARGIN) * half[1] + 1e-3 * radius, 0.0))
         looking_down = Camera.look_at(over, centre, (0, 0, -1))
         height = max(float(half[2]), float(half[0]) * size[1] / size[0], 1e-3 * radius)
         looking_down.orthographic_height = 2 * (1 + MARGIN) * height
         return looking_down
-    # Beside the middle of what is in view, by the paper's displacement scaled with the bounding sphere.
+    # Place it beside the middle of the view, by the paper's displacement scaled with the bounding sphere.
     middle = eye - back * max(float((eye - centre) @ back), 0.5 * radius)
     aside = right * (radius if name == "right" else -radius)
     return Camera.look_at(middle + aside, middle, up, 90.0)

@@ -1,4 +1,4 @@
-"""What screen-space directional occlusion needs of a scene: which layers and further cameras show it."""
+"""The scene inputs of screen-space directional occlusion: the layers and further cameras that show the scene."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..deferred.inputs import DeferredInputs
 
 @dataclass(frozen=True)
 class ScreenInputs:
-    """How many depth layers and further cameras show the scene; `skipped` names the passes left out, and why."""
+    """Numbers of depth layers and further cameras; `skipped`: names of the passes left out, and the reasons."""
 
     layers: int
     cameras: int
@@ -18,10 +18,10 @@ class ScreenInputs:
 
 @dataclass
 class SsdoInputs(DeferredInputs):
-    """What SSDO needs of a scene."""
+    """The scene inputs of SSDO."""
 
     screen: ScreenInputs
 
     def shape(self) -> tuple[object, ...]:
-        """Return all that calls for another declaration of the passes."""
+        """Return the values whose change forces the passes to be redeclared."""
         return (*super().shape(), self.screen)

@@ -1,8 +1,8 @@
 """The share of the environment's light that reaches each pixel past the occluders in screen space.
 
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departures: those of
-`search.py`; the result is a share of the unoccluded irradiance, per colour, which multiplies the prefiltered
-environment's light.
+`search.py`; the result is a share of the unoccluded irradiance, per colour, that scales the prefiltered environment's
+light.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .sources import Sources
 
 @dataclass
 class Occlusion:
-    """`share` of the environment that arrives, (r, g, b, -) per pixel, None without one; the search behind it."""
+    """`share`: unoccluded share of the environment, (r, g, b, -) per pixel (None: no environment), and its search."""
 
     share: Buffer | None
     search: SearchResult
@@ -32,13 +32,13 @@ class Occlusion:
 
 @dataclass
 class History:
-    """How light is accumulated over frames; with `settings.frames` 1 it is not."""
+    """Accumulation of light over frames; `settings.frames` = 1 turns it off."""
 
     settings: TemporalSettings
     motion: Buffer
 
     def declare(self, graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, light: Buffer, name: str) -> Buffer:
-        """Declare the mean of light (r, g, b, w) per pixel; w above 0 marks pixels with something to light."""
+        """Declare the mean of light (r, g, b, w) per pixel; w above 0 marks pixels with a surface to light."""
         if self.settings.frames == 1:
             return light
         return declare_accumulate(graph, self.settings, scene, gbuffer, self.motion, light, name).averaged
@@ -58,7 +58,7 @@ def declare_occlusion(
 ) -> Occlusion:
     """Declare the search from each pixel, and the share of the environment's light that arrives.
 
-    `frames`: of a still picture. Without `directional` the share is grey: ambient occlusion.
+    `frames`: number per still picture. `directional`: False makes the share grey (ambient occlusion).
     """
     gbuffer = sources.layers[0]
     request = SearchRequest(graph, settings, scene, sources, ambient, seed, directional=directional)
@@ -67,7 +67,7 @@ def declare_occlusion(
         graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")
         declare_unrepresented(request, search, None)
         return Occlusion(None, search)
-    # Shadows of an environment that is importance sampled have edges, which the blur is guided along.
+    # Shadows of an importance-sampled environment have edges, so guide the blur along them.
     guided_frames = frames if search.unoccluded is not None else 1
     share = declare_full_resolution(
         graph,
@@ -97,9 +97,9 @@ def declare_full_resolution(
     divisor: Buffer | None = None,
     reflected: bool = False,
 ) -> Buffer:
-    """Declare light of the search grid blurred over its squares and upsampled to all pixels.
+    """Declare light of the search grid, blurred over its squares and upsampled to all pixels.
 
-    divisor: what its blurred values are divided by. reflected: irradiance becomes radiance, W/(m2 sr).
+    divisor: its blurred values divide the blurred light. reflected: irradiance becomes radiance, W/(m2 sr).
     """
     blurred = declare_blur(
         graph,

@@ -1,8 +1,8 @@
 """The search for occluders: marches directions through the depth buffers of all sources.
 
-Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departures: several points
-along each direction instead of one, of which the first that is hidden counts; directions drawn by the cosine; squares
-of pixels share a set of directions, as in interleaved sampling (Keller and Heidrich 2001), which the blur averages.
+Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departures: each direction
+has several points instead of one, and the first hidden point counts; directions are drawn by the cosine; squares of
+pixels share a set of directions (interleaved sampling, Keller and Heidrich 2001), which the blur averages.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from .settings import SsdoSettings
 from .sources import Sources
 
 SHADER = "ssdo/search.wgsl"
-# Sources other than the first layer are lit at every second pixel of every second row, their sky at every eighth, with
-# every second step along each direction. tools/README.md, "Constants".
+# Strides of sources other than the first layer, pixels: of senders, and of their sky occlusion. The latter takes every
+# second step along each direction. tools/README.md, "Constants".
 SENDER_STRIDE = 2
 SKY_STRIDE = 8
 SKY_STEP_SHARE = 2
@@ -35,12 +35,12 @@ LAST_MAP = int(load("deferred/environment/maps.wgsl").constants["LAST_MAP"])
 
 @dataclass
 class SearchResult:
-    """What directions meet from the pixels of a grid, every `stride`-th of every `stride`-th row.
+    """Hits of the directions from a grid of pixels, every `stride`-th of every `stride`-th row.
 
-    light: the share of the environment that arrives, (r, g, b, depth of `shared/denoise/plane.wgsl`). normals: packed
-    as there. hits: the surfaces found, packed by `ssdo/hit_code.wgsl`, of the first layer only. unoccluded: what to
-    divide `light` by, once both are blurred; None if it is a share already. guide: how the grid is upsampled.
-    unrepresented_hits: what the directions of pixels meet that the grid does not represent.
+    light: unoccluded share of the environment, (r, g, b, depth of `shared/denoise/plane.wgsl`). normals: packed by that
+    file. hits: the surfaces found from the first layer, packed by `ssdo/hit_code.wgsl`. unoccluded: divisor of `light`
+    once both are blurred; None: `light` is already a share. guide: for upsampling the grid. unrepresented_hits: hits of
+    the directions from unrepresented pixels.
     """
 
     stride: int
@@ -54,10 +54,10 @@ class SearchResult:
 
 @dataclass
 class SearchRequest:
-    """A search from the pixels of a source, `number`.
+    """A search from the pixels of source `number`.
 
-    radius: r_max at most, in heights of the picture at the pixel; None: that of the settings. directional: the share of
-    the environment's light is by colour and direction; else it is ambient occlusion.
+    radius: largest r_max, in heights of the picture at the pixel; None: from the settings. directional: True: the share
+    depends on the environment's colour by direction; False: ambient occlusion.
     """
 
     graph: Graph
@@ -82,7 +82,7 @@ class SearchRequest:
         return self.number == 0 and pictured and self.directional and self.settings.sampling == "environment"
 
     def arguments(self, stride: int) -> dict[str, Any]:
-        """Return what all passes of SHADER have in common; its reads lack the G-buffer."""
+        """Return the arguments common to all passes of SHADER; `reads` lacks the G-buffer."""
         settings, sources, number = self.settings, self.sources, self.number
         return {
             "shader": SHADER,
@@ -114,7 +114,7 @@ class SearchRequest:
 
 
 def declare_search(request: SearchRequest) -> SearchResult:
-    """Declare which share of the environment reaches a source; from the first layer, also the surfaces found."""
+    """Declare the share of the environment that reaches a source; for the first layer, also the surfaces found."""
     graph, sources, number = request.graph, request.sources, request.number
     stride = SKY_STRIDE if number else stride_of(request.settings)
     name = f"ssdo/occlusion_{number}" if number else "ssdo/occlusion"
@@ -143,7 +143,8 @@ def declare_search(request: SearchRequest) -> SearchResult:
 
 
 def declare_unrepresented(request: SearchRequest, result: SearchResult, share: Buffer | None) -> None:
-    """Declare what directions meet from unrepresented pixels; `share`, of all pixels, gets theirs if it is given."""
+    """Declare the hits of directions from unrepresented pixels, and their share of the environment in `share`, if
+    given."""
     guide, graph = result.guide, request.graph
     if guide is None or result.unrepresented_hits is None:
         return
@@ -165,7 +166,7 @@ def declare_unrepresented(request: SearchRequest, result: SearchResult, share: B
 
 
 def stride_of(settings: SsdoSettings) -> int:
-    """Return the distance between the pixels of the first layer that are searched from."""
+    """Return the spacing of the first layer's pixels that start a search, pixels."""
     return 2 if settings.half_resolution else 1
 
 
@@ -175,14 +176,14 @@ def grid_size(graph: Graph, stride: int) -> tuple[int, int]:
 
 
 def grid_dispatch(graph: Graph, sources: Sources, number: int, stride: int) -> dict[str, Any]:
-    """Return over what a pass over the grid of a source runs, and its entry point."""
+    """Return the dispatch of a pass over the grid of a source, and its entry point."""
     if stride == 1:
         return {"indirect": sources.gbuffer(number).tile_groups}
     return {"over": grid_size(graph, stride), "entry": "coarse"}
 
 
 def grid_reads(sources: Sources, number: int, stride: int) -> dict[str, Any]:
-    """Return what such a pass reads of the G-buffer."""
+    """Return the G-buffer bindings of a pass over the grid of a source."""
     gbuffer = sources.gbuffer(number)
     tiles = gbuffer.tiles if stride == 1 else {}
     return {**tiles, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance}

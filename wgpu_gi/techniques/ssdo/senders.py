@@ -1,7 +1,7 @@
-"""The radiance that every source reflects: the first layer is lit already, other sources are lit here.
+"""The radiance that every source reflects: the first layer is already lit, other sources are lit here.
 
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", sections 3 and 4. Departure: other
-sources are lit at every SENDER_STRIDE-th pixel of every such row, each for its neighbours as well.
+sources are lit at every SENDER_STRIDE-th pixel of every SENDER_STRIDE-th row; each represents its neighbours, too.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def declare_senders(
     ambient: Ambient,
     seed: int,
 ) -> Buffer:
-    """Declare the radiance of light scattered once and the normal of all senders, one source after the other."""
+    """Declare the radiance of light scattered once and the normal of all senders, source by source."""
     width, height = graph.size
     grid = grid_size(graph, SENDER_STRIDE)
     per_source = grid[0] * grid[1]
@@ -52,7 +52,7 @@ def declare_first_layer_senders(
 ) -> None:
     """Declare the senders of the first layer, at the start of `senders`.
 
-    Their radiance is `direct`, W/(m2 sr), and what they reflect of the irradiance `indirect`, W/m2.
+    Their radiance is `direct`, W/(m2 sr), plus their reflection of the irradiance `indirect`, W/m2.
     """
     shader = "ssdo/first_layer_senders.wgsl"
     graph.compute(
@@ -80,7 +80,7 @@ def _declare_lit_senders(
     senders: Buffer,
     first: int,
 ) -> None:
-    """Declare the senders of another source, from index `first` on; `sky`: what `_declare_sky` returned."""
+    """Declare the senders of another source, from index `first` on; `sky`: the result of `_declare_sky`."""
     gbuffer, shader = sources.gbuffer(number), "ssdo/senders.wgsl"
     graph.compute(
         f"ssdo/senders_{number}",

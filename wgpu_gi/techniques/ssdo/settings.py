@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from ...settings import setting
 
 MAX_LAYERS = MAX_CAMERAS = 4
-# Where further cameras stand, in order.
+# Placements of further cameras, in order.
 PLACEMENTS = {"wide": ("wide", "above", "behind", "left"), "aside": ("left", "right", "above", "behind")}
 
 
 @dataclass
 class SsdoSettings:
-    """How light is found in screen space."""
+    """The search for light in screen space."""
 
     directions: int = setting(
         2, "Directions per pixel and frame.", "directions", range=(1, 64), presets={"low": 1, "high": 4}
@@ -22,22 +22,22 @@ class SsdoSettings:
     bounce: bool = setting(True, "Add the light that the occluders reflect.")
     sampling: str = setting(
         "cosine",
-        "Sampling of directions: by the cosine, with a filtered environment, or every other one by importance sampling"
+        "Sampling of directions: all by the cosine, with a filtered environment, or every other by importance sampling"
         " of the environment, unfiltered.",
         choices=("cosine", "environment"),
     )
     layers: int = setting(1, "Layers of depth peeling.", "layers", range=(1, MAX_LAYERS), presets={"high": 2})
     cameras: int | None = setting(
         None,
-        "Further cameras that show occluders out of view; none for one, or for three if there is an environment, which"
-        " things above and behind the camera hide.",
+        "Further cameras that show occluders out of view; none: one, or three if there is an environment, which"
+        " geometry above and behind the camera can hide.",
         "cameras",
         range=(0, MAX_CAMERAS),
         presets={"low": 0},
     )
     camera_placement: str = setting(
         "wide",
-        "Where further cameras stand, in order: wide (a wide lens at the camera, above, behind, left), or aside (left,"
+        "Placement of further cameras, in order: wide (a wide lens at the camera, above, behind, left), or aside (left,"
         " right, above, behind).",
         choices=(*PLACEMENTS,),
     )
@@ -48,14 +48,14 @@ class SsdoSettings:
         range=(0.01, 100.0),
     )
     half_resolution: bool = setting(
-        True, "Search from every other pixel of every other row, and upsample.", presets={"high": False}
+        True, "Search from every second pixel of every second row, and upsample.", presets={"high": False}
     )
     near_field: bool = setting(
         False,
-        "With --gi many-light: find light of nearby surfaces, and what hides it, in screen space instead of by virtual"
+        "With --gi many-light: find light of nearby surfaces, and its occluders, in screen space instead of by virtual"
         " point lights.",
     )
     near_field_radius: float = setting(
-        0.1, "Radius of that near field, in heights of the picture at the pixel.", "heights", range=(0.001, 10.0)
+        0.1, "Radius of the near field, in heights of the picture at the pixel.", "heights", range=(0.001, 10.0)
     )
-    blur: bool = setting(True, "Blur over the squares of pixels that share a set of directions, up to edges.")
+    blur: bool = setting(True, "Edge-aware blur over the squares of pixels that share a set of directions.")

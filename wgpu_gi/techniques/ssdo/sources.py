@@ -1,4 +1,4 @@
-"""The G-buffers that screen space is searched in: layers of depth peeling, and further cameras.
+"""The G-buffers of the screen-space search: layers of depth peeling, and further cameras.
 
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 4.
 """
@@ -23,16 +23,16 @@ class Sources:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """The number of sources."""
         return len(self.layers) + len(self.cameras)
 
     @property
     def constants(self) -> dict[str, int]:
-        """Those of `wgsl/ssdo/hit_code.wgsl`."""
+        """The constants of `wgsl/ssdo/hit_code.wgsl`."""
         return {"LAYERS": len(self.layers), "CAMERAS": len(self.cameras)}
 
     def gbuffer(self, number: int) -> Gbuffer:
-        """Return a source."""
+        """Return the G-buffer of a source."""
         return [*self.layers, *self.cameras][number]
 
     def view_of(self, number: int) -> str:
@@ -44,24 +44,24 @@ class Sources:
         return 0 < number < len(self.layers)
 
     def reads(self, graph: Graph) -> dict[str, Handle]:
-        """Return what passes read that import `wgsl/ssdo/hit_position.wgsl`."""
+        """Return the bindings of passes that import `wgsl/ssdo/hit_position.wgsl`."""
         depths: dict[str, Handle] = {f"depth_{k}": graph.neutral("texture_depth_2d") for k in range(8)}
         depths |= {f"depth_{k}": layer.depth for k, layer in enumerate(self.layers)}
         return depths | {f"depth_{MAX_LAYERS + k}": camera.depth for k, camera in enumerate(self.cameras)}
 
     def uniforms(self) -> dict[str, str]:
-        """Return the views that such passes bind; in place of cameras that do not exist, the main camera's."""
+        """Return the views that these passes bind; the main camera's view replaces missing cameras."""
         cameras = range(MAX_CAMERAS + 1)
         return {f"view_{k}": view_name(k) if k <= len(self.cameras) else "view" for k in cameras}
 
 
 def view_name(number: int) -> str:
-    """Return the uniform of a further camera, from 1 on, or of the main camera, 0."""
+    """Return the uniform of the main camera (0) or of a further camera (1 and up)."""
     return f"view_{number}" if number else "view"
 
 
 def declare_sources(graph: Graph, scene: SsdoInputs) -> Sources:
-    """Declare the G-buffers of layers and further cameras; the uniforms `view_1` ... exist already."""
+    """Declare the G-buffers of layers and further cameras; the uniforms `view_1` ... must exist."""
     for name, reason in scene.screen.skipped:
         graph.skip(name, reason)
     numbers = range(1, scene.screen.cameras + 1)

@@ -1,4 +1,4 @@
-"""Brings what screen-space directional occlusion needs of a scene up to date, once per frame: its further cameras."""
+"""Updates the scene inputs of screen-space directional occlusion once per frame: its further cameras."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SsdoOptions(OcclusionOptions, Protocol):
 
 
 def ssdo_inputs(shot: Shot, settings: OcclusionOptions) -> SsdoInputs:
-    """Place the further cameras and set their uniforms, `view_1` ...; return what passes read."""
+    """Place the further cameras and set their uniforms, `view_1` ...; return the inputs of the passes."""
     deferred = deferred_inputs(shot, settings)
     upload = shot.upload
     sky = settings.environment.ambient and upload.features["HAS_ENVIRONMENT"]

@@ -1,4 +1,4 @@
-"""SSIL (`--gi ssil`): light from all that the picture shows, gathered at several scales, hidden by voxels.
+"""SSIL (`--gi ssil`): light from all visible surfaces, gathered at several scales, with visibility by voxels.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination".
 """
@@ -16,12 +16,12 @@ from .update import SsilOptions, ssil_inputs
 
 
 def _warm_up(settings: SsilOptions) -> int:
-    """Return how many frames come first: bounces that are spread over frames need one each."""
+    """Return the number of warm-up frames: amortised bounces need one frame each."""
     return MOST_BOUNCES if is_amortised(settings.ssil, settings.bounces) else 0
 
 
 TECHNIQUE = Technique(
-    sentence="from what the picture shows, at several scales, with visibility by voxels",
+    sentence="light from visible surfaces, at several scales, with visibility by voxels",
     bounces=None,
     most_bounces=MOST_BOUNCES,
     is_random=True,
@@ -32,7 +32,7 @@ TECHNIQUE = Technique(
 
 
 def declare_ssil(graph: Graph, settings: SsilOptions, scene: SsilInputs) -> Light:
-    """Declare direct light, and indirect light from what the picture shows, W/(m2 sr)."""
+    """Declare direct light, and indirect light from visible surfaces, W/(m2 sr)."""
     seed = settings.seed
     base = declare_base(graph, settings, scene)
     gbuffer = base.gbuffer

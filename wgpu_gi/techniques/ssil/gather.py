@@ -1,4 +1,4 @@
-"""One bounce of SSIL: irradiance by samples at every level, combined from the coarsest level to the finest.
+"""One bounce of SSIL: irradiance from samples of every level, combined from the coarsest level to the finest.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: pixels
 of level k - 1 gather from level k, each with a quarter of the samples, so four neighbours use the full set (interleaved
@@ -23,7 +23,7 @@ from .light import SentLight
 from .shade import Upsampling
 from .voxels import NO_GRID, Voxels
 
-# An unrepresented pixel uses a quarter of its samples per frame, another quarter than its neighbours; four frames use
+# An unrepresented pixel uses a quarter of its samples per frame. Its neighbours use other quarters; four frames use
 # all.
 UNREPRESENTED_PARTS = 4
 _INTERLEAVE, _PATTERNS = (int(load("ssil/interleaving.wgsl").constants[name]) for name in ("INTERLEAVE", "PATTERNS"))
@@ -31,7 +31,7 @@ _INTERLEAVE, _PATTERNS = (int(load("ssil/interleaving.wgsl").constants[name]) fo
 
 @dataclass(frozen=True)
 class GatherInputs:
-    """What the bounces share.
+    """Inputs that all bounces share.
 
     last: the coarsest level that samples can lie on. bounded: True for the point-to-disc form factor, False for that of
     a differential area. kept: the irradiance that the first bounce stores for the next frame, if bounces are amortised.
@@ -81,9 +81,9 @@ def declare_pattern(graph: Graph, samples: int, radius: float, seed: int) -> Buf
 def declare_gathering(
     graph: Graph, inputs: GatherInputs, light: SentLight, suffix: str, before: Buffer | None
 ) -> tuple[Buffer, Buffer]:
-    """Declare the irradiance of the first level, W/m2, by the light of a bounce, and its sum with `before`.
+    """Declare the irradiance of the first level from the light of a bounce, W/m2, and its sum with `before`.
 
-    Without `before` the sum is the irradiance itself. `suffix` tells the bounce in names.
+    Without `before` the sum is the irradiance itself. `suffix`: names the bounce in pass names.
     """
     levels = inputs.levels
     combined: Buffer | None = None
@@ -93,7 +93,7 @@ def declare_gathering(
         is_first = k == levels.first
         ring = _declare_gather(graph, inputs, k + 1, k, light, suffix)
         disc = _declare_gather(graph, inputs, k, k, light, suffix) if is_first else graph.neutral("buffer")
-        # Combine them with the coarser levels, and at the end with the bounces before.
+        # Combine them with the coarser levels, and at the end with the previous bounces.
         with_total = is_first and before is not None
         finer = inputs.kept if is_first else None
         finer = finer or level_buffer(graph, f"ssil/combined_{k}{suffix}", levels.surfels[k].size)
@@ -122,7 +122,7 @@ def declare_gathering(
 def _declare_gather(
     graph: Graph, inputs: GatherInputs, k: int, receivers: int, light: SentLight, suffix: str
 ) -> Buffer:
-    """Declare the irradiance of the level `receivers` by samples of level `k`; unrepresented pixels add theirs."""
+    """Declare the irradiance of level `receivers` from samples of level `k`, and that of unrepresented pixels."""
     levels, voxels, fine = inputs.levels, inputs.voxels, inputs.fine
     width, height = levels.surfels[receivers].size
     irradiance = level_buffer(graph, f"ssil/irradiance_{k}{suffix}", (width, height))

@@ -1,8 +1,8 @@
 """Reflections of coats: the last bounce of SSIL, by importance sampling in screen space.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4, "Screen-space
-importance sampling". Departure: pixels of the first level gather from every level, so that reflections of far light
-stay sharp.
+importance sampling". Departure: pixels of the first level gather from every level, so reflections of far light stay
+sharp.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ def declare_glossy(
     radius: float,
     seed: int,
 ) -> Buffer | None:
-    """Declare what coats reflect at the first level, W/(m2 sr) over their tint; None where nothing is coated.
+    """Declare the coats' reflection at the first level, W/(m2 sr) over their tint; None without coats or samples.
 
-    light: the light of all levels. samples: how many per pixel and level, within `radius` pixels of that level.
+    light: codes of all levels. samples: number per pixel and level. radius: of the samples, pixels of the level.
     """
     if not scene.features["HAS_COATS"] or not samples:
         graph.skip("ssil/glossy", "every material is Lambert" if samples else "ssil.glossy_samples is 0")

@@ -1,4 +1,4 @@
-"""What screen-space indirect light needs of a scene: which triangles bound solids, for the voxels."""
+"""The scene inputs of screen-space indirect light: the triangles that bound solids, for the voxels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..deferred.inputs import DeferredInputs
 
 @dataclass
 class SolidInputs:
-    """Which triangles bound solids, a bit each, and whether there are any, and any others (shells)."""
+    """`triangles`: one bit per triangle that bounds a solid. Whether there are solids, and other surfaces (shells)."""
 
     triangles: Shared
     has_solids: bool
@@ -19,10 +19,10 @@ class SolidInputs:
 
 @dataclass
 class SsilInputs(DeferredInputs):
-    """What SSIL needs of a scene."""
+    """The scene inputs of SSIL."""
 
     solids: SolidInputs
 
     def shape(self) -> tuple[object, ...]:
-        """Return all that calls for another declaration of the passes."""
+        """Return the values whose change forces the passes to be redeclared."""
         return (*super().shape(), self.solids.has_solids, self.solids.has_shells)

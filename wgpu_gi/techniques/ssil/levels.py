@@ -17,9 +17,9 @@ from ..shared.scene_inputs import SceneInputs
 
 @dataclass
 class Levels:
-    """`surfels`: a texture for each level k from 0, with a pixel for each square of 2^k pixels of the picture.
+    """`surfels`: one texture per level k from 0 on; a pixel represents a square of 2^k x 2^k pixels of the picture.
 
-    `wgsl/ssil/surfel.wgsl` packs the texels. The levels from `first` on gather light.
+    `wgsl/ssil/surfel.wgsl` packs the texels. Levels from `first` on gather light.
     """
 
     surfels: list[Texture]
@@ -36,7 +36,7 @@ class Levels:
         return self.surfels[self.first].size
 
     def pixels_before(self, level: int) -> int:
-        """Return where `level` begins in a buffer of all levels from `first` on: the pixels of those before it."""
+        """Return the start of `level` in a buffer of all levels from `first` on: the number of pixels before it."""
         return sum(texture.size[0] * texture.size[1] for texture in self.surfels[self.first : level])
 
 
@@ -72,6 +72,6 @@ def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: in
 
 
 def level_buffer(graph: Graph, name: str, size: tuple[int, int], history: bool = False) -> Buffer:
-    """Declare a buffer of four floats for each pixel of a level of `size`."""
+    """Declare a buffer of four floats per pixel of a level of `size`."""
     count = size[0] * size[1]
     return graph.buffer(name, dtype=FOUR_FLOATS, count=count, width=size[0], nonnegative=True, history=history)

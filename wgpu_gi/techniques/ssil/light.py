@@ -1,8 +1,8 @@
-"""The light that each level sends in a bounce: of direct light, of the bounce before, or of the frame before.
+"""The light that each level sends in a bounce: from direct light, the previous bounce or the previous frame.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: light is
-summed over pixels and not averaged, so that no energy is lost where surfaces do not survive the vote; one pass stores
-the light of all levels.
+summed over pixels, not averaged, so no energy is lost where surfaces do not survive the vote; one pass stores the light
+of all levels.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ TILE_THREADS = int(load("ssil/light_levels.wgsl").constants["TILE_THREADS"])
 
 @dataclass(frozen=True)
 class SentLight:
-    """`codes`: light of all levels, W/sr, the first one first. `peak`: the brightest of it, and what counts as none."""
+    """codes: light of all levels, W/sr, from the first on. peak: the brightest light, and the threshold of no light."""
 
     codes: Buffer
     peak: Buffer
@@ -33,9 +33,9 @@ class SentLight:
 def declare_sent_light(
     graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, levels: Levels, direct: Buffer, has_reflectors: bool
 ) -> tuple[SentLight, Buffer]:
-    """Declare the light that surfaces send of `direct` light, and the reflectors: light over irradiance, m2/sr.
+    """Declare the light that surfaces send from `direct` light, and the reflectors: light over irradiance, m2/sr.
 
-    Without `has_reflectors` these are empty.
+    Without `has_reflectors` the reflectors are empty.
     """
     light = _light(graph, levels, "", history=False)
     width, height = levels.size
@@ -68,9 +68,9 @@ def declare_reflected_light(
     suffix: str,
     before: Buffer | None = None,
 ) -> SentLight:
-    """Declare the light that surfaces send of the `irradiance` of a bounce; with `before`, that light is added.
+    """Declare the light that surfaces send from the `irradiance` of a bounce, plus the light `before`, if given.
 
-    It counts as none where the brightest is at most the share `bounce_threshold` of the brightest of the first bounce.
+    The bounce counts as dark if its brightest light is at most `bounce_threshold` times the first bounce's.
     """
     light = _light(graph, levels, suffix, history=False)
     graph.compute(
@@ -94,7 +94,7 @@ def declare_reflected_light(
 def declare_feedback(
     graph: Graph, gbuffer: Gbuffer, levels: Levels, sent: Buffer, reflectors: Buffer, motion: Buffer, previous: View
 ) -> SentLight:
-    """Declare the light `sent` of direct light together with that of the `previous` frame's irradiance."""
+    """Declare the light `sent` from direct light plus the light from the `previous` frame's irradiance."""
     light = _light(graph, levels, "_feedback", history=True)
     surfels = levels.surfels[levels.first]
     graph.compute(
@@ -123,7 +123,7 @@ def _light(graph: Graph, levels: Levels, suffix: str, history: bool) -> SentLigh
 
 
 def _threads(levels: Levels) -> tuple[int, int]:
-    """Return the threads that store the light of all levels: whole workgroups of four pixels each."""
+    """Return the threads that store the light of all levels: whole workgroups, four pixels per thread."""
     width, height = (-(-side // (2 * TILE_THREADS)) * TILE_THREADS for side in levels.size)
     return width, height
 

@@ -1,8 +1,8 @@
 """The indirect radiance of the picture: irradiance of the first level, upsampled, filtered over frames, and reflected.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures:
-unrepresented pixels have an irradiance of their own; what coats reflect depends on the view and is not averaged over
-frames: a = 0 in eq. 6.
+unrepresented pixels have their own irradiance; coats' reflections depend on the view and are not averaged over frames
+(a = 0 in eq. 6).
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from .levels import Levels
 
 @dataclass(frozen=True)
 class Upsampling:
-    """How pixels of the picture get light of the first level.
+    """Upsampling of the first level's light to pixels of the picture.
 
-    irradiance: what unrepresented pixels gather at full resolution, W/m2, in the order of their list; None: they
-    gather nothing and keep what upsampling gives.
+    irradiance: gathered by unrepresented pixels at full resolution, W/m2, in the order of their list; None: they keep
+    the upsampled light.
     """
 
     guide: Guide
@@ -32,7 +32,7 @@ class Upsampling:
 
 
 def declare_guides(graph: Graph, levels: Levels, unrepresented: bool) -> Upsampling | None:
-    """Declare the upsampling from the first level to the picture; None where the first level is the picture."""
+    """Declare the upsampling from the first level to the picture; None if the first level is the picture."""
     if not unrepresented or levels.first == 0:
         reason = "gathering starts at full resolution" if unrepresented else "ssil.unrepresented is off"
         graph.skip("ssil/unrepresented", reason)
@@ -57,7 +57,7 @@ def declare_shading(
     glossy: Buffer | None,
     fine: Upsampling | None,
 ) -> Buffer:
-    """Declare the radiance, W/(m2 sr), that pixels of the picture reflect of `irradiance` and of `glossy`, if any.
+    """Declare the picture's indirect radiance, W/(m2 sr), from `irradiance` and, if given, `glossy`.
 
     Both are of the first level.
     """
@@ -80,7 +80,7 @@ def _declare_full(
     fine: Upsampling | None,
     variant: dict[str, bool],
 ) -> Buffer:
-    """Declare the irradiance or the radiance of the picture, of `coarse` irradiance; `variant`: constants."""
+    """Declare the irradiance or the radiance of the picture from `coarse` irradiance; `variant`: constants."""
     width, height = graph.size
     full = graph.buffer(f"ssil/{name}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     shader = "ssil/shade.wgsl"

@@ -1,8 +1,8 @@
-"""Indirect light in screen space: pixels gather from all that the picture shows, far light from coarse levels.
+"""Indirect light in screen space: pixels gather from all visible surfaces, far light from coarse levels.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination". Departures: those of the modules
-beside this one; Soler computes two bounces on alternate frames; with amortised bounces, each frame here adds one
-bounce to the irradiance of the previous frame, without limit.
+beside this one. With amortised bounces, Soler computes two bounces on alternate frames; here each frame adds one bounce
+to the previous frame's irradiance, without limit.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ MOST_BOUNCES = 16
 
 @dataclass
 class SsilSettings:
-    """How light is gathered from what the picture shows."""
+    """Gathering of light from visible surfaces."""
 
     start: str = setting(
-        "half", "Resolution of the first level that gathers.", choices=STARTS, presets={"low": "quarter"}
+        "half", "Resolution of the first level that gathers light.", choices=STARTS, presets={"low": "quarter"}
     )
-    levels: int = setting(4, "Levels that gather, each of half the resolution.", "levels", range=(3, 6))
+    levels: int = setting(4, "Levels that gather light, each at half the previous resolution.", "levels", range=(3, 6))
     samples: int = setting(
         64,
-        "Samples of each pixel at each level.",
+        "Samples per pixel and level.",
         "samples",
         range=(1, 1024),
         presets={"low": 32, "high": 128},
     )
     radius: float | None = setting(
         None,
-        "Radius of the disc and the rings, in pixels of their level; none: twice the least that covers the screen.",
+        "Radius of the disc and rings, in pixels of their level; none: twice the least radius that covers the screen.",
         "pixels",
         range=(1, 8192),
     )
@@ -54,13 +54,13 @@ class SsilSettings:
     )
     visibility_bounces: str = setting(
         "first",
-        "Bounces with visibility; in the others light passes through everything.",
+        "Bounces with visibility; in other bounces light passes through all surfaces.",
         choices=("first", "all"),
         presets={"high": "all"},
     )
     form_factor: str = setting(
         "disc",
-        "Form factor of a sample: point to disc, which is bounded, or point to differential area.",
+        "Form factor of a sample: point to disc (bounded), or point to differential area.",
         choices=("disc", "differential"),
     )
     unrepresented: bool = setting(
@@ -68,24 +68,24 @@ class SsilSettings:
     )
     glossy_samples: int = setting(
         16,
-        "Samples of each coated pixel at each level for what its coat reflects.",
+        "Samples of the coat's reflection, per coated pixel and level.",
         "samples",
         range=(0, 256),
         presets={"low": 8, "high": 64},
     )
     bounces: int = setting(
-        2, "Bounces where all are asked for.", "bounces", range=(1, MOST_BOUNCES), presets={"high": 4}
+        2, "Bounces if the number is unlimited.", "bounces", range=(1, MOST_BOUNCES), presets={"high": 4}
     )
     amortised: bool = setting(
-        False, "Where all bounces are asked for, gather one a frame: of direct light and of the frame before."
+        False, "If bounces are unlimited, gather one per frame, from direct light and the previous frame's light."
     )
     bounce_threshold: float = setting(
-        0.001, "Leave out bounces whose brightest light is at most this share of the first bounce's.", range=(0, 1)
+        0.001, "Skip bounces whose brightest light is at most this share of the first bounce's.", range=(0, 1)
     )
 
 
 def is_amortised(settings: SsilSettings, bounces: int | None) -> bool:
-    """Tell whether bounces are spread over frames: a given number of them is not."""
+    """Return whether bounces are spread over frames; a given number of bounces is not."""
     return settings.amortised and bounces is None and settings.bounces > 1
 
 
@@ -101,11 +101,11 @@ def declare_bounces(
     bounces: int | None,
     seed: int,
 ) -> Buffer:
-    """Declare the indirect light: (r, g, b, 1) per pixel, W/(m2 sr), of `bounces` bounces of the light `direct`.
+    """Declare the indirect light of `bounces` bounces of the light `direct`: (r, g, b, 1) per pixel, W/(m2 sr).
 
-    None stands for as many as the settings say. Each has passes of its own: beyond MOST_BOUNCES there are none.
+    None: as many bounces as the settings say. Each bounce has its own passes; bounces beyond MOST_BOUNCES are left out.
     """
-    # Declare what does not depend on light: surfels, samples, voxels.
+    # Declare the stages that do not depend on light: surfels, samples, voxels.
     levels = declare_levels(graph, scene, gbuffer, STARTS.index(settings.start), settings.levels)
     radius = settings.radius or default_radius(levels.size, settings.levels)
     pattern = declare_pattern(graph, settings.samples, radius, seed)
@@ -115,7 +115,7 @@ def declare_bounces(
     else:
         graph.skip("voxels", f"ssil.visibility is {settings.visibility}")
 
-    # Declare the light of the first bounce, with that of the frame before if amortised.
+    # Declare the light of the first bounce, plus the previous frame's light if amortised.
     count = settings.bounces if bounces is None else min(bounces, MOST_BOUNCES)
     light, reflectors = declare_sent_light(graph, scene, gbuffer, levels, direct, count > 1)
     kept: Buffer | None = None
@@ -146,9 +146,9 @@ def declare_bounces(
 def _declare_further_bounces(
     graph: Graph, settings: SsilSettings, inputs: GatherInputs, first: SentLight, reflectors: Buffer, count: int
 ) -> tuple[Buffer, SentLight]:
-    """Declare the irradiance of `count` bounces, the first of them of the light `first`; and the light for coats.
+    """Declare the irradiance of `count` bounces, starting with the light `first`, and the light for coats.
 
-    That is the light of all bounces but the last: the coat is the last to scatter it.
+    Coats reflect the light of all bounces but the last, since the coat itself is the last scattering.
     """
     total = irradiance = declare_gathering(graph, inputs, first, "", None)[0]
     glossy_light = first

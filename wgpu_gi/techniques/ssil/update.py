@@ -1,4 +1,4 @@
-"""Brings what screen-space indirect light needs of a scene up to date, once per frame: which triangles bound solids."""
+"""Updates the scene inputs of screen-space indirect light once per frame: the triangles that bound solids."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SsilOptions(DeferredOptions, Protocol):
 
 
 def ssil_inputs(shot: Shot, settings: SsilOptions) -> SsilInputs:
-    """Find which triangles bound solids; return what passes read."""
+    """Find the triangles that bound solids; return the inputs of the passes."""
     deferred = deferred_inputs(shot, settings)
     upload = shot.upload
     upload.update_solids(settings.voxels.solids)

@@ -1,9 +1,9 @@
-"""A grid of voxels over the view frustum, one bit each, for visibility between surfaces of the picture.
+"""A grid of voxels over the view frustum, one bit each, for visibility between visible surfaces.
 
-Eisemann and Decoret 2008, "Single-Pass GPU Solid Voxelization for Real-Time Applications", as Soler et al. 2010 use it
+Eisemann and Decoret 2008, "Single-Pass GPU Solid Voxelization for Real-Time Applications", as used by Soler et al. 2010
 (section 4, "Visibility computation"). Departures: atomics on a buffer replace blending with XOR; slices grow with depth
-and span only the depths that the picture shows; meshes with open edges and thin ones are voxelized as surfaces, not as
-solids; a level marches through a finer grid than its own.
+and span only the visible depths; meshes that are thin or have open edges are voxelized as surfaces, not as solids; a
+level marches through a finer grid than its own.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from ...upload.solid_meshes import CHOICES
 from .inputs import SsilInputs
 from .levels import Levels
 
-# Cells across the picture below which the default grid is as fine as the first level. With 80 cells instead of 160,
-# Sponza at 320x180 has relMSE 5.4 instead of 4.0 and bias -9.2 instead of -8.5 %.
+# The default grid is as fine as the first level if a coarser one has fewer cells across the picture than this. With 80
+# cells instead of 160, Sponza at 320x180 has relMSE 5.4 instead of 4.0 and bias -9.2 instead of -8.5 %.
 LEAST_CELLS = 160
 TRIANGLE_ROW, CELL_ROW = (int(load(f"ssil/voxels/{name}.wgsl").constants["ROW"]) for name in ("voxelize", "fill"))
 
 
 @dataclass
 class VoxelSettings:
-    """How visibility is found by voxels."""
+    """Visibility by voxels."""
 
     slices: int = setting(
         256, "Voxels along the depth of each cell; a multiple of 32.", "voxels", range=(32, 1024), presets={"low": 128}
@@ -36,13 +36,13 @@ class VoxelSettings:
     step: float = setting(1.0, "Step of a march between two surfaces.", "cells", range=(0.25, 8), presets={"low": 2.0})
     coarser: int | None = setting(
         None,
-        "Levels by which the finest grid is coarser than the start level; none: 1, or 0 where that would leave fewer"
+        "Levels by which the finest grid is coarser than the start level; none: 1, or 0 if 1 would leave fewer"
         f" than {LEAST_CELLS} cells across the picture.",
         "levels",
         range=(0, 2),
         presets={"low": 1, "high": 0},
     )
-    finer: int = setting(2, "Levels by which the grid of a level is finer than itself.", "levels", range=(0, 6))
+    finer: int = setting(2, "Levels by which the grid of a level is finer than the level.", "levels", range=(0, 6))
     solids: str = setting(
         "auto", "Meshes that are solids: thick ones without open edges (auto), all, or none.", choices=CHOICES
     )
@@ -50,7 +50,7 @@ class VoxelSettings:
 
 @dataclass
 class Voxels:
-    """Grids by level: rows of cells, `slices` / 32 words each. `range`: the depths, as `depth_range.wgsl` has them."""
+    """Grids by level: rows of cells, `slices` / 32 words each. `range`: the depth range, from `depth_range.wgsl`."""
 
     grids: dict[int, Buffer]
     range: Buffer
@@ -60,7 +60,7 @@ class Voxels:
     finer: int
 
     def reads(self, level: int) -> dict[str, Buffer]:
-        """Return what the march reads at a level."""
+        """Return the bindings of the march at a level."""
         return {"voxels": self.grids[self._grid(level)], "range": self.range}
 
     @property
@@ -87,7 +87,7 @@ NO_GRID = {"grid_size": (0, 0), "cell": 1.0, "step": 1.0}
 
 
 def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SsilInputs, levels: Levels) -> Voxels:
-    """Declare the voxels of the view frustum, at all levels that light is gathered at."""
+    """Declare the voxels of the view frustum, at all levels that gather light."""
     solids, draws = scene.solids, scene.draws
     assert draws is not None
     # Choose the finest grid.
@@ -136,7 +136,7 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SsilInputs, lev
 def _declare_coarser(
     graph: Graph, levels: Levels, grids: dict[int, Buffer], slices: int, stop: int
 ) -> dict[int, Buffer]:
-    """Declare the grids of the levels after the one in `grids`, up to `stop`; return all."""
+    """Declare the grids of the levels after the one in `grids`, before `stop`; return all grids."""
     for k in range(max(grids) + 1, stop):
         width, height = levels.surfels[k].size
         grids[k] = graph.buffer(f"voxels/grid_{k}", dtype=np.uint32, count=width * height * slices // 32)
@@ -160,7 +160,7 @@ def _declare_surfaces(
     grid: dict[str, object],
     constants: dict[str, float],
 ) -> None:
-    """Declare the passes that voxelize all triangles into `cells`; `grid`: the params that they share."""
+    """Declare the passes that voxelize all triangles into `cells`; `grid`: their common params."""
     shader = "ssil/voxels/voxelize.wgsl"
     empty = [cells]
     for part, masked in (("opaque", False), ("masked", True)):
