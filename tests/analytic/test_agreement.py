@@ -1,4 +1,4 @@
-"""One kind of light in three guises gives one picture: every strategy of the path tracer has the same mean."""
+"""Uniform light of radiance 1 in three forms gives one picture: the sampling strategies of the path tracer agree."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wgpu_gi.scene.built_in.shapes import box, grid, sphere
 from wgpu_gi.scene.scene import Environment, Image, Instance, Material, Scene, Texture
 
 
-def things():
+def objects():
     """A floor with bumps, a smooth-shaded and mirrored plastic ball, a rough metal block, a masked sheet."""
     rng = np.random.default_rng(0)
     bumps = np.concatenate([rng.integers(60, 195, (8, 8, 2)), np.full((8, 8, 1), 230), np.full((8, 8, 1), 255)], -1)
@@ -44,19 +44,19 @@ def _texture(rgba):
 
 
 def sources():
-    """Radiance 1 from everywhere: met by chance, drawn from a picture, and drawn from emitting triangles."""
+    """Radiance 1 from everywhere: found by samples of the BRDF, of a picture, and of emitting triangles."""
     shell = sphere((0, 0.5, 0), 4.0, 2, matte(0.0, "shell", 1.0, double_sided=False), inward=True)
     return {
-        "constant": Scene(things(), environment=Environment()),
-        "picture": Scene(things(), environment=Environment(image=np.ones((4, 8, 3), np.float32))),
-        "shell": Scene([*things(), Instance(shell)]),
+        "constant": Scene(objects(), environment=Environment()),
+        "picture": Scene(objects(), environment=Environment(image=np.ones((4, 8, 3), np.float32))),
+        "shell": Scene([*objects(), Instance(shell)]),
     }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("diffuse", "names"), [(True, ("picture", "shell")), (False, ("picture",))])
-def test_light_from_everywhere(diffuse, names):
-    """A shell with a coat would reflect, so with coats there are only two guises."""
+def test_uniform_light_is_the_same_from_sky_picture_and_emitter(diffuse, names):
+    """Without `diffuse` the shell would have a coat and reflect, so it takes part only with `diffuse`."""
     camera = Camera.look_at((0.4, 1.6, 2.6), (0, 0.4, 0), yfov_deg=45.0)
     show = ("radiance", "direct", "indirect", "standard_error")
     got = {

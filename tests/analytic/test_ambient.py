@@ -109,7 +109,7 @@ def unit(count, seed=0):
 
 
 def lobe_grid(alpha, w_o, side=256):
-    """Return directions that follow a lobe, and what each stands for, by half vectors as D cos_h has them."""
+    """Return directions of a GGX lobe (half vectors by D cos_h), (n, 3), and the solid angle of each, (n,)."""
     u, v = np.meshgrid((np.arange(side) + 0.5) / side, (np.arange(side // 2) + 0.5) / (side // 2))
     u = u**3 * (10 + u * (6 * u - 15)), 30 * (u * (1 - u)) ** 2
     u, slope = u[0].ravel(), u[1].ravel()
@@ -134,16 +134,16 @@ def reflectance(base, metallic, roughness, w_o):
     u, v = np.meshgrid((np.arange(64) + 0.5) / 64, (np.arange(64) + 0.5) / 64)
     sine, phi = np.sqrt(u.ravel()), 2 * np.pi * v.ravel()
     d = np.stack([sine * np.cos(phi), sine * np.sin(phi), np.sqrt(1 - sine**2)], -1)
-    under = gltf_brdf(base, metallic, 1.0, UP, w_o, d) - gltf_brdf(f0, 1.0, 1.0, UP, w_o, d)
-    return coat.sum(0) + np.pi * under.mean(0)
+    substrate = gltf_brdf(base, metallic, 1.0, UP, w_o, d) - gltf_brdf(f0, 1.0, 1.0, UP, w_o, d)
+    return coat.sum(0) + np.pi * substrate.mean(0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("roughness", [0.0, 0.05, 0.12, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0])
-def test_constant_environment_is_the_integral_of_the_brdf(probe, roughness):
-    """Within 0.5 %, for all kinds of materials and angles; the environment has a colour."""
+def test_constant_environment_reflects_the_integral_of_the_brdf(probe, roughness):
+    """L = Le times the integral of f_r cos: within 0.5 % for all kinds of materials and angles; Le is tinted."""
     color = np.array([0.5, 1.0, 2.0])
-    look = probe(Environment(color=tuple(color)))
+    lookup = probe(Environment(color=tuple(color)))
     cases = [
         (base, metallic, cosine)
         for base in ((1.0, 1.0, 1.0), (0.9, 0.5, 0.05), (0.02, 0.02, 0.02))
@@ -151,13 +151,13 @@ def test_constant_environment_is_the_integral_of_the_brdf(probe, roughness):
         for cosine in (0.03, 0.1, 0.27, 0.5, 0.77, 0.93, 1.0)
     ]
     base, metallic, cosine = (np.array(c) for c in zip(*cases, strict=True))
-    got = look.reflected(UP, view(cosine), base, metallic, roughness)
+    got = lookup.reflected(UP, view(cosine), base, metallic, roughness)
     expected = color * np.array([reflectance(b, m, roughness, view(c)) for b, m, c in cases])
     assert np.abs(got / expected - 1).max() < 0.005
 
 
-def test_lookups_in_the_table_are_accurate_everywhere(probe):
-    """Also where the coat's shadowing changes fastest, at angles of alpha to the horizon."""
+def test_table_lookups_are_accurate_at_all_angles(probe):
+    """Angles to the horizon include those of about alpha, where the coat's shadowing changes fastest."""
     rng = np.random.default_rng(2)
     roughness = rng.uniform(0.02, 1, 60)
     cosine = np.minimum(np.maximum(roughness**2, MIN_ALPHA) * 10 ** rng.uniform(-0.7, 2, 60), 1)
@@ -166,7 +166,7 @@ def test_lookups_in_the_table_are_accurate_everywhere(probe):
     assert np.abs(got / expected - 1).max() < 0.005
 
 
-def test_white_furnace(probe):
+def test_metals_gain_no_light_in_a_white_furnace(probe):
     """No metal gains light, and a smooth one loses none."""
     roughness, cosine = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 41)))
     got = probe(Environment()).reflected(UP, view(cosine), (1.0, 1.0, 1.0), 1.0, roughness)
@@ -175,10 +175,10 @@ def test_white_furnace(probe):
 
 
 def test_pure_lambert_reflects_its_albedo(probe):
-    look = probe(Environment(color=(0.5, 1.0, 2.0)), diffuse=True)
-    got = look("ambient_radiance(brdf_lambert(row[2].xyz), row[0].xyz, row[1].xyz)", UP, view(0.3), (0.2, 0.5, 0.8))
+    lookup = probe(Environment(color=(0.5, 1.0, 2.0)), diffuse=True)
+    got = lookup("ambient_radiance(brdf_lambert(row[2].xyz), row[0].xyz, row[1].xyz)", UP, view(0.3), (0.2, 0.5, 0.8))
     assert np.allclose(got, (0.1, 0.5, 1.6), rtol=1e-6)
-    assert not any(name.startswith("environment/") for name in look.runs())
+    assert not any(name.startswith("environment/") for name in lookup.runs())
 
 
 def brute_irradiance(image, normals, rotation=0.0):
@@ -188,63 +188,63 @@ def brute_irradiance(image, normals, rotation=0.0):
 
 
 @pytest.mark.parametrize(("height", "sun", "rotation"), [(64, 0.0, 0.0), (16, 0.0, 1.0), (64, 2000.0, 2.5)])
-def test_irradiance_of_a_picture(probe, height, sun, rotation):
+def test_irradiance_equals_the_sum_over_the_picture(probe, height, sun, rotation):
     """Within 1 % of the brute-force sum, also with a sun of one pixel that gives most of the light."""
     image = gradient_sky(height, sun)
     normals = np.concatenate([AXES, unit(60)])
     got = probe(Environment(image=image, rotation=rotation), diffuse=True).irradiance(normals)
     expected = brute_irradiance(image, normals, rotation)
-    # Where the sun sets, its share falls from little to nothing within a texel.
+    # At the horizon of a normal, the sun's share falls to zero within a texel.
     assert (np.abs(got - expected) < 0.007 * expected + 0.003 * expected.max(0)).all()
     assert np.abs((got - expected).mean(0) / expected.mean(0)).max() < 0.002
 
 
-def test_irradiance_of_one_bright_pixel(probe):
+def test_irradiance_of_one_bright_pixel_is_flux_times_cosine(probe):
     """E = Phi max(n.s, 0), Phi the integral over the pixel: no energy is lost, the sun stays in its place."""
     image = np.zeros((128, 256, 3), np.float32)
     image[31, 200] = (1e5, 2e5, 3e5)
-    look = probe(Environment(color=(1.0, 0.5, 0.25), image=image), diffuse=True)
+    lookup = probe(Environment(color=(1.0, 0.5, 0.25), image=image), diffuse=True)
     theta, phi = 31.5 / 128 * np.pi, 200.5 / 256 * 2 * np.pi
     sun = np.array([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)])
     flux = np.array([1e5, 1e5, 0.75e5]) * (np.pi / 128) ** 2 * np.sin(theta)
     normals = np.concatenate([unit(200), [sun]])
     expected = flux * np.maximum(normals @ sun, 0)[:, None]
-    assert np.abs(look.irradiance(normals) - expected).max() < 0.01 * flux.max()
-    assert np.allclose(look.irradiance(sun), flux, rtol=0.003)
+    assert np.abs(lookup.irradiance(normals) - expected).max() < 0.01 * flux.max()
+    assert np.allclose(lookup.irradiance(sun), flux, rtol=0.003)
 
 
-def test_rotation_turns_the_light(probe):
-    """A quarter turn of the environment is a quarter turn of the normals the other way; only the lookup changes."""
+def test_rotation_changes_only_the_lookup(probe):
+    """Turning the environment by 90 degrees equals turning the normals by -90; no prefiltering pass runs again."""
     image = gradient_sky(16, 50.0)
     normals, turned = unit(50), unit(50)[:, [2, 1, 0]] * [-1, 1, 1]
-    look = probe(Environment(image=image))
-    there = look.irradiance(turned), look.mean(turned, 0.3)
-    runs = look.runs()
-    look.environment = Environment(image=image, rotation=np.pi / 2)
-    again = look.irradiance(normals), look.mean(normals, 0.3)
-    for a, b in zip(there, again, strict=True):
+    lookup = probe(Environment(image=image))
+    expected = lookup.irradiance(turned), lookup.mean(turned, 0.3)
+    runs = lookup.runs()
+    lookup.environment = Environment(image=image, rotation=np.pi / 2)
+    got = lookup.irradiance(normals), lookup.mean(normals, 0.3)
+    for a, b in zip(expected, got, strict=True):
         assert np.allclose(a, b, rtol=1e-3, atol=1e-4)
-    assert all(look.runs()[name] == count for name, count in runs.items() if name != "probe")
+    assert all(lookup.runs()[name] == count for name, count in runs.items() if name != "probe")
 
 
 def test_prefiltering_is_kept_until_the_picture_changes(probe):
-    """Other bounds, colours or rotations change the scene's uniform, which no pass of it reads."""
+    """Bounds, colour and rotation change the scene's uniform, which no prefiltering pass reads."""
     image = gradient_sky(8)
-    look = probe(Environment(image=image))
-    look.irradiance(UP)
-    first = look.runs()
+    lookup = probe(Environment(image=image))
+    lookup.irradiance(UP)
+    first = lookup.runs()
     assert {"environment/albedo", "environment/leaves", "environment/sum", "environment/prefilter"} <= set(first)
-    look.height, look.environment = 5.0, Environment((2.0, 1.0, 1.0), image, 0.3)
-    look.irradiance(UP)
+    lookup.height, lookup.environment = 5.0, Environment((2.0, 1.0, 1.0), image, 0.3)
+    lookup.irradiance(UP)
     kept = [n for n in first if n.startswith("environment/")]
-    assert all(look.runs()[n] == first[n] for n in kept)
-    look.environment = Environment(image=image.copy())
-    look.irradiance(UP)
-    assert look.runs()["environment/prefilter"] == first["environment/prefilter"] + 1
-    assert look.runs()["environment/albedo"] == first["environment/albedo"]
+    assert all(lookup.runs()[n] == first[n] for n in kept)
+    lookup.environment = Environment(image=image.copy())
+    lookup.irradiance(UP)
+    assert lookup.runs()["environment/prefilter"] == first["environment/prefilter"] + 1
+    assert lookup.runs()["environment/albedo"] == first["environment/albedo"]
 
 
-def test_only_what_is_needed_is_declared(probe):
+def test_only_needed_passes_are_declared(probe):
     constant = probe(Environment())
     constant.irradiance(UP)
     assert set(constant.runs()) == {"environment/albedo", "probe"}
@@ -256,7 +256,7 @@ def test_only_what_is_needed_is_declared(probe):
     assert "environment/albedo" not in lambert.runs() and "environment/prefilter" in lambert.runs()
 
 
-def test_twice_the_light_is_exactly_twice(probe):
+def test_twice_the_light_reflects_exactly_twice_as_much(probe):
     image = gradient_sky(32, 300.0)
     given = (unit(50), unit(50, 1), (0.9, 0.5, 0.1), np.linspace(0, 1, 50), np.linspace(0, 1, 50)[::-1])
     results = []
@@ -268,21 +268,21 @@ def test_twice_the_light_is_exactly_twice(probe):
 @pytest.mark.parametrize(
     ("size", "value"), [((1, 1), 1.0), ((5, 3), 1e-6), ((13, 17), 1e8), ((1, 700), 1.0), ((300, 1), 1.0), ((8, 16), 0)]
 )
-def test_pictures_of_any_size_and_value(probe, size, value):
-    """A picture of one value is a constant environment, from all sides and at every roughness."""
-    look = probe(Environment(image=np.full((*size, 3), value, np.float32)))
+def test_picture_of_one_value_equals_a_constant_environment(probe, size, value):
+    """Pictures of any size and value, in all directions and at every roughness."""
+    lookup = probe(Environment(image=np.full((*size, 3), value, np.float32)))
     directions = np.concatenate([AXES, unit(100)])
-    assert np.allclose(look.irradiance(directions), np.pi * value, rtol=1e-4)
+    assert np.allclose(lookup.irradiance(directions), np.pi * value, rtol=1e-4)
     for roughness in (0.0, 0.1, 0.3, 0.6, 1.0):
-        assert np.allclose(look.mean(directions, roughness), value, rtol=1e-4)
+        assert np.allclose(lookup.mean(directions, roughness), value, rtol=1e-4)
 
 
 def test_grazing_and_hidden_views_are_finite(probe):
-    """Views along the surface, from below it, and straight down, where the lobe has no side to lean to."""
-    look = probe(Environment(image=gradient_sky(16, 1e8)))
+    """Views along the surface, from below it, and straight down, where the lobe's tilt has no direction."""
+    lookup = probe(Environment(image=gradient_sky(16, 1e8)))
     w_o = np.array([(1.0, 0, 0), (0.6, 0.8, 1e-7), (0, 0, 1), (0, 0, -1), (0.6, 0, -0.8), (1e-5, 0, 1)])
     for roughness in (0.0, 0.5, 1.0):
-        got = look.reflected(UP, w_o, (1.0, 1.0, 1.0), 0.5, roughness)
+        got = lookup.reflected(UP, w_o, (1.0, 1.0, 1.0), 0.5, roughness)
         assert np.isfinite(got).all() and (got >= 0).all()
 
 
@@ -301,20 +301,20 @@ def test_prefiltering_keeps_the_mean(probe, roughness):
 def test_smooth_mirrors_show_the_picture(probe):
     """Roughness 0 returns the picture's value in the mirrored direction, at the picture's own resolution."""
     image = gradient_sky(256)
-    look = probe(Environment(image=image, rotation=1.0))
+    lookup = probe(Environment(image=image, rotation=1.0))
     d = unit(200)
     expected = radiance(image, d, 1.0)
-    assert np.allclose(look.mean(d, 0.0), expected, rtol=2e-4)
+    assert np.allclose(lookup.mean(d, 0.0), expected, rtol=2e-4)
     w_o = 2 * d[:, 2:] * UP - d
     seen = d[:, 2] > 0.05
-    got = look.reflected(UP, w_o, (1.0, 1.0, 1.0), 1.0, 0.0)
+    got = lookup.reflected(UP, w_o, (1.0, 1.0, 1.0), 1.0, 0.0)
     assert np.allclose(got[seen], expected[seen], rtol=2e-3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("roughness", [0.1, 0.15, 0.21, 0.3, 0.42, 0.6, 0.85])
-def test_mean_under_a_lobe(probe, roughness):
-    """Sums of D cos over the sphere, also for widths between those of the maps: within 2 % of the sky's mean."""
+def test_prefiltered_lobe_equals_the_brute_force_sum(probe, roughness):
+    """Against sums of D cos over the sphere, also at widths between two maps: within 2 % of the sky's mean."""
     image, directions = gradient_sky(64), np.concatenate([AXES, unit(60)])
     d, solid_angle = sphere_grid(512)
     light, a2 = radiance(image, d) * solid_angle[:, None], roughness**4
@@ -329,17 +329,17 @@ def test_mean_under_a_lobe(probe, roughness):
     assert error.max() < 0.02 * np.mean(expected) and error.mean() < 0.01 * np.mean(expected)
 
 
-def test_no_seams(probe):
-    """Great circles across all edges and corners of the maps: neighbours differ by as little as elsewhere."""
-    look = probe(Environment(image=gradient_sky(64)))
+def test_prefiltered_maps_have_no_seams(probe):
+    """Along great circles across all edges and corners of the maps, neighbours differ no more than elsewhere."""
+    lookup = probe(Environment(image=gradient_sky(64)))
     t = np.linspace(0, 2 * np.pi, 4000)
     for a, b in ((0, 1), (1, 2), (2, 0)):
         circle = np.zeros((4000, 3))
         circle[:, a], circle[:, b] = np.cos(t), np.sin(t)
         for roughness in (0.25, 0.5, 1.0):
-            values = look.mean(circle, roughness)
+            values = lookup.mean(circle, roughness)
             step = np.abs(np.diff(values, axis=0))
-            # The sky itself changes by this much over such a step.
+            # The most that the sky itself changes over such a step.
             own = np.abs(np.diff(radiance(gradient_sky(64), circle), axis=0)).max()
             assert step.max() <= 1.5 * own
 
@@ -365,7 +365,7 @@ def test_path_tracer_agrees_on_a_matte_ball(probe, rotation):
 
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
 def test_path_tracer_agrees_on_a_coated_ball_in_a_constant_environment(probe, metallic):
-    """The picture-less environment, seen by way of the BRDF: within 0.5 %."""
+    """The environment has no picture, so only BRDF samples find it: within 0.5 %."""
     color, environment = (0.9, 0.5, 0.2), Environment((0.5, 1.0, 2.0))
     scene = ball(Material("ball", (*color, 1.0), metallic=metallic, roughness=0.5))
     scene.environment = environment
@@ -406,6 +406,6 @@ def split_sum_error(probe, roughness, metallic, sun):
     ],
 )
 def test_error_of_the_split_sum_is_bounded(probe, roughness, metallic, sun, bias_bound, error_bound):
-    """Lobes are taken as round and the Fresnel factor apart from the light: what that costs."""
+    """The split sum takes lobes as isotropic and the Fresnel factor out of the integral over the light."""
     bias, error = split_sum_error(probe, roughness, metallic, sun)
     assert abs(bias) < bias_bound and error < error_bound

@@ -72,7 +72,7 @@ def test_row_zero_is_on_top_and_column_zero_on_the_left():
 
 
 def test_normals_face_the_viewer():
-    """Also inside of a body, whose own normals point away."""
+    """Outside a body and inside it, where its own normals point away."""
     room = Instance(box((-1, -1, -1), (1, 1, 1)))
     for camera in (Camera.look_at((0.1, 0.2, 0.3), (1, 0.5, 0)), Camera.look_at((3, 4, 5), (0, 0, 0))):
         got = shoot(Scene([room]), (9, 9), camera=camera, spp=1, show=BUFFERS)
@@ -93,14 +93,14 @@ def test_jitter_is_a_box_filter():
     assert np.array_equal(centred[:, [0, 2]], [[0, 1]] * 3) and set(centred[:, 1]) <= {0.0, 1.0}
 
 
-def test_near_and_far_things_are_not_clipped():
+def test_near_and_far_objects_are_not_clipped():
     near, far = (Instance(quad((-d, -d, -d), (2 * d, 0, 0), (0, 2 * d, 0))) for d in (1e-3, 100.0))
     for instances, distance in (([near, far], 1e-3), ([far], 100.0)):
         got = shoot(Scene(instances), (3, 3), camera=Camera(), spp=1, show=("depth",))["depth"]
         assert got[1, 1] == pytest.approx(distance, rel=0.01)
 
 
-def test_camera_inside_a_solid_sees_its_inside_without_light():
+def test_inside_of_a_solid_is_visible_and_dark():
     scene = Scene([Instance(box((-1, -1, -1), (1, 1, 1)))], [PointLight((0, 5, 0), 1000.0)])
     got = shoot(scene, (8, 8), camera=Camera(), spp=4, show=("radiance", "depth"))
     assert not got["radiance"].any() and (got["depth"] > 0).all()

@@ -19,26 +19,27 @@ from wgpu_gi.techniques.deferred.direct import DirectSettings
 from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
 from wgpu_gi.techniques.deferred.update import DeferredState
 
-ALBEDO = (700 / 1023) ** 2  # the G-buffer has it exactly
+ALBEDO = (700 / 1023) ** 2  # exact in the G-buffer, which stores square roots in 10 bits
 EXACT = 1e-5  # relative: float32 rounding of a few operations
-# Colours are square roots of 10 bits in the G-buffer, normals 16 bits for each coordinate. On the medley 0.06 % of the
-# pixels are off by more than 0.3 %, and 0.01 % by more than 0.5 %: on edges, which rasterisation puts elsewhere.
+# The G-buffer stores square roots of colours in 10 bits and coordinates of normals in 16 bits. On the medley 0.06 % of
+# the pixels are off by more than 0.3 %, 0.01 % by more than 0.5 %: along edges, which rays and rasterisation place
+# differently.
 PACKED = 5e-3
 EDGES = 6e-4
 SIZE = (160, 90)
 
 
-def drawn(scene, size=SIZE, show="direct", **settings):
+def rendered(scene, size=SIZE, show="direct", **settings):
     return shoot(scene, size, show=(show,), gi="none", **settings)[show]
 
 
 def traced(scene, size=SIZE, spp=1, **settings):
-    """Exact for one punctual light: every sample is the same."""
+    """Return the path tracer's direct light, exact for one punctual light: every sample is the same."""
     return shoot(scene, size, show=("direct",), gi="path", bounces=0, spp=spp, **settings)["direct"]
 
 
 def differing(a, b, bound=PACKED):
-    """Return the share of pixels that are off by more than `bound`, of their own value and a little of the mean's."""
+    """Return the share of pixels that differ by more than `bound` times the sum of their value and 2 % of the mean."""
     return (np.abs(a - b).max(-1) > bound * (b.max(-1) + 0.02 * b.mean())).mean()
 
 
@@ -54,18 +55,18 @@ def floor_points(size, height=4.0):
 
 
 @pytest.mark.parametrize("edges", [True, False])
-def test_plane_under_lights(edges):
+def test_plane_under_punctual_lights_has_its_closed_form(edges):
     """E = I cos/d2 of a point at d, 2d and 4d, E = lux cos of a sun, the spot's fall-off of glTF; L = rho E/pi."""
     size, settings = (33, 17), {"direct": DirectSettings(edges=edges)}
     points = floor_points(size)
     for distance in (1.0, 2.0, 4.0):
         squared = distance**2 + (points**2).sum(-1)
         expected = ALBEDO / math.pi * 10.0 * distance / squared**1.5
-        got = drawn(builtin.plane_point(distance, 10.0, ALBEDO), size, **settings)
+        got = rendered(builtin.plane_point(distance, 10.0, ALBEDO), size, **settings)
         assert np.allclose(got, expected[..., None], rtol=EXACT)
     for zenith in (0.0, 60.0, 89.0):
         expected = ALBEDO * 3.0 * math.cos(math.radians(zenith)) / math.pi
-        assert np.allclose(drawn(builtin.plane_sun(3.0, zenith, ALBEDO), size, **settings), expected, rtol=2e-5)
+        assert np.allclose(rendered(builtin.plane_sun(3.0, zenith, ALBEDO), size, **settings), expected, rtol=2e-5)
     scene = builtin.plane_point(albedo=ALBEDO)
     inner, outer, position = math.radians(15), math.radians(40), np.array([0.0, 2.0, 0.0])
     scene.lights = [SpotLight(position.tolist(), (0.6, -2.0, -0.3), inner, outer, 10.0)]
@@ -75,32 +76,32 @@ def test_plane_under_lights(edges):
     falloff = np.clip((cosine - math.cos(outer)) / (math.cos(inner) - math.cos(outer)), 0, 1) ** 2
     expected = ALBEDO / math.pi * 10.0 * 2.0 / distance**3 * falloff
     assert (falloff == 0).any() and (falloff == 1).any()
-    assert np.allclose(drawn(scene, size, **settings), expected[..., None], rtol=EXACT, atol=EXACT * expected.max())
+    assert np.allclose(rendered(scene, size, **settings), expected[..., None], rtol=EXACT, atol=EXACT * expected.max())
 
 
 def test_lights_below_the_floor_do_not_shine_on_it():
     scene = builtin.plane_sun(3.0, 91.0)
     scene.lights += [DirectionalLight((0.0, 1.0, 0.0)), PointLight((0.5, -1.0, 0.0), 100.0)]
-    assert not drawn(scene, (8, 8)).any()
+    assert not rendered(scene, (8, 8)).any()
 
 
 @pytest.mark.parametrize(("distance", "bound"), [(0.5, 0.031), (1.0, 0.0095), (2.0, 0.0028)])
-def test_plates(distance, bound):
+def test_plates_reflect_their_form_factor(distance, bound):
     """L = rho Le F; errs dark by about A / (pi d2), A being the area of one of 32 samples."""
     expected = ALBEDO * builtin.plates_form_factor(distance)
-    got = drawn(builtin.plates(distance, 1.0, ALBEDO), (32, 32), direct=DirectSettings(samples=32))
+    got = rendered(builtin.plates(distance, 1.0, ALBEDO), (32, 32), direct=DirectSettings(samples=32))
     assert got.mean() == pytest.approx(expected, rel=bound)
 
 
-def test_more_samples_err_less():
+def test_error_falls_with_the_number_of_samples():
     expected = ALBEDO * builtin.plates_form_factor(1.0)
     scene = builtin.plates(1.0, 1.0, ALBEDO)
-    errors = [abs(drawn(scene, (32, 32), direct=DirectSettings(n)).mean() / expected - 1) for n in (8, 32, 128)]
+    errors = [abs(rendered(scene, (32, 32), direct=DirectSettings(n)).mean() / expected - 1) for n in (8, 32, 128)]
     assert errors[1] < errors[0] / 2 and errors[2] < errors[1] / 4
 
 
 def test_double_sided_emitter_shines_both_ways():
-    """A square half-way between two others gives to both what one that faces it gives."""
+    """A double-sided lamp half-way between two plates lights each like a single-sided lamp that faces it."""
     lamp = matte(0.0, "lamp", 1.0, double_sided=True)
     corners = [((-0.5, 0, 0.5), (0, 0, -1), matte(ALBEDO)), ((-0.5, 1, -0.5), (0, 0, 1), lamp)]
     corners.append(((-0.5, 2, -0.5), (0, 0, 1), matte(ALBEDO)))
@@ -110,12 +111,12 @@ def test_double_sided_emitter_shines_both_ways():
         camera.orthographic_height = 1.0
         scene.cameras = [camera]
         expected = ALBEDO * builtin.plates_form_factor(1.0)
-        got = drawn(scene, (32, 32), direct=DirectSettings(samples=32))
+        got = rendered(scene, (32, 32), direct=DirectSettings(samples=32))
         assert got.mean() == pytest.approx(expected, rel=0.0095)
 
 
-def test_constant_environment_on_a_convex_body():
-    """L = rho Le of a matte ball, exactly; a coated one reflects what the path tracer says."""
+def test_convex_body_reflects_the_unoccluded_environment():
+    """A matte ball has exactly L = rho Le; a coated one agrees with the path tracer."""
     scene = builtin.furnace(ALBEDO)
     scene.environment.color = (1.0, 0.5, 0.25)
     got = shoot(scene, (32, 32), show=("direct", "emission"), gi="none")
@@ -125,7 +126,7 @@ def test_constant_environment_on_a_convex_body():
     assert np.allclose(got["emission"][~seen], scene.environment.color, rtol=EXACT) and not got["emission"][seen].any()
     for material in (Material(roughness=0.4), Material(base_color=(0.9, 0.6, 0.3, 1.0), metallic=1.0, roughness=0.3)):
         scene.instances = [Instance(smooth(sphere(subdivisions=3, material=material)))]
-        got, expected = drawn(scene, (32, 32), diffuse=False), traced(scene, (32, 32), 128, diffuse=False)
+        got, expected = rendered(scene, (32, 32), diffuse=False), traced(scene, (32, 32), 128, diffuse=False)
         assert np.allclose(got.mean((0, 1)), expected.mean((0, 1)), rtol=3e-3)
 
 
@@ -143,7 +144,7 @@ LIGHTS = {
 
 
 def dark_medley(lights):
-    """The medley with no other light."""
+    """Return the medley with `lights` as its only sources."""
     scene = medley()
     for material in scene.materials:
         material.emission = (0.0, 0.0, 0.0)
@@ -153,14 +154,14 @@ def dark_medley(lights):
 
 @pytest.fixture(scope="module")
 def by_light():
-    """What the path tracer has of each light alone."""
+    """Return the path tracer's direct light of each light alone."""
     return {name: traced(dark_medley([light]), diffuse=False) for name, light in LIGHTS.items()}
 
 
 @pytest.mark.parametrize("name", LIGHTS)
-def test_pixels_agree_with_rays(name, by_light):
-    """All materials, all shadows: where shadow maps are undecided, rays decide."""
-    got = drawn(dark_medley([LIGHTS[name]]), diffuse=False)
+def test_every_pixel_agrees_with_the_path_tracer(name, by_light):
+    """All materials and shadows: where shadow maps leave visibility open, rays decide."""
+    got = rendered(dark_medley([LIGHTS[name]]), diffuse=False)
     expected = by_light[name]
     assert differing(got, expected) <= EDGES
     assert got.mean() == pytest.approx(expected.mean(), rel=2e-3)
@@ -169,24 +170,24 @@ def test_pixels_agree_with_rays(name, by_light):
 @pytest.mark.parametrize(("name", "share"), [("point", 0.014), ("wide spot", 0.018), ("sun", 0.005)])
 def test_without_rays_only_shadow_edges_differ(name, share, by_light):
     sides = ShadowSettings(sun=2048, spot=1024, point=512)
-    got = drawn(dark_medley([LIGHTS[name]]), diffuse=False, direct=DirectSettings(edges=False), shadow=sides)
+    got = rendered(dark_medley([LIGHTS[name]]), diffuse=False, direct=DirectSettings(edges=False), shadow=sides)
     expected = by_light[name]
     off = np.abs(got - expected).max(-1) > PACKED * (expected.max(-1) + 0.02 * expected.mean())
     assert off.mean() <= share
     assert got.mean() == pytest.approx(expected.mean(), rel=2e-3)
 
 
-def test_lights_together(by_light):
-    got = drawn(dark_medley(list(LIGHTS.values())), diffuse=False)
+def test_lights_add_up(by_light):
+    got = rendered(dark_medley(list(LIGHTS.values())), diffuse=False)
     assert differing(got, sum(by_light.values())) <= 2 * EDGES
 
 
-def test_no_light_at_all():
+def test_scene_without_light_is_black():
     for scene in (
         dark_medley([]),
         dark_medley([PointLight((0, 3, 0), 0.0), DirectionalLight((0, -1, 0), 1.0, (0, 0, 0))]),
     ):
-        assert not drawn(scene, (32, 18)).any()
+        assert not rendered(scene, (32, 18)).any()
 
 
 # ------------------------------------------------------------------------------------------------ Acne
@@ -202,7 +203,7 @@ def lights_at(inclination, azimuth):
 
 
 def lit_shares(scene, inclinations, edges, shadow):
-    """Yield what the pixels that the light reaches have of the light that they should have, for many lights."""
+    """Yield, for many lights, the ratio of rendered to path-traced direct light where the light reaches."""
     size = (64, 64)
     camera = CameraSettings(jitter=False)
     settings = [
@@ -228,7 +229,7 @@ FINE, TINY = ShadowSettings(), ShadowSettings(sun=128, spot=64, point=32)
 @pytest.mark.parametrize("shadow", [FINE, TINY], ids=["fine", "tiny"])
 @pytest.mark.parametrize("edges", [True, False])
 def test_planes_at_all_inclinations_have_no_acne(edges, shadow):
-    """Not one pixel, whether rays decide or the filter alone does, in maps of any size."""
+    """In no pixel: with rays or with the shadow filter alone, in maps of any size."""
     camera = Camera.look_at((0, 6, 0), (0, 0, 0))
     camera.orthographic_height = 4.0
     scene = Scene([Instance(grid(8.0, material=matte(ALBEDO)))], cameras=[camera])
@@ -244,13 +245,13 @@ def test_balls_have_no_acne(shading, edges):
         smooth(ball)
     scene = Scene([Instance(ball)], cameras=[Camera.look_at((1.2, 2.5, 1.5), (0, 0, 0), yfov_deg=45)])
     for shares in lit_shares(scene, (0, 45, 85, 120), edges, FINE):
-        # Along the edges of facets a pixel may show its neighbour.
+        # Along the edges of facets a pixel may show the neighbouring facet.
         assert (shares < 0.98).mean() <= (0 if shading == "smooth" else 3e-3)
         assert (shares > 1.02).mean() <= (1e-3 if shading == "smooth" else 3e-3)
 
 
 def test_no_acne_under_an_emitter():
-    """32 shadow maps of few texels; against the sum over the sample lights themselves."""
+    """32 small shadow maps; the picture equals the unshadowed sum over the sample lights."""
     lamp = quad((-0.5, 2, -0.5), (1, 0, 0), (0.3, 0.4, 1), matte(0.0, "lamp", 10.0, double_sided=False))
     scene = Scene([Instance(grid(8.0, material=matte(ALBEDO))), Instance(lamp)])
     camera = Camera.look_at((0, 1.9, 0), (0, 0, 0), up=(0, 0, -1))
@@ -293,16 +294,16 @@ COARSE = ShadowSettings(sun=256, spot=256, point=128)  # texels of 1 to 7 cm
 
 @pytest.mark.parametrize("name", SLANTED)
 def test_shadows_begin_at_the_contact(name):
-    """By rays exactly, also of a block that is lower than a texel is wide."""
+    """With rays the shadow is exact, also of a block that is lower than a texel is wide."""
     for height in (0.6, 0.01):
         scene = block_on_a_floor(height, SLANTED[name])
-        got, expected = drawn(scene, (200, 100), shadow=COARSE), traced(scene, (200, 100))
+        got, expected = rendered(scene, (200, 100), shadow=COARSE), traced(scene, (200, 100))
         assert differing(got, expected) <= 1e-3
 
 
 @pytest.mark.parametrize("name", SLANTED)
 def test_filtered_shadows_begin_at_the_contact(name):
-    """Without rays, too; they end within 3.1 texels of where they should: lifted and blurred."""
+    """Without rays, shadows begin at the contact; offset and filter move their end by at most 3.1 texels."""
     scene = block_on_a_floor(0.6, SLANTED[name])
     settings = Settings(
         gi="none", diffuse=True, camera=CameraSettings(jitter=False), direct=DirectSettings(edges=False), shadow=COARSE
@@ -313,11 +314,11 @@ def test_filtered_shadows_begin_at_the_contact(name):
     x, y, _ = renderer.read_back("position")[50].T
     light, shadow = SLANTED[name], (expected == 0) & (y < 0.005)
     end = x[shadow].max()
-    # A texel as it lies on the floor at the shadow's end.
-    way = np.array([end, 0, 0]) - light.position if hasattr(light, "position") else np.array(light.direction)
-    distance = np.linalg.norm(way)
+    # The length of a texel projected onto the floor at the shadow's end.
+    travel = np.array([end, 0, 0]) - light.position if hasattr(light, "position") else np.array(light.direction)
+    distance = np.linalg.norm(travel)
     texel = float(renderer._kept(DeferredState)._records["texel"].max()) * (1 if "sun" in name else distance)
-    texel *= distance / -way[1]
+    texel *= distance / -travel[1]
     assert 0 < x[shadow].min() < 0.006 and texel < 0.1
     deep = shadow & (x < end - 3.1 * texel)
     assert deep.sum() > 20 and not got[deep].any()
@@ -328,17 +329,17 @@ def test_filtered_shadows_begin_at_the_contact(name):
 @pytest.mark.parametrize("camera", [0, 1])
 @pytest.mark.parametrize("edges", [True, False])
 def test_nothing_leaks_out_of_a_sealed_chamber(camera, edges):
-    """The corridor's own lamps are out, the one behind 10 cm walls is on: not one pixel is lit."""
+    """Only the lamp behind 10 cm walls is on: no pixel of the corridor is lit."""
     scene = builtin.corridor(lamp=0.0)
     scene.cameras = [scene.cameras[camera]]
     for side in (512, 64) if edges else (512,):
         direct, shadow = DirectSettings(edges=edges), ShadowSettings(point=side)
-        assert not drawn(scene, direct=direct, shadow=shadow).any()
+        assert not rendered(scene, direct=direct, shadow=shadow).any()
 
 
 def test_a_sealed_lamp_changes_no_other_light():
-    """Its maps take texels from those of the others, which must not show where rays decide."""
-    on, off = (drawn(builtin.corridor(sealed_lamp=lamp)) for lamp in (1200.0, 0.0))
+    """Its shadow maps take texels from those of other lights; with rays the picture does not change."""
+    on, off = (rendered(builtin.corridor(sealed_lamp=lamp)) for lamp in (1200.0, 0.0))
     assert differing(on, off) == 0 and off.any()
 
 
@@ -362,8 +363,8 @@ def crowd(count=120):
 
 
 @pytest.mark.parametrize("range_", [True, False])
-def test_tiles_change_nothing(range_):
-    """Bit for bit, at a size that is no multiple of the tile's; the lists are not all full."""
+def test_light_tiles_do_not_change_the_picture(range_):
+    """Bit for bit, at a size that is no multiple of the tile's; the lists are shorter than that of all lights."""
     scene = crowd()
     pictures = []
     for tiles in (True, False):
@@ -380,19 +381,19 @@ def test_tiles_change_nothing(range_):
     assert np.array_equal(*pictures) and pictures[0].any()
 
 
-def test_range_counts_only_if_asked_for():
-    """KHR_lights_punctual: a window of clamp(1 - (d/range)^4) over 1/d2."""
+def test_range_has_an_effect_only_when_enabled():
+    """KHR_lights_punctual: the window clamp(1 - (d/range)^4) multiplies 1/d2."""
     scene, size = builtin.plane_point(albedo=ALBEDO), (33, 17)
-    free = drawn(scene, size)
+    free = rendered(scene, size)
     scene.lights[0].range = 2.5
-    assert np.array_equal(drawn(scene, size), free)
+    assert np.array_equal(rendered(scene, size), free)
     squared = 4.0 + (floor_points(size) ** 2).sum(-1)
     window = np.clip(1 - (squared / 2.5**2) ** 2, 0, 1)
-    got = drawn(scene, size, direct=DirectSettings(range=True))
+    got = rendered(scene, size, direct=DirectSettings(range=True))
     assert np.allclose(got, free * window[..., None], rtol=1e-4, atol=1e-6) and (window == 0).any()
 
 
-# ------------------------------------------------------------------------------------------------ What does not reflect
+# ------------------------------------------------------------------------------------------------ Unlit, sky, ambient
 
 
 def test_unlit_surfaces_and_the_sky_have_no_direct_light():
@@ -419,4 +420,4 @@ def test_ambient_light_can_be_turned_off():
     renderer = Renderer(scene, size=(32, 18), settings=settings)
     renderer.run()
     assert not renderer.read_back("direct").any() and renderer.read_back("emission").max() > 0.3
-    assert drawn(scene, (32, 18), diffuse=False).any()
+    assert rendered(scene, (32, 18), diffuse=False).any()

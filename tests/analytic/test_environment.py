@@ -1,4 +1,4 @@
-"""Light from infinitely far: white furnaces, irradiance of a picture, and where a picture is seen."""
+"""Environment light in the path tracer: white furnaces, irradiance of a picture, and its orientation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def pictured(height=8, width=16, value=1.0):
 
 
 @pytest.mark.parametrize("albedo", [0.2, 0.8])
-def test_furnace_with_constant_sky(albedo):
+def test_furnace_with_constant_sky_shows_the_albedo(albedo):
     """A convex body of albedo rho in a sky of radiance 1 shows rho, without noise."""
     got = shoot(builtin.furnace(albedo), (24, 24), spp=4, show=("radiance", "depth"))
     seen = got["depth"] > 0
@@ -29,8 +29,8 @@ def test_furnace_with_constant_sky(albedo):
     assert np.all(got["radiance"][~seen] == 1.0) and seen.any() and not seen.all()
 
 
-def test_furnace_with_pictured_sky():
-    """The same by way of light sampling and its densities: a picture of constant 1, tinted."""
+def test_furnace_with_pictured_sky_shows_the_tinted_albedo():
+    """A tinted picture of constant 1, found by light sampling, has the same closed form."""
     scene = builtin.furnace(0.5)
     scene.environment = pictured()
     scene.environment.color, scene.environment.rotation = (1.0, 2.0, 0.25), 0.7
@@ -39,8 +39,8 @@ def test_furnace_with_pictured_sky():
     assert np.allclose(got["radiance"][got["depth"] == 0], (1.0, 2.0, 0.25), rtol=1e-5)
 
 
-def test_furnace_with_many_bounces():
-    """A concave body of albedo 1 vanishes in its sky: a room with one side open, lit by the sky alone."""
+def test_white_room_in_a_white_sky_is_white():
+    """A room of albedo 1 with one open side, lit by the sky alone: after many bounces L = 1 everywhere."""
     room = box((-1, -1, -1), (1, 1, 1), matte(1.0), inward=True)
     room.triangles = room.triangles[:10]  # without the side towards +Z
     scene = Scene([Instance(room)], environment=Environment())
@@ -79,7 +79,7 @@ def irradiance(image, normal, rotation=0.0):
 
 
 @pytest.mark.parametrize("normal", AXES)
-def test_irradiance_of_a_picture(normal):
+def test_irradiance_of_a_picture_equals_quadrature(normal):
     """L = rho E / pi on the six sides of a cube, E by quadrature; the sun is found by light sampling."""
     image, rotation = sky_gradient(), 0.4
     cube = Instance(box((-1, -1, -1), (1, 1, 1), matte(0.5)))
@@ -107,7 +107,7 @@ def test_camera_sees_the_picture_in_the_right_place(rotation):
         assert np.allclose(got[1, 1], environment_radiance(image, direction, rotation), atol=2e-5)
 
 
-def test_quadrants_of_the_picture():
+def test_quadrants_of_the_picture_face_their_axes():
     """Four colours in a row, seen along -Z, +X, +Z and -X; each is centred on its axis after an eighth of a turn."""
     colours = np.eye(4, 3) + np.array([[0.0], [0.0], [0.0], [0.5]])
     image = np.repeat(colours[None], 2, 0).astype(np.float32)
@@ -116,8 +116,8 @@ def test_quadrants_of_the_picture():
         assert np.allclose(shoot(scene, (1, 1), spp=1, camera=looking(axis))["radiance"][0, 0], colour, atol=1e-5)
 
 
-def test_gold_mirror_in_a_furnace():
-    """A smooth metal reflects f0 + (1 - f0)(1 - cos)^5 of a sky of 1; straight on: its base colour."""
+def test_gold_mirror_in_a_furnace_reflects_by_schlicks_formula():
+    """A smooth metal reflects f0 + (1 - f0)(1 - cos)^5 of a sky of 1; at normal incidence, its base colour."""
     gold = Material("gold", (1.0, 0.71, 0.29, 1.0), metallic=1.0, roughness=0.0)
     scene = Scene([Instance(quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), gold))], environment=pictured())
     f0 = np.array(gold.base_color[:3])
@@ -129,7 +129,7 @@ def test_gold_mirror_in_a_furnace():
 
 
 def test_mirror_shows_the_picture():
-    """A smooth silver mirror at 45 degrees shows what lies around the corner."""
+    """A smooth silver mirror at 45 degrees shows the picture in the mirrored direction."""
     silver = Material("silver", metallic=1.0, roughness=0.0)
     image = sky_gradient(32, 64)
     mirror = quad((-2, -2, 2), (4, 0, -4), (0, 4, 0), silver)  # normal (-1, 0, -1) / sqrt 2
@@ -143,7 +143,7 @@ def test_mirror_shows_the_picture():
 
 
 def test_mirror_shows_an_emitter():
-    """Light that only the BRDF's own samples find: f0 Le, exactly once."""
+    """L = f0 Le: only BRDF samples find this light, and it counts once."""
     silver = Material("silver", (0.9, 0.8, 0.7, 1.0), metallic=1.0, roughness=0.0)
     mirror = quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), silver)
     lamp = quad((-5, 3, -5), (10, 0, 0), (0, 0, 10), matte(0.0, "lamp", 2.0, double_sided=False))

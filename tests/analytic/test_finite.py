@@ -48,7 +48,7 @@ def degenerate():
 
 
 def bad_attributes():
-    """Normals, tangents and texture coordinates that say nothing; a normal map without a direction."""
+    """Degenerate normals, tangents and texture coordinates; a normal map of zero vectors."""
     grey = Texture(Image(np.full((2, 2, 4), 128, np.uint8)))
     mesh = quad(
         (-1, 0.2, 1), (2, 0, 0), (0, 0, -2), Material(normal_texture=grey, base_color_texture=grey, roughness=0.2)
@@ -75,7 +75,7 @@ def mirrors():
 
 
 def extremes():
-    """Bright and dark by many orders, white everywhere, a sky with a sun of one pixel."""
+    """Very bright and very dim lights on white surfaces, a sky with a sun of one pixel."""
     image = np.full((8, 16, 3), 1e-6, np.float32)
     image[2, 3] = 1e7
     white = Material("white", roughness=0.0)
@@ -91,7 +91,7 @@ def inside():
 
 
 def grazing():
-    """Suns along the floor, above it by less than float32 can tell of a slope, and below it; a camera that skims it."""
+    """Suns parallel to the floor, within float32 rounding of that, and from below; a camera at a grazing angle."""
     lights = [DirectionalLight((1.0, y, 0.3)) for y in (0.0, -1e-7, 1e-7, -1e-3, 0.5)]
     scene = with_floor(box((-0.3, 0, -0.3), (0.3, 0.3, 0.3)), lights=lights)
     scene.cameras = [Camera.look_at((0, 1e-5, 2), (0, 0, -2))]
@@ -99,7 +99,7 @@ def grazing():
 
 
 def every_light():
-    """Two thousand lights, and four thousand emitters in one."""
+    """Two thousand lights, and an emitter of thousands of triangles."""
     lights = [*thousand_lights(), *thousand_lights(SpotLight), DirectionalLight((0.3, -1, 0.1))]
     scene = ball_on_a_floor(lights, Environment((0.1, 0.2, 0.3)))
     scene.instances.append(Instance(sphere((0, 1.5, 0), 0.2, 4, matte(0.5, "bulb", 3.0))))
@@ -123,7 +123,7 @@ SCENES = {
 
 @pytest.mark.parametrize("name", SCENES)
 def test_buffers_are_finite(technique, name):
-    """`picture` checks every buffer of every pass, and those that are shown."""
+    """`picture` checks every buffer of every pass, and every shown buffer."""
     picture(technique, SCENES[name](), (24, 16), spp=32)
 
 
@@ -135,7 +135,7 @@ def test_jittered_frames_are_finite(technique, name):
 # ------------------------------------------------------------------------------------------------ Settings
 
 
-def extremes_of(settings):
+def limits_of(settings):
     """Return `section.name=value` of every setting at both ends of its range, or at each of its choices."""
     texts = []
     for row in describe(settings):
@@ -148,7 +148,7 @@ def extremes_of(settings):
 
 
 def step(renderer):
-    """Render two frames, checked. So what only makes more frames or samples costs nothing, at any number of them."""
+    """Render two frames with checks: settings that only add frames or samples cost no time."""
     for _ in range(2):
         renderer.step(check=True)
     picture = renderer.read_back()
@@ -156,17 +156,17 @@ def step(renderer):
 
 
 def scene_for_settings():
-    """A little of everything that settings are about."""
+    """A scene with every feature that a setting concerns."""
     lights = [PointLight((1, 1, 1), range=1.5), DirectionalLight((0.3, -1, 0.1)), SpotLight((0, 2, 1), (0, -2, -1))]
     image = np.random.default_rng(0).uniform(0, 1, (4, 8, 3)).astype(np.float32)
     return ball_on_a_floor(lights, Environment(image=image), 5.0)
 
 
 @pytest.mark.slow
-def test_every_setting_at_its_ends(technique):
-    """One after the other, at 7x5 pixels, all others at their defaults; the same renderer takes them all."""
+def test_every_setting_at_its_limits_is_finite(technique):
+    """One setting at a time, the others at their defaults, at 7x5 pixels in one renderer."""
     renderer = Renderer(scene_for_settings(), size=(7, 5), settings=make_settings(technique))
-    for text in extremes_of(renderer.settings):
+    for text in limits_of(renderer.settings):
         renderer.settings = make_settings(technique, frames=2)
         assign(renderer.settings, text)
         step(renderer)
@@ -174,10 +174,11 @@ def test_every_setting_at_its_ends(technique):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [0, 1])
-def test_all_settings_at_one_end(technique, end):
-    """All at the least, or all at the most: 4,096 sample lights and maps of 8,192 texels, the atlas as large.
+def test_all_settings_at_one_limit_are_finite(technique, end):
+    """All at their minimum or all at their maximum: 4,096 sample lights, shadow maps and an atlas of 8,192 texels.
 
-    But no texture holds as many imperfect shadow maps as that of as many texels, and points fall into each of them.
+    Imperfect shadow maps stay below their maximum: no texture holds the maximum number of them at the maximum size, and
+    points are splatted into each of them.
     """
     settings = make_settings(technique)
     for row in describe(settings):
@@ -189,7 +190,7 @@ def test_all_settings_at_one_end(technique, end):
 
 
 @pytest.mark.parametrize("quality", QUALITIES)
-def test_every_quality(technique, quality):
+def test_every_quality_is_finite(technique, quality):
     settings = Settings(gi=technique, spp=16)
     apply_quality(settings, quality)
     step(Renderer(scene_for_settings(), size=(7, 5), settings=settings))

@@ -45,8 +45,8 @@ def floor_points(size, height=4.0):
 
 
 @pytest.mark.parametrize("clamping", ["disc", "none"])
-def test_one_vpl_over_a_floor(clamping):
-    """L = rho / pi Phi / pi cos cos / (d^2 + share A / pi), or without A."""
+def test_one_vpl_over_a_floor_has_its_closed_form(clamping):
+    """L = rho / pi Phi / pi cos cos / (d^2 + share A / pi); without clamping, A = 0."""
     gatherer = Gatherer(plane_point(albedo=0.5), SIZE)
     place, normal, area = np.array((0.4, 0.7, -0.3)), np.array((0.6, -0.8, 0.0)), 0.3
     flux = np.array((1.0, 2.0, 4.0))
@@ -75,8 +75,8 @@ def test_culling_keeps_pictures_bit_for_bit(scene, interleave):
 
 
 @pytest.mark.parametrize("interleave", [2, 4, 8])
-def test_blur_removes_the_pattern_of_a_plane_exactly(interleave):
-    """One distant VPL per class: every pixel of a flat floor, borders too, gets their mean."""
+def test_blur_removes_the_interleaving_pattern_on_a_plane(interleave):
+    """One distant VPL per interleaving class: every pixel of a flat floor, borders included, gets their mean."""
     count = interleave**2
     rng = np.random.default_rng(1)
     far = 1e4
@@ -85,13 +85,13 @@ def test_blur_removes_the_pattern_of_a_plane_exactly(interleave):
     perspective = Camera.look_at((0, 1, 2), (0, 0, 1), yfov_deg=40)
     for camera in (None, perspective):
         gatherer = Gatherer(plane_point(size=100.0), SIZE, camera)
-        apart, together = (gatherer(table, count, interleave=n) for n in (interleave, 1))
+        interleaved, together = (gatherer(table, count, interleave=n) for n in (interleave, 1))
         raw = gatherer(table, count, interleave=interleave, blur=False)
         assert np.abs(raw / together - 1).max() > 0.1
-        assert np.allclose(apart, together, rtol=2e-5)
+        assert np.allclose(interleaved, together, rtol=2e-5)
 
 
-def test_blur_keeps_edges():
+def test_blur_does_not_leak_across_depth_edges():
     """A VPL between the planes of two squares lights only the far one; the blur leaks nothing to the near one."""
     near = quad((-2, 0, 0), (2, 0, 0), (0, 2, 0), matte(0.5))
     far = quad((0, 0, -0.3), (2, 0, 0), (0, 2, 0), matte(0.5))
@@ -121,11 +121,11 @@ def test_convex_rooms_have_no_shadows(scene):
     assert np.abs(exact - free).sum() < 1e-4 * free.sum()
 
 
-def test_rays_find_a_blocker():
+def test_exact_visibility_finds_an_occluder():
     """A board between a VPL and a floor: its shadow is the board's central projection."""
     scene = plane_point()
     scene.instances.append(Instance(quad((-0.5, 0.5, -0.5), (0, 0, 1), (1, 0, 0), matte(0.5))))
-    # The board hides a part of the floor from the camera, too: look from below it.
+    # The camera lies below the board, which would hide a part of the floor from above.
     camera = Camera.look_at((0, 0.4, 1.9), (0, 0, 0), yfov_deg=50)
     gatherer = Gatherer(scene, SIZE, camera)
     table = vpl_texels([(0, 1, 0) - gatherer.upload.origin], [(0, -1, 0)], [(1, 1, 1)], [0.001])
@@ -166,8 +166,8 @@ def test_interleaving_keeps_the_mean_of_a_coat():
     scene.instances[0].mesh.materials[0] = Material(base_color=(0.5, 0.4, 0.3, 1), metallic=0.0, roughness=0.6)
     gatherer = Gatherer(scene, SIZE, diffuse=False)
     table = random_vpls(64, low=(-1, 1, -1))
-    apart, together = (gatherer(table, 64, interleave=n) for n in (4, 1))
-    assert np.allclose(apart.mean((0, 1)), together.mean((0, 1)), rtol=0.05)
+    interleaved, together = (gatherer(table, 64, interleave=n) for n in (4, 1))
+    assert np.allclose(interleaved.mean((0, 1)), together.mean((0, 1)), rtol=0.05)
 
 
 @pytest.mark.parametrize("visibility", ["none", "sampled"])

@@ -1,4 +1,4 @@
-"""The G-buffer against the exact buffers of rays, by pixel; peeled layers, a second camera, motion."""
+"""The G-buffer against primary rays, per pixel; depth peeling, a second camera, culling, motion vectors."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from wgpu_gi.upload.scene_upload import SceneUpload
 
 SIZE = (160, 90)
 SHOW = ("emission", "albedo", "normal", "depth", "position")
-# Rasterisation decides by coordinates on a grid of 1/256 pixel, rays by float32: along edges some pixels show the one
-# surface or the other. Of all pixels of the medley at SIZE, 0.03 % do.
+# Rasterisation snaps vertices to a grid of 1/256 pixel, rays use float32: along edges some pixels show another surface.
+# On the medley at SIZE, 0.03 % of the pixels do.
 EDGES = 6e-4
 
 
-def drawn(scene, size=SIZE, camera=None, show=SHOW, jitter=False):
+def renderer_of(scene, size=SIZE, camera=None, show=SHOW, jitter=False):
     settings = Settings(gi="none", camera=CameraSettings(jitter=jitter))
     renderer = Renderer(scene, size=size, camera=camera, settings=settings)
     renderer.step(show=show)
@@ -39,7 +39,7 @@ def drawn(scene, size=SIZE, camera=None, show=SHOW, jitter=False):
 
 
 def agreement(renderer):
-    """Return for each pixel whether the G-buffer shows what a ray meets."""
+    """Return for each pixel whether the G-buffer and the primary ray agree."""
     g, depth = read_surfaces(renderer.graph), renderer.read_back("depth")
     albedo, normal = renderer.read_back("albedo"), renderer.read_back("normal")
     # Colours are square roots of 10 bits, normals 16 bits for each coordinate.
@@ -62,33 +62,33 @@ VIEWS = {
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_pixels_show_what_rays_meet(name):
+def test_gbuffer_agrees_with_primary_rays(name):
     make, size, camera = VIEWS[name]
-    renderer = drawn(make(), size, camera)
+    renderer = renderer_of(make(), size, camera)
     assert (~agreement(renderer)).mean() <= EDGES
     g = read_surfaces(renderer.graph)
     assert 0.3 < g.seen.mean() < 0.9
     assert (np.linalg.norm(g.geometric_normal - world_normals(renderer, g), axis=-1)[g.seen] < 1e-4).all()
 
 
-def test_orthographic_camera():
+def test_orthographic_gbuffer_agrees_with_primary_rays():
     camera = Camera.look_at((3, 3, 3), (0, 0.8, 0))
     camera.orthographic_height = 5.0
-    renderer = drawn(medley(), (161, 91), camera)
+    renderer = renderer_of(medley(), (161, 91), camera)
     assert (~agreement(renderer)).mean() <= EDGES
 
 
 @pytest.mark.parametrize("far", [1e3, 1e4])
-def test_camera_far_away(far):
-    """A telephoto lens; float32 knows the place of a camera at 10 km to half a millimetre."""
+def test_distant_gbuffer_agrees_with_primary_rays(far):
+    """A telephoto lens; float32 resolves a position 10 km away to half a millimetre."""
     camera = Camera.look_at(np.array((0.3, 0.35, 1)) * far, (0, 0.9, 0), yfov_deg=np.degrees(5 / far))
-    assert (~agreement(drawn(medley(), camera=camera))).mean() <= (EDGES if far < 1e4 else 5e-3)
+    assert (~agreement(renderer_of(medley(), camera=camera))).mean() <= (EDGES if far < 1e4 else 5e-3)
 
 
-def test_tiny_pictures():
-    """Pixels metres wide, where edges move by centimetres: each shows a surface near to what the ray meets."""
+def test_tiny_pictures_have_the_depth_of_primary_rays():
+    """Pixels are metres wide, so edges move by centimetres: each pixel shows a surface near the ray's hit."""
     for size in ((1, 1), (3, 1), (1, 7), (17, 13)):
-        renderer = drawn(medley(), size)
+        renderer = renderer_of(medley(), size)
         g, depth = read_surfaces(renderer.graph), renderer.read_back("depth")
         assert np.array_equal(g.seen, depth > 0)
         assert np.allclose(g.distance, depth, rtol=1e-4)
@@ -98,7 +98,7 @@ def test_depth_is_reversed():
     for camera in (None, Camera.look_at((3, 3, 3), (0, 0.8, 0))):
         if camera is not None:
             camera.orthographic_height = 5.0
-        renderer = drawn(medley(), camera=camera)
+        renderer = renderer_of(medley(), camera=camera)
         g, upload = read_surfaces(renderer.graph), renderer._upload
         clip = upload.view(renderer.camera, SIZE, False)["clip_from_world"].T.astype(np.float64)
         position = renderer.read_back("position").astype(np.float64) - upload.origin
@@ -109,21 +109,21 @@ def test_depth_is_reversed():
         assert not g.depth[~g.seen].any()
 
 
-def test_materials_and_emission():
-    renderer = drawn(medley())
+def test_materials_and_emission_are_those_of_the_hit_triangle():
+    renderer = renderer_of(medley())
     g, same = read_surfaces(renderer.graph), agreement(renderer)
     hierarchy, materials = renderer._upload._hierarchy, renderer.scene.materials
     shown = [materials[k] for k in hierarchy.triangles["material"][g.triangle[g.seen]]]
     for name, values in (("roughness", g.roughness), ("metallic", g.metallic), ("unlit", g.unlit)):
         assert np.allclose(values[g.seen], [getattr(m, name) for m in shown], atol=1e-5), name
     assert g.coated[g.seen].all() and {m.name for m in shown} == {m.name for m in materials}
-    # What shines is what the path tracer sees at the pixels' centres.
+    # Emission equals the path tracer's at pixel centres.
     exact = shoot(medley(), SIZE, show=("emission",), diffuse=False, spp=1, bounces=0)["emission"]
     assert np.allclose(g.emission[same], exact[same], rtol=1e-5)
     assert np.array_equal(g.emission.astype(np.float32), renderer.read_back("emission"))
 
 
-def test_lambert_only():
+def test_diffuse_setting_removes_coats():
     renderer = Renderer(medley(), size=(32, 18), settings=Settings(gi="none", diffuse=True))
     renderer.step(show=("emission",))
     assert not read_surfaces(renderer.graph).coated.any()
@@ -133,7 +133,7 @@ def test_lambert_only():
 
 
 class Bench:
-    """A graph with a scene in it, without a renderer."""
+    """A graph with a scene, without a renderer."""
 
     def __init__(self, scene, size, camera):
         self.device = open_device(large_buffers=True)
@@ -141,11 +141,11 @@ class Bench:
         self.upload.update(scene)
         self.upload.update_draws(scene)
         self.graph.uniform("scene", self.upload.info)
-        self.look("view", camera)
+        self.set_view("view", camera)
         self.graph.begin(size)
         self.inputs = share_raster(self.graph, self.upload)
 
-    def look(self, name, camera):
+    def set_view(self, name, camera):
         self.graph.uniform(name, self.upload.view(camera, self.size, False))
 
     def run(self, *layers):
@@ -169,8 +169,8 @@ def plates():
 
 
 @pytest.mark.parametrize("height", [None, 1.0])
-def test_layers_of_plates(height):
-    """Left of the middle one sees the plates 1, 3, 5, to its right 1, 2, 3, whatever order they are drawn in."""
+def test_layers_are_the_visible_plates_in_order(height):
+    """The left half shows the plates 1, 3, 5, the right half 1, 2, 3, 4, in any draw order."""
     camera = Camera(yfov=np.radians(10), orthographic_height=height)
     for order in (1, -1):
         scene = plates()
@@ -189,7 +189,7 @@ def test_layers_of_plates(height):
 
 
 def test_layers_are_the_hits_of_rays_in_order():
-    """Against all intersections of all triangles: spheres in spheres, as instances and in the world's tree."""
+    """Against all intersections of all triangles: nested spheres, as instances and in the world-space hierarchy."""
     ball = sphere(subdivisions=1)
     scene = Scene(
         [
@@ -238,11 +238,11 @@ def all_hits(scene, camera, size):
         return np.where((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0), t, np.inf)
 
 
-def test_second_camera_sees_what_it_would_see_alone():
+def test_second_camera_has_the_same_gbuffer_as_alone():
     scene = medley()
     first, second = scene.cameras[0], Camera.look_at((-4, 3, 2), (0, 0.5, 0), yfov_deg=60)
     both, alone = Bench(scene, (64, 40), first), Bench(scene, (64, 40), second)
-    both.look("view_second", second)
+    both.set_view("view_second", second)
     (near,) = declare_gbuffer(both.graph, both.inputs)
     (other,) = declare_gbuffer(both.graph, both.inputs, name="second", view="view_second")
     both.run(near, other)
@@ -251,8 +251,8 @@ def test_second_camera_sees_what_it_would_see_alone():
     for name in vars(expected):
         assert np.array_equal(getattr(got, name), getattr(expected, name)), name
     assert not np.array_equal(read_surfaces(both.graph).distance, got.distance)
-    # Only the second one is drawn again when its camera moves.
-    both.look("view_second", first)
+    # Only the second G-buffer runs again when its camera moves.
+    both.set_view("view_second", first)
     both.graph.run()
     assert {name.split("/")[0] for name in both.graph.last_run} == {"second"}
 
@@ -312,48 +312,48 @@ def drawn_share(renderer):
 
 
 def frames_of(camera, size):
-    """Pictures of a crowd: still and jittered, of a block that moves, and after a block joined the crowd."""
+    """Return pictures and drawn shares: a still and a jittered frame, moving instances, an added instance."""
     scene = crowd()
-    renderer = drawn(scene, size, camera, show=("emission",), jitter=True)
+    renderer = renderer_of(scene, size, camera, show=("emission",), jitter=True)
     shares, pictures = [], []
 
-    def look():
+    def record():
         pictures.append([renderer.graph.read_back(f"gbuffer/{name}") for name in RASTERED])
         shares.append(drawn_share(renderer))
 
-    look()
+    record()
     renderer.step(show=("emission",))
-    look()
+    record()
     for place in (at(0, 0.5, 3), at(8, 0, 2), at(-2, 1, -1)):
         named(scene, "block").world_from_local = place
         named(scene, "left").world_from_local = place @ at(1, 0.5)
         renderer.step(show=("emission",))
-        look()
+        record()
     scene.instances.append(Instance(named(scene, "block").mesh, at(1, 1, 2)))
     renderer.step(show=("emission",))
-    look()
+    record()
     return pictures, shares
 
 
 @pytest.mark.parametrize("name", CROWD_VIEWS)
-def test_culling_changes_no_bit_of_the_picture(name, monkeypatch, small_clusters):
+def test_culling_keeps_the_gbuffer_bit_for_bit(name, monkeypatch, small_clusters):
     camera = CROWD_VIEWS[name]
     got, shares = frames_of(camera, (97, 55))
     draw_everything(monkeypatch)
-    expected, all_of_it = frames_of(camera, (97, 55))
-    assert max(shares) < 0.9 and set(all_of_it) == {1.0}
+    expected, unculled = frames_of(camera, (97, 55))
+    assert max(shares) < 0.9 and set(unculled) == {1.0}
     for k, (ours, theirs) in enumerate(zip(got, expected, strict=True)):
         assert theirs[0].any()
         for part, a, b in zip(RASTERED, ours, theirs, strict=True):
             assert np.array_equal(a, b), (k, part)
 
 
-def test_culling_of_layers_and_of_a_second_camera(monkeypatch, small_clusters):
+def test_culling_keeps_layers_and_a_second_camera_bit_for_bit(monkeypatch, small_clusters):
     scene = crowd()
 
     def layers_of_both():
         bench = Bench(scene, (64, 40), scene.cameras[0])
-        bench.look("view_second", CROWD_VIEWS["parallel, from within"])
+        bench.set_view("view_second", CROWD_VIEWS["parallel, from within"])
         found = declare_gbuffer(bench.graph, bench.inputs, layers=3)
         found += declare_gbuffer(bench.graph, bench.inputs, name="second", view="view_second", layers=2)
         bench.run(*found)
@@ -365,9 +365,9 @@ def test_culling_of_layers_and_of_a_second_camera(monkeypatch, small_clusters):
         assert b.any() and np.array_equal(a, b)
 
 
-def test_a_moving_camera_declares_nothing_anew_and_a_still_one_costs_nothing(monkeypatch):
+def test_a_moving_camera_keeps_the_declaration_and_a_still_one_does_not_cull(monkeypatch):
     scene, calls = crowd(), []
-    renderer = drawn(scene)
+    renderer = renderer_of(scene)
     monkeypatch.setattr(culling, "visible", lambda *a: calls.append(len(a[0])) or visible(*a))
     declared = dict(renderer.graph.passes)
     first = renderer.graph.read_back("gbuffer/visibility")
@@ -380,15 +380,15 @@ def test_a_moving_camera_declares_nothing_anew_and_a_still_one_costs_nothing(mon
     renderer.run(show=SHOW)
     before = len(calls)
     assert not renderer.step(show=SHOW) and len(calls) == before
-    # A light is no concern of the camera.
+    # A changed light does not cull again.
     scene.lights[0].intensity *= 2
     renderer.step(show=SHOW)
     assert calls.count(1) == 3
 
 
-def test_nothing_in_view(monkeypatch):
-    """What was there before is cleared, and is there again when the camera turns back."""
-    renderer = drawn(crowd())
+def test_empty_view_clears_the_gbuffer(monkeypatch):
+    """The G-buffer is cleared; when the camera turns back, it is the same as before."""
+    renderer = renderer_of(crowd())
     first, camera = renderer.graph.read_back("gbuffer/visibility"), renderer.camera
     declared = dict(renderer.graph.passes)
     renderer.camera = Camera.look_at((0, 2, 40), (0, 3, 80))
@@ -403,10 +403,10 @@ def test_nothing_in_view(monkeypatch):
     assert np.array_equal(renderer.graph.read_back("gbuffer/visibility"), first)
 
 
-def test_another_scene_of_as_many_triangles(small_clusters):
-    """The declaration stays, what is in view does not."""
+def test_replaced_mesh_of_equal_size_updates_culling(small_clusters):
+    """The declaration is kept, the culling result is not."""
     scene = crowd()
-    renderer = drawn(scene)
+    renderer = renderer_of(scene)
     declared = renderer.graph.passes["gbuffer/opaque"]
     assert len(scene.instances[12].mesh.positions) == 41 * 41
     moved_ground = grid(60.0, 40, Material("ground"))
@@ -414,12 +414,12 @@ def test_another_scene_of_as_many_triangles(small_clusters):
     scene.instances[12].mesh = moved_ground
     renderer.step(show=SHOW)
     assert renderer.graph.passes["gbuffer/opaque"] is declared
-    fresh = drawn(scene)
+    fresh = renderer_of(scene)
     for name in RASTERED:
         assert np.array_equal(*(r.graph.read_back(f"gbuffer/{name}") for r in (renderer, fresh)))
 
 
-def test_unknown_view():
+def test_unknown_view_is_an_error():
     bench = Bench(plates(), (8, 8), Camera())
     with pytest.raises(GiError, match="G-buffer 'gbuffer': there is no shared uniform 'view_third'"):
         declare_gbuffer(bench.graph, bench.inputs, view="view_third")
@@ -431,36 +431,36 @@ STILL = 2e-3  # pixels: rounding of float32 in two projections
 
 
 def place_of(camera, size, points):
-    """Pixels from the top left corner, and distances from the camera, of points of the world."""
+    """Return pixel coordinates from the top left corner, and distances from the camera, of world points."""
     clip = camera.clip_from_world(size, np.zeros(3), 1.0, 100.0)
     p = np.asarray(points, np.float64) @ clip[:, :3].T + clip[:, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):  # a point at the camera has no place
+    with np.errstate(divide="ignore", invalid="ignore"):  # a point at the camera has no pixel
         ndc = p[..., :2] / p[..., 3:]
     return (ndc * (0.5, -0.5) + 0.5) * size, np.linalg.norm(points - camera.position, axis=-1)
 
 
 def motion_of(renderer):
-    """Motion and position of the frame that is rendered now."""
+    """Render a frame; return its motion, positions and depth."""
     renderer.step(show=("motion", "position", "depth"))
     depth = renderer.read_back("depth")
     return renderer.read_back("motion"), renderer.read_back("position").astype(np.float64), depth
 
 
-def test_nothing_moves_at_first_and_at_rest():
-    renderer = drawn(medley(), show=("motion", "depth"))
+def test_first_and_still_frames_have_no_motion():
+    renderer = renderer_of(medley(), show=("motion", "depth"))
     depth = renderer.read_back("depth")
     for _ in range(2):
         motion = renderer.read_back("motion")
         assert np.abs(motion[..., :2]).max() < STILL
-        # The distance is as it is.
+        # The third channel is the distance in the frame before, here the same.
         assert (np.abs(motion[..., 2] - depth) > 1e-4 * depth).mean() < EDGES
         renderer.run(show=("motion", "depth"))
 
 
 @pytest.mark.parametrize("jitter", [False, True])
-def test_motion_of_a_camera(jitter):
-    """Of what is seen where the rays go through the pixels, by its place; nothing of the jitter in it."""
-    renderer = drawn(medley(), show=("motion",), jitter=jitter)
+def test_motion_of_a_camera_is_the_reprojection(jitter):
+    """Motion of the points that the jittered rays hit, without the jitter itself."""
+    renderer = renderer_of(medley(), show=("motion",), jitter=jitter)
     renderer.step(show=("motion",))
     before = renderer.camera
     renderer.camera = Camera.look_at((0.8, 2.0, 5.5), (0.1, 1.0, 0), yfov_deg=50)
@@ -473,21 +473,21 @@ def test_motion_of_a_camera(jitter):
     assert np.median(np.linalg.norm(now - then, axis=-1)[g.seen]) > 5
     assert np.abs(motion[..., :2] - (now - then)).max(-1)[g.seen].max() < STILL
     assert np.abs(motion[..., 2] - distance)[g.seen].max() < 1e-4
-    # The next frame, jittered or not, is one of the same camera: it is at rest.
+    # In the next frame, jittered or not, the camera is still.
     renderer.step(show=("motion",))
     assert np.abs(renderer.read_back("motion")[..., :2]).max() < STILL
 
 
 def test_jitter_is_no_motion():
-    renderer = drawn(medley(), show=("motion",), jitter=True)
+    renderer = renderer_of(medley(), show=("motion",), jitter=True)
     for _ in range(5):
         assert renderer.step(show=("motion",))
         assert np.abs(renderer.read_back("motion")[..., :2]).max() < STILL
 
 
-def test_motion_of_the_sky():
-    """By the turn of the camera alone."""
-    renderer = drawn(medley(), show=("motion",))
+def test_motion_of_the_sky_is_the_rotation_of_the_camera():
+    """The camera's translation does not count."""
+    renderer = renderer_of(medley(), show=("motion",))
     eye, before = renderer.camera.position, renderer.camera
     step = np.array([5.0, 0, 0])
     renderer.camera = Camera.look_at(eye + step, eye + step + [0.4, -0.2, -3], yfov_deg=50)
@@ -509,10 +509,10 @@ MOVES = {
 
 
 @pytest.mark.parametrize("name", MOVES)
-def test_motion_of_an_instance(name):
+def test_motion_of_an_instance_is_the_reprojection(name):
     which, after = MOVES[name]
     scene = medley()
-    renderer = drawn(scene, show=("motion", "position", "depth"))
+    renderer = renderer_of(scene, show=("motion", "position", "depth"))
     instance = named(scene, which)
     back = instance.world_from_local @ np.linalg.inv(after)
     instance.world_from_local = after
@@ -525,7 +525,7 @@ def test_motion_of_an_instance(name):
     assert (np.abs(motion[..., :2] - (now - then)).max(-1)[mine] > 0.01).mean() < 0.01
     assert (np.abs(motion[..., 2] - distance)[mine] > 1e-3).mean() < 0.01
     assert np.abs(motion[..., :2])[~mine].max() < STILL
-    # It goes on, and rests.
+    # It moves once more, then is still.
     instance.world_from_local = at(0.1, 0.05) @ after
     motion, _, _ = motion_of(renderer)
     mine = read_surfaces(renderer.graph).instance == scene.instances.index(instance)
@@ -534,9 +534,9 @@ def test_motion_of_an_instance(name):
     assert np.abs(motion[..., :2]).max() < STILL
 
 
-def test_instances_that_come_and_go_do_not_move_others():
+def test_added_and_removed_instances_give_others_no_motion():
     scene = medley()
-    renderer = drawn(scene, show=("motion",))
+    renderer = renderer_of(scene, show=("motion",))
     left, right = named(scene, "left"), named(scene, "right")
     for instances in (
         [i for i in scene.instances if i is not left],
@@ -550,9 +550,9 @@ def test_instances_that_come_and_go_do_not_move_others():
 
 
 def test_a_new_origin_is_no_motion():
-    """Positions are relative to the middle of the scene as it was laid out; a motion of that middle is none."""
+    """Positions are relative to the scene's centre. Added instances shift it, and the shift is no motion."""
     scene = medley()
-    renderer = drawn(scene, show=("motion", "position", "depth"))
+    renderer = renderer_of(scene, show=("motion", "position", "depth"))
     ball = named(scene, "left").mesh
     for place in (at(40, 20, -60), at(-30, 0, -90)):
         origin = renderer._upload.origin
@@ -560,7 +560,7 @@ def test_a_new_origin_is_no_motion():
         motion, _, _ = motion_of(renderer)
         assert np.abs(renderer._upload.origin - origin).max() > 5
         assert np.abs(motion[..., :2]).max() < STILL
-    # Together with a motion of the camera.
+    # A new origin and a camera move in the same frame.
     before = renderer.camera
     renderer.camera = Camera.look_at((0.8, 2.0, 5.5), (0.1, 1.0, 0), yfov_deg=50)
     scene.instances = scene.instances[:-1]
@@ -571,17 +571,17 @@ def test_a_new_origin_is_no_motion():
     assert (np.abs(motion[..., 2] - distance)[depth > 0] > 1e-3).mean() < 2 * EDGES
 
 
-def test_another_size_is_no_motion():
-    renderer = drawn(medley(), show=("motion",))
+def test_a_new_picture_size_is_no_motion():
+    renderer = renderer_of(medley(), show=("motion",))
     for size in ((80, 45), (60, 70)):
         renderer.size = size
         motion, _, _ = motion_of(renderer)
         assert np.abs(motion[..., :2]).max() < STILL
 
 
-def test_what_was_behind_the_camera_has_no_motion():
+def test_points_behind_the_previous_camera_have_no_motion():
     scene = medley()
-    renderer = drawn(scene, show=("motion",))
+    renderer = renderer_of(scene, show=("motion",))
     camera = renderer.camera
     renderer.camera = Camera.look_at((0, 1, 20), (0, 1, 40))
     renderer.step(show=("motion",))

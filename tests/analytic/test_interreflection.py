@@ -15,21 +15,21 @@ from wgpu_gi.scene.scene import Instance, Mesh, PointLight, SpotLight
 
 
 @pytest.mark.parametrize(("albedo", "spp"), [(0.2, 64), (0.5, 256), (0.8, 512)])
-def test_closed_box(albedo, spp):
+def test_closed_box_sums_all_bounces(albedo, spp):
     """L = Le / (1 - rho)."""
     got = shoot(builtin.closed_box(2.0, albedo), (32, 18), spp=spp)
     assert_mean(got, 2.0 / (1 - albedo))
 
 
 @pytest.mark.parametrize("bounces", [0, 1, 2, 5])
-def test_closed_box_after_some_bounces(bounces):
+def test_closed_box_after_n_bounces_has_the_partial_sum(bounces):
     """L = Le (1 + rho + ... + rho^(n + 1)): `bounces` counts indirect ones, direct light is one scattering."""
     got = shoot(builtin.closed_box(1.0, 0.5), (32, 18), spp=256, bounces=bounces)
     assert_mean(got, 2.0 - 0.5 ** (bounces + 1))
 
 
 @pytest.mark.parametrize("distance", [0.5, 1.0, 2.0])
-def test_two_plates(distance):
+def test_two_plates_reflect_their_form_factor(distance):
     """Mean L = rho Le F with the form factor of two facing squares."""
     got = shoot(builtin.plates(distance, 3.0, 0.5), jitter=True, spp=1024)
     assert_mean(got, 0.5 * 3.0 * plates_form_factor(distance))
@@ -79,7 +79,7 @@ def test_mirrored_emitter_keeps_its_side():
     assert not away["radiance"].any()
 
 
-def test_mirrored_emitter_beside_its_original():
+def test_two_mirrored_half_lamps_light_like_the_whole_lamp():
     """Two halves of the lamp, one the mirror image of the other, by instances of one mesh."""
     half = lamp_mesh(0.5)
     got = shoot(plates_with([Instance(half), Instance(half, MIRROR_X)]), jitter=True, spp=256)
@@ -89,7 +89,7 @@ def test_mirrored_emitter_beside_its_original():
     assert not away["radiance"].any()
 
 
-def test_scaled_emitter_by_two_instances():
+def test_two_stretched_quarter_lamps_light_like_the_whole_lamp():
     """Areas and densities follow the transform: a quarter of the lamp, stretched to half of it, twice."""
     small = quad((-0.5, 1.0, -0.5), (0.25, 0, 0), (0, 0, 1), matte(0.0, "lamp", 1.0, double_sided=False))
     stretch = np.diag([2.0, 1.0, 1.0, 1.0])
@@ -99,7 +99,7 @@ def test_scaled_emitter_by_two_instances():
     assert_mean(got, 0.5 * plates_form_factor())
 
 
-def test_emitters_of_different_power():
+def test_emitters_of_different_power_light_by_their_mean():
     """Two lamps of one mesh, one three times as bright as the other, each half of the plate."""
     halves = lamp_mesh(0.5), lamp_mesh(0.5)
     dim, bright = (matte(0.0, name, le, double_sided=False) for name, le in (("dim", 0.5), ("bright", 1.5)))
@@ -112,8 +112,8 @@ def test_emitters_of_different_power():
 
 
 @pytest.mark.parametrize(("bounces", "factor"), [(0, 1.0), (1, 1.5), (None, 2.0)])
-def test_point_light_in_a_sphere(bounces, factor):
-    """Direct L = rho I / (pi R2); the next bounces add rho, rho2 ... of it, everywhere the same."""
+def test_point_light_in_a_sphere_has_its_closed_form(bounces, factor):
+    """Direct L = rho I / (pi R2); bounces add rho, rho2 ... of it, uniformly."""
     got = shoot(builtin.sphere_light(2.0, 0.5, 10.0), (24, 24), spp=256, bounces=bounces)
     assert_mean(got, 0.5 * 10.0 / 4.0 / math.pi * factor)
 
@@ -130,8 +130,8 @@ def test_interreflection_in_a_sphere_is_uniform_wherever_the_light_is(place):
     assert pixels.std() < 0.15 * expected
 
 
-def test_spot_in_a_sphere():
-    """The same for a spot near the wall, whose flux is I times the integral of its fall-off over its cone."""
+def test_spot_in_a_sphere_lights_by_its_flux():
+    """Indirect light of a spot near the wall follows its flux: I times the integral of its fall-off over its cone."""
     scene = builtin.sphere_light(2.0, 0.5, subdivisions=5)
     inner, outer = math.radians(20), math.radians(50)
     scene.lights = [SpotLight((0.3, 1.5, 0.0), (0.2, 1.0, 0.1), inner, outer, 10.0)]
@@ -161,8 +161,8 @@ def test_patch_of_a_sphere_lights_it_evenly(share):
     assert_mean(got, 2 * direct)
 
 
-def test_dark_corridor_and_sealed_chamber():
-    """No light leaves a sealed chamber: the picture without other lights is black, to the last bit."""
+def test_no_light_leaves_a_sealed_chamber():
+    """Without other lights the picture is exactly black."""
     scene = builtin.corridor(lamp=0.0)
     got = shoot(scene, (48, 27), spp=16)
     assert not got["radiance"].any()

@@ -59,7 +59,7 @@ def test_swapped_channels_give_a_swapped_picture(name):
     for light in swapped.lights:
         light.color = (*light.color[1:], light.color[0])
     a, b = (shoot(s, SIZE, spp=16, jitter=True)["radiance"] for s in (scene, swapped))
-    # Rounding of the lights' probabilities, which go by luminance, may send a rare path elsewhere.
+    # Light probabilities follow luminance; their rounding changes a rare path.
     assert relmse(b, np.roll(a, -1, axis=-1)) < 1e-5
 
 
@@ -71,18 +71,18 @@ def test_scale_does_not_matter(name, factor):
     large = moved(scene, scaling(factor))
     for light in large.lights:
         light.intensity *= factor**2
-    same(scene, large)
+    assert_equivalent(scene, large)
 
 
-def test_place_does_not_matter():
+def test_translation_does_not_matter():
     """A scene a thousand kilometres away looks the same."""
     for name in ("cornell", "cornell-spot"):
         scene = builtin.builtin_scene(name)
-        same(scene, moved(scene, translation(1e6, -2e6, 3e6)))
+        assert_equivalent(scene, moved(scene, translation(1e6, -2e6, 3e6)))
 
 
-def same(scene, other):
-    """Paths part where rounding decides; so most pixels are equal, and the means are."""
+def assert_equivalent(scene, other):
+    """Assert that most pixels are equal, and the means: rounding changes a few paths."""
     a, b = (shoot(s, SIZE, spp=64, jitter=True)["radiance"] for s in (scene, other))
     off = np.abs(a - b).max(-1) / a.mean()
     assert np.median(off) < 1e-4
@@ -90,7 +90,7 @@ def same(scene, other):
     assert relmse(b, a) < 2e-3
 
 
-def test_position_buffer_far_from_the_origin():
+def test_positions_far_from_the_origin_are_in_the_world():
     scene = builtin.plane_point()
     shift = (1e6, 2e5, -3e6)
     here, there = (
@@ -133,7 +133,7 @@ def test_layers_add_up():
 
 
 def test_bounces_only_add():
-    """With the same seed, each further bounce leaves what was there and adds to it; direct light has none."""
+    """With one seed, each further bounce only adds indirect light; emission and direct light stay the same."""
     show = ("radiance", "emission", "direct", "indirect")
     pictures = [shoot(builtin.cornell(), SIZE, spp=16, bounces=n, show=show) for n in (0, 1, 2, 30, None)]
     for picture in pictures[1:]:
@@ -147,7 +147,7 @@ def test_bounces_only_add():
     assert np.allclose(indirect[4].mean(), indirect[3].mean(), rtol=1e-3)
 
 
-def test_direct_light_alone_is_the_layer_direct():
+def test_picture_without_bounces_is_the_direct_layer():
     scene = builtin.cornell()
     alone = shoot(scene, SIZE, spp=16, bounces=0, show=("radiance", "emission", "direct", "indirect"))
     full = shoot(scene, SIZE, spp=16, show=("emission", "direct"))
@@ -161,7 +161,7 @@ def test_same_seed_same_picture_other_seed_other_noise():
     assert a.mean() == pytest.approx(c.mean(), rel=0.1)
 
 
-def test_samples_do_not_depend_on_how_they_are_divided():
+def test_samples_do_not_depend_on_the_size_of_a_run():
     """Sixty samples in one run of the pass, or in runs of 16 or 7 of them."""
     pictures = []
     for samples in (60, 16, 7):
@@ -172,12 +172,12 @@ def test_samples_do_not_depend_on_how_they_are_divided():
         pictures.append([renderer.read_back(name) for name in ("radiance", "standard_error")])
     for radiance, error in pictures[1:]:
         assert np.allclose(radiance, pictures[0][0], rtol=1e-4, atol=1e-6)
-        # The first run's squares are about zero, so that they lose digits where the spread is small.
+        # The first run sums squares about zero, which lose digits where the variance is small.
         assert (np.abs(error - pictures[0][1]) <= 1e-3 * error + 1e-5 * radiance + 1e-6).all()
 
 
-def test_away_and_back_is_the_same_frame():
-    """What moves is entered through its instance from then on; the picture stays what a fresh renderer shows."""
+def test_moving_back_restores_the_picture():
+    """A moved mesh leaves the world-space hierarchy and becomes an instance; the picture equals a new renderer's."""
     scene = builtin.cornell()
     renderer = Renderer(scene, size=SIZE, settings=Settings(gi="path", spp=16))
 
@@ -205,6 +205,6 @@ def assert_same_picture(got, expected):
     assert relmse(got[0], expected[0]) < 0.02 and got[0].mean() == pytest.approx(expected[0].mean(), rel=0.01)
 
 
-def test_a_scene_of_nothing_is_black():
+def test_empty_scene_is_black():
     got = shoot(Scene(), (4, 4), spp=2, show=("radiance", "depth", "standard_error"))
     assert not any(buffer.any() for buffer in got.values())

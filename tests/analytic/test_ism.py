@@ -47,7 +47,7 @@ def octahedral_code(normals: np.ndarray) -> np.ndarray:
 
 
 def visibility(tmp_path, scene, lights, normals, receivers, facing, on_surfaces=None, **settings):
-    """Return (lights, receivers): what the maps say. All places are in the world."""
+    """Return the visibility that the maps give, (lights, receivers). All positions are in world space."""
     (tmp_path / "seen.wgsl").write_text(SHADER)
     device = open_device()
     upload = SceneUpload(device)
@@ -134,7 +134,7 @@ def test_a_screen_hides_what_is_behind_it(tmp_path, settings, leak):
 
 
 def test_refinement_finds_the_edges_of_a_screen(tmp_path):
-    """Two texels off its edge; the rays of coarse cells alone miss the screen's corners."""
+    """Errors further than two texels from its edge; without refinement, rays of coarse cells miss the corners."""
     lights, floor = placed()
     inside = through_screen(lights, floor)
     wrong = []
@@ -146,7 +146,7 @@ def test_refinement_finds_the_edges_of_a_screen(tmp_path):
 
 
 def test_maps_refined_in_several_ranges_are_the_same(tmp_path, monkeypatch):
-    """If a dispatch or a buffer cannot hold the cells of all maps."""
+    """Several ranges are needed where one dispatch or buffer cannot hold the cells of all maps."""
     lights, floor = placed()
     together = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP)
     # Five maps of 64 cells of 4 rows each.
@@ -157,7 +157,7 @@ def test_maps_refined_in_several_ranges_are_the_same(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("cell", "leak"), [(4, 0.07), (8, 0.1)])
 def test_pull_push_closes_the_screen(tmp_path, cell, leak):
-    """By rays alone: each texel takes the plane of the nearest ray, so errors are within half of their spacing."""
+    """Without splats: each texel takes the plane of the nearest ray, so errors are within half of their spacing."""
     lights, floor = placed()
     got = visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP, mode="pull-push", ray_spacing=cell, points=0)
     inside = through_screen(lights, floor)
@@ -210,14 +210,14 @@ def test_splats_find_occluders_that_rays_miss(tmp_path):
     assert got[1] < 0.1 < got[0]
 
 
-def test_sizes_are_powers_of_two(tmp_path):
+def test_sizes_must_be_powers_of_two(tmp_path):
     lights, floor = placed()
     for settings in ({"resolution": 48}, {"ray_spacing": 3}):
         with pytest.raises(GiError, match="power of two"):
             visibility(tmp_path, screen_scene(), lights, DOWN, floor, UP, **settings)
 
 
-def test_directions_come_back_from_the_map(tmp_path):
+def test_hemisphere_mapping_round_trips(tmp_path):
     rng = np.random.default_rng(3)
     v = rng.normal(size=(500, 3))
     v[:, 2] = np.abs(v[:, 2])
@@ -227,8 +227,8 @@ def test_directions_come_back_from_the_map(tmp_path):
     assert np.allclose(got, v, atol=1e-5)
 
 
-def test_a_texel_holds_a_plane(tmp_path):
-    """Distances at the corners of texels, off their centres, against the plane's own."""
+def test_a_texel_stores_the_distance_of_a_plane(tmp_path):
+    """Decoded distances at the corners of texels against those of the plane."""
     rng = np.random.default_rng(4)
     place = rng.uniform(-0.6, 0.6, (500, 2))
     normal = rng.normal(size=(500, 3)) * 0.3 + (0, 0, 1)

@@ -71,7 +71,7 @@ def test_camera_sees_through_the_holes_of_a_mask():
     assert np.allclose(got["direct"][~through], 1.0, rtol=1e-5)
 
 
-def test_cutoff_above_and_below_all_alphas():
+def test_cutoff_above_all_alphas_removes_the_surface_and_below_keeps_it():
     for cutoff, lit in ((0.9, 0.5), (0.2, 0.0)):
         material, _ = masked(cutoff)
         scene = Scene([Instance(floor(matte(0.5))), Instance(floor(material, height=1.0))], [SUN])
@@ -86,8 +86,8 @@ def test_alpha_is_ignored_where_the_material_is_opaque():
     assert not shoot(scene, (8, 8), camera=from_above(0.5), spp=1)["radiance"].any()
 
 
-def test_mask_of_one_instance_among_several():
-    """The same sheet twice, entered through its instances, so that the sun passes both or neither."""
+def test_mask_works_in_instances_of_a_shared_mesh():
+    """The same sheet twice, once mirrored: the sun reaches the floor only through holes of both."""
     material, holes = masked()
     sheet = floor(material)
     lower, upper = np.eye(4), np.eye(4)
@@ -149,7 +149,7 @@ def normal_mapped(tilt, flip_u=False, flip_v=False, tangents=False, scale=1.0):
 @pytest.mark.parametrize("flips", [(False, False), (True, False), (False, True), (True, True)])
 @pytest.mark.parametrize("tangents", [False, True])
 def test_normal_map_tilts_the_normal(tilt, flips, tangents):
-    """+X is right and +Y up in the picture (glTF 2.0, section 3.9.3), wherever the texture coordinates put those."""
+    """+X is right and +Y up in the picture (glTF 2.0, section 3.9.3), as the texture coordinates orient it."""
     mesh, normal = normal_mapped(tilt, *flips, tangents=tangents)
     got = shoot(Scene([Instance(mesh)], [SUN]), (4, 4), camera=from_above(), spp=1, diffuse=False, show=BUFFERS)
     assert np.allclose(got["normal"], normal, atol=1e-3)
@@ -160,8 +160,8 @@ def test_normal_map_tilts_the_normal(tilt, flips, tangents):
 
 @pytest.mark.parametrize("tangents", [False, True])
 @pytest.mark.parametrize("shared", [False, True])
-def test_normal_map_on_a_mirrored_and_turned_instance(tangents, shared):
-    """Tangent space turns with the instance, whether the mesh is shared or lies in the world's tree."""
+def test_normal_map_follows_a_mirrored_and_rotated_instance(tangents, shared):
+    """Tangent space turns with the instance, whether the mesh is shared or in the world-space hierarchy."""
     mesh, normal = normal_mapped((0.3, 0.5, 0.8), tangents=tangents)
     turn = np.array([[0.0, 0, -2, 0], [0, 1, 0, 0], [-2, 0, 0, 0], [0, 0, 0, 1]])  # swaps x and z: a mirror image
     expected = turn[:3, :3] @ normal * [0.5, 1, 0.5]
@@ -170,7 +170,7 @@ def test_normal_map_on_a_mirrored_and_turned_instance(tangents, shared):
     assert np.allclose(got["normal"][0, 0], expected, atol=1e-3)
 
 
-def test_normal_scale():
+def test_normal_scale_multiplies_x_and_y():
     mesh, normal = normal_mapped((0.6, 0.2, 0.77), scale=0.5)
     got = shoot(Scene([Instance(mesh)], [SUN]), (2, 2), camera=from_above(), spp=1, diffuse=False, show=("normal",))
     assert np.allclose(got["normal"], normal, atol=1e-3)
@@ -191,7 +191,7 @@ def test_vertex_colours_are_interpolated_and_multiply():
     ("offset", "scale", "rotation"),
     [((0.0, 0.0), (1.0, 1.0), 0.0), ((0.25, -0.5), (2.0, 3.0), 0.0), ((0.1, 0.2), (1.5, 0.5), 0.7)],
 )
-def test_texture_transform(offset, scale, rotation):
+def test_texture_transform_follows_its_specification(offset, scale, rotation):
     """KHR_texture_transform: uv' = T R S uv, rotation counter-clockwise with v down."""
     pixels = np.random.default_rng(0).integers(0, 256, (8, 8, 4)).astype(np.uint8)
     pixels[..., 3] = 255
@@ -217,7 +217,7 @@ def test_texture_transform(offset, scale, rotation):
 
 @pytest.mark.parametrize("metallic", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("roughness", [0.3, 1.0])
-def test_sun_on_the_gltf_brdf(metallic, roughness):
+def test_sunlight_is_reflected_by_the_gltf_brdf(metallic, roughness):
     """L = f_r lux cos for one direction of light and view, with textures that halve metallic and roughness."""
     texel = [0, 128, 128, 255]
     texture = Texture(picture_of(np.broadcast_to(texel, (1, 1, 4))))
@@ -238,7 +238,7 @@ def test_diffuse_ignores_coats_and_normal_maps():
     assert np.allclose(got, (0.5, 0.25, 1.0), rtol=1e-5)
 
 
-def test_smooth_normals_shade_and_flat_ones_do_not():
+def test_smooth_normals_are_interpolated_and_zero_normals_are_flat():
     """A sphere with the normals of a sphere, against the formula; a zero normal makes its triangles flat."""
     ball = sphere(subdivisions=2, material=matte(1.0))
     ball.normals = ball.positions / np.linalg.norm(ball.positions, axis=1, keepdims=True).astype(np.float32)
@@ -253,8 +253,8 @@ def test_smooth_normals_shade_and_flat_ones_do_not():
     assert len(np.unique(got["normal"][got["depth"] > 0].round(4), axis=0)) <= len(flat.triangles)
 
 
-def test_normals_of_an_unevenly_scaled_instance():
-    """Normals go by the inverse transpose: an ellipsoid."""
+def test_normals_of_a_scaled_instance_use_the_inverse_transpose():
+    """A sphere scaled to an ellipsoid."""
     ball = sphere(subdivisions=4, material=matte(1.0))
     ball.normals = ball.positions / np.linalg.norm(ball.positions, axis=1, keepdims=True).astype(np.float32)
     for scale in ((0.9, 0.3, 0.6), (-0.9, 0.3, 0.6)):
@@ -274,8 +274,8 @@ def test_both_sides_reflect():
         assert np.allclose(shoot(scene, (2, 2), camera=below, spp=1)["radiance"], 0.5, rtol=1e-5)
 
 
-def test_emission_texture():
-    """Le is texture times factor, and the light that it sheds is that of its mean."""
+def test_emission_texture_multiplies_the_factor():
+    """Le is texture times factor; other surfaces get the light of its mean."""
     pixels = np.full((1, 2, 4), 255, np.uint8)
     pixels[0, 1, :3] = 0
     lamp = matte(0.0, "lamp", double_sided=False)

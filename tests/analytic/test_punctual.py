@@ -28,7 +28,7 @@ def floor_points(size, height=4.0):
 
 
 @pytest.mark.parametrize("distance", [1.0, 2.0, 4.0])
-def test_plane_under_a_point_light(distance):
+def test_plane_under_a_point_light_has_its_closed_form(distance):
     """E = I cos/d2, L = rho E/pi at distance d, 2d and 4d, and all around the foot of the light."""
     size = (15, 9)
     got = shoot(builtin.plane_point(distance, intensity=10.0, albedo=0.5), size, spp=4)
@@ -38,8 +38,8 @@ def test_plane_under_a_point_light(distance):
     assert got["radiance"][4, 7, 0] == pytest.approx(0.5 / math.pi * 10.0 / distance**2, rel=EXACT)
 
 
-def test_light_does_not_depend_on_where_it_shines_from():
-    """A point light beside the picture, and more bounces, which a plane alone does not have."""
+def test_point_light_out_of_view_has_its_closed_form():
+    """A tinted light out of view; a single plane has no indirect light."""
     scene, size = builtin.plane_point(), (9, 9)
     scene.lights = [PointLight((3.0, 0.5, -2.5), 7.0, (1.0, 0.5, 0.25))]
     got = shoot(scene, size, spp=4, show=("radiance", "direct", "indirect"))
@@ -51,7 +51,7 @@ def test_light_does_not_depend_on_where_it_shines_from():
 
 
 @pytest.mark.parametrize("zenith", [0.0, 60.0, 89.0])
-def test_plane_in_the_sun(zenith):
+def test_plane_in_the_sun_has_its_closed_form(zenith):
     """E = lux cos."""
     got = shoot(builtin.plane_sun(3.0, zenith, 0.5), (8, 8), spp=4)
     expected = 0.5 * 3.0 * math.cos(math.radians(zenith)) / math.pi
@@ -88,7 +88,7 @@ def test_spot_follows_the_formula_of_gltf(direction):
     assert not picture[cosine < math.cos(outer) - 1e-6].any()
 
 
-def test_spot_at_half_angle():
+def test_spot_half_way_between_its_cones_has_the_fall_off():
     """Straight below a spot that is tilted to half-way between its cones."""
     scene = builtin.plane_point()
     inner, outer = math.radians(20), math.radians(40)
@@ -99,7 +99,7 @@ def test_spot_at_half_angle():
     assert got[2, 2, 0] == pytest.approx(0.5 / math.pi * 10.0 / 4.0 * falloff, rel=EXACT)
 
 
-def test_spot_with_a_hard_edge():
+def test_spot_of_equal_cones_has_a_hard_edge():
     """Equal cones are a step (KHR_lights_punctual divides by at least 0.001)."""
     scene = builtin.plane_point()
     cone = math.radians(30)

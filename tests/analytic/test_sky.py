@@ -1,4 +1,4 @@
-"""The environment as direct light, with what hides it, against the path tracer."""
+"""Direct light of an occluded environment against the path tracer."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ SKIES = {
 }
 
 
-def under(environment):
+def courtyard_under(environment):
     scene = courtyard()
     scene.lights, scene.environment = [], environment
     return scene
 
 
 @pytest.mark.parametrize("name", SKIES)
-def test_what_arrives_of_an_environment(name):
+def test_occluded_environment_agrees_with_the_path_tracer(name):
     environment, most_bias, most_error = SKIES[name]
-    scene = under(environment)
+    scene = courtyard_under(environment)
     truth = shoot(scene, SIZE, show=("direct", "depth"), bounces=0, spp=256)
     settings = Settings(gi="many-light", bounces=0, diffuse=True, camera=CameraSettings(jitter=False))
     renderer = Renderer(scene, size=SIZE, settings=settings)
@@ -41,9 +41,9 @@ def test_what_arrives_of_an_environment(name):
     assert relmse(got, wanted) <= most_error
 
 
-def test_an_open_sky_arrives_whole():
-    """On a floor that sees all of it, the share is 1 without noise, whatever the picture."""
-    scene = under(Environment(image=gradient_sky(16, 50.0)))
+def test_an_unoccluded_sky_has_visibility_one():
+    """A floor without occluders: sampled visibility is 1 without noise, for any picture."""
+    scene = courtyard_under(Environment(image=gradient_sky(16, 50.0)))
     scene.instances = scene.instances[-1:]
     pictures = []
     for rays in (0, 1):

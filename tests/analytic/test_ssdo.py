@@ -1,7 +1,7 @@
-"""Directional occlusion and the bounce in screen space against closed forms.
+"""Directional occlusion and the bounce of SSDO against closed forms.
 
-A long wall of height h on a floor takes 1/2 (1 - x / sqrt(x^2 + h^2)) of what a point of the floor sees, weighted by
-the cosine, at the distance x (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-5 in the limit).
+The form factor of a point of a floor to a long wall of height h at the distance x is 1/2 (1 - x / sqrt(x^2 + h^2))
+(Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-5 in the limit).
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def render(scene, *texts, size=(64, 48), frames=32, gi="ssdo"):
     return {name: renderer.read_back(name).astype(np.float64) for name in renderer.buffers}
 
 
-def floor_and_share(got):
-    """Return the pixels that show the middle of the floor, and the wall's share of what they see."""
+def floor_and_form_factor(got):
+    """Return the pixels that show the middle of the floor, and their form factors to the wall."""
     _, y, z = np.moveaxis(got["position"], -1, 0)
     on_floor = (got["depth"] > 0) & (np.abs(y) < 1e-3) & (z > 0.2) & (z < 3.0)
     return on_floor, 0.5 * (1 - z / np.sqrt(z**2 + HEIGHT**2))
@@ -48,49 +48,49 @@ def floor_and_share(got):
 
 def test_a_wall_hides_its_form_factor_of_the_sky():
     got = render(corner(sky=Environment((1.0, 2.0, 4.0))))
-    on_floor, share = floor_and_share(got)
-    expected = (0.5 * (1 - share))[..., None] * (1.0, 2.0, 4.0)
+    on_floor, form_factor = floor_and_form_factor(got)
+    expected = (0.5 * (1 - form_factor))[..., None] * (1.0, 2.0, 4.0)
     off = (got["direct"] / expected)[on_floor] - 1
     assert on_floor.sum() > 200
     assert abs(off.mean()) <= 0.005 and np.abs(off).mean() <= 0.02
 
 
 def test_a_wall_reflects_by_its_form_factor():
-    """A level sun lights the wall and nothing of the floor: L = rho / pi times the wall's radiosity times its share."""
+    """A horizontal sun lights only the wall: L = rho / pi times the wall's radiosity times its form factor."""
     lux = 3.0
     got = render(corner([DirectionalLight((0, 0, -1), lux, (1.0, 0.5, 0.25))]))
-    on_floor, share = floor_and_share(got)
-    expected = (0.5 / math.pi * 0.8 * lux * share)[..., None] * (1.0, 0.5, 0.25)
+    on_floor, form_factor = floor_and_form_factor(got)
+    expected = (0.5 / math.pi * 0.8 * lux * form_factor)[..., None] * (1.0, 0.5, 0.25)
     assert not got["direct"][on_floor].any()
     off = (got["indirect"] / expected)[on_floor] - 1
     assert abs(off.mean()) <= 0.015 and np.abs(off).mean() <= 0.05
 
 
 @pytest.mark.parametrize("half", ["true", "false"])
-def test_a_furnace_of_walls_and_sky(half):
+def test_a_white_wall_reflects_as_much_as_it_hides(half):
     """With albedo 1, a wall reflects as much of the sky as it hides, up to second bounces."""
     got = render(corner(sky=Environment((1.0, 1.0, 1.0)), albedo=1.0, wall=1.0), f"ssdo.half_resolution={half}")
-    on_floor, share = floor_and_share(got)
+    on_floor, form_factor = floor_and_form_factor(got)
     total = (got["direct"] + got["indirect"])[on_floor]
     # The missing second bounce is at most half of the wall's light, of which the floor sees at most half.
     assert total.max() <= 1.01 and total.min() >= 0.75
-    off = got["direct"][on_floor] / (1 - share)[on_floor][:, None] - 1
+    off = got["direct"][on_floor] / (1 - form_factor)[on_floor][:, None] - 1
     assert np.abs(off).max() <= (0.14 if half == "true" else 0.1) and abs(off.mean()) <= 0.02
 
 
 @pytest.mark.parametrize("sampling", ["cosine", "environment"])
 def test_shadows_lack_the_colour_of_the_hidden_light(sampling):
-    """Before the wall the sky is red, behind the camera blue: near the wall, red is missing."""
+    """The sky is red behind the wall and blue behind the camera: near the wall, red is missing."""
     picture = np.zeros((32, 64, 3), np.float32)
     picture[:, :, 1] = 1.0
     # Columns of -Z are the outermost; +Z is in the middle.
     picture[:, 16:48, 2], picture[:, :16, 0], picture[:, 48:, 0] = 1.0, 1.0, 1.0
     got = render(corner(sky=Environment((1.0, 1.0, 1.0), picture)), "ssdo.directions=8", f"ssdo.sampling={sampling}")
-    on_floor, share = floor_and_share(got)
+    on_floor, form_factor = floor_and_form_factor(got)
     near = on_floor & (got["position"][..., 2] < 1.0)
     red, green, blue = got["direct"][near].mean(0)
     # All that the wall hides is red.
-    hidden = 0.5 * share[near].mean()
+    hidden = 0.5 * form_factor[near].mean()
     assert blue == pytest.approx(0.25, rel=0.03)
     assert red == pytest.approx(0.25 - hidden, abs=0.02)
     assert green == pytest.approx(0.5 - hidden, rel=0.03)

@@ -83,7 +83,7 @@ def test_patterns_are_a_disc_and_a_ring():
     assert areas[1].sum() == pytest.approx(0.75 * math.pi * 40**2, rel=1e-5)
 
 
-def test_levels_choose_and_never_average():
+def test_levels_select_surfels_and_never_average():
     """Every surfel of a coarse level is one of the finest, somewhere in its square."""
     renderer = rendered(SCENES["courtyard"]())
     fine, fine_normals, _ = level(renderer, 0)
@@ -120,14 +120,14 @@ def test_all_levels_send_the_same_light(name):
 
 
 def test_light_is_radiance_times_area():
-    """A floor that fills the picture, seen straight on: its area follows from the lens."""
+    """A floor that fills the picture, seen straight on: its area follows from the field of view."""
     scene = Scene([Instance(grid(100.0, material=matte(0.5)))], [DirectionalLight((0, -1, 0), math.pi)])
     scene.cameras = [Camera.look_at((0, 2, 0), (0, 0, 0), (0, 0, -1), yfov_deg=90.0)]
     renderer = rendered(scene, size=(64, 64))
     assert np.allclose(light(renderer, 1, (64, 64)).sum(0), 0.5 * 4.0**2, rtol=2e-3)
 
 
-def test_two_walls_against_the_path_tracer():
+def test_two_plates_agree_with_the_path_tracer():
     """Two plates with nothing in between: within a few percent of `visible_only`."""
     scene = SCENES["plates"]()
     got = rendered(scene, "ssil.start=full", frames=16).read_back("indirect")
@@ -140,12 +140,12 @@ def test_two_walls_against_the_path_tracer():
 
 
 def octaves(x):
-    """Return what grows by 1 where x doubles: exponent and mantissa of a float."""
+    """Return a piecewise linear log2 of x plus a constant: the bits of a float as a fixed-point number."""
     return np.asarray(x, np.float32).view(np.int32) / 2.0**23
 
 
 def slices_of(renderer, voxels, depths):
-    """Return the slices, with fractions, that view depths lie in."""
+    """Return the fractional slices of view depths."""
     inverse_near, far = renderer.graph.read_back("voxels/range").view(np.float32).ravel()
     passed = [octaves(1) - octaves(1 / (inverse_near * np.asarray(d, np.float32))) for d in (depths, far)]
     return passed[0] * (voxels - 0.01) / passed[1]
@@ -159,8 +159,8 @@ def columns_of(renderer, grid, width):
 
 
 @pytest.mark.parametrize("solids", ["auto", "none"])
-def test_voxels_of_a_box(solids):
-    """Straight on: a solid is filled from its front to its back, a shell at both."""
+def test_solid_boxes_are_filled_and_shells_are_hollow(solids):
+    """Seen head-on: a solid is filled from its front to its back, a shell only at both."""
     block = box((-0.5, -0.5, -4.0), (0.5, 0.5, -3.0), matte(0.5))
     wall = quad((-10, -10, -6), (20, 0, 0), (0, 20, 0), matte(0.5))
     scene = Scene([Instance(wall), Instance(block)], [PointLight((0, 0, 0))])
@@ -178,7 +178,7 @@ def test_voxels_of_a_box(solids):
     assert not beside[: int(end) - 1].any() and beside[int(end) - 1 :].any()
 
 
-def test_a_coarse_cell_is_the_and_of_four():
+def test_a_coarse_voxel_is_set_where_its_four_finer_ones_are():
     renderer = rendered(SCENES["medley"](), "voxels.coarser=0", "voxels.finer=0", size=(61, 35))
     fine = columns_of(renderer, "voxels/grid_1", 31)
     coarse = columns_of(renderer, "voxels/grid_2", 16)
@@ -209,7 +209,7 @@ def test_shells_have_no_gaps(turn):
 
 @pytest.mark.parametrize("name", ["plates", "cornell-point"])
 def test_surfaces_do_not_occlude_themselves(name):
-    """Voxels occlude as much as rays do within a few percent, of only 16x9 cells."""
+    """With only 16x9 cells, light with voxels is within a few percent of light with rays."""
     light = [
         rendered(SCENES[name](), f"ssil.visibility={kind}", frames=4).read_back("indirect").mean()
         for kind in ("voxels", "exact")
@@ -218,7 +218,7 @@ def test_surfaces_do_not_occlude_themselves(name):
 
 
 def test_a_thin_sheet_seen_edge_on_occludes():
-    """Between two walls that face each other, as tall as both; the camera lies in its plane."""
+    """The sheet stands between two facing walls and is as tall; the camera lies in its plane."""
     walls = [quad((x, -1, -6), (0, 0, 4), (0, 2, 0), matte(0.8)) for x in (-1, 1)]
     sheet = quad((0, -1, -6), (0, 0, 4), (0, 2, 0), matte(0.8))
     found = {}

@@ -1,7 +1,7 @@
-"""Relations that hold for every technique without any truth; a technique takes part by being in TECHNIQUES.
+"""Invariances of every technique in TECHNIQUES, without a reference.
 
-Layers without noise, which is to say those that do not depend on the seed, are compared pixel by pixel; noisy ones by
-their means, within what the noise between two seeds allows.
+Layers that do not depend on the seed are compared pixel by pixel; noisy ones by their means, within the noise between
+two seeds.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from wgpu_gi.scene.built_in.shapes import box, grid, mesh
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight
 from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
 
-QUICK = ("path", "none")  # all that is not takes minutes together
+QUICK = ("path", "none")  # the other techniques take minutes together
 pytestmark = pytest.mark.parametrize("technique", slow_but(QUICK, TECHNIQUES))
 
 # ------------------------------------------------------------------------------------------------ Scale and place
@@ -60,7 +60,7 @@ def test_scale_does_not_matter(technique, name, factor):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_place_does_not_matter(technique, name):
+def test_translation_does_not_matter(technique, name):
     """A scene thousands of kilometres away looks the same."""
     expected, noise = reference(technique, name)
     got = picture(technique, moved(SCENES[name](), translation(1e6 + 1 / 3, -2e6, 3e6 + 0.1)))
@@ -82,8 +82,8 @@ def test_twice_the_light_is_exactly_twice_the_picture(technique, name):
 
 @pytest.mark.parametrize("factor", [1e-6, 2.0**-20, 2.0**27, 1e8])
 @pytest.mark.parametrize("name", ["cornell", "courtyard", "medley"])
-def test_dim_and_bright_light(technique, name, factor):
-    """A millionth and a hundred million times the light; powers of two near to that bit for bit."""
+def test_very_dim_and_very_bright_light_scale_the_picture(technique, name, factor):
+    """A millionth and a hundred million times the light; powers of two near that scale the picture bit for bit."""
     (once, noise), got = reference(technique, name), picture(technique, brighten(SCENES[name](), factor))
     expected = {layer: factor * once[layer] for layer in LAYERS}
     if math.frexp(factor)[0] == 0.5:
@@ -105,7 +105,7 @@ def test_lights_add_up(technique):
     whole = picture(technique, ball_on_a_floor(**together))
     alone = [picture(technique, ball_on_a_floor(**part)) for part in parts]
     sums = {layer: sum(p[layer] for p in alone) for layer in LAYERS}
-    # All are as noisy as the whole, at most.
+    # Each part is at most as noisy as the whole.
     noise = noise_of(technique, whole, ball_on_a_floor(**together))
     noise = {layer: noise[layer] * math.sqrt(1 + len(parts)) for layer in LAYERS}
     assert_same(whole, sums, noise)
@@ -120,9 +120,9 @@ def test_layers_add_up(technique):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_swapped_channels_give_a_swapped_picture(technique, name):
-    """Emitters of several hues share their samples by luminance, so the medley's have none here.
+    """Emitters share samples by luminance, so the medley's emitters are made grey here.
 
-    Noise is not swapped with them, so that of both pictures counts.
+    Noise is not swapped with the channels, so the noise of both pictures counts.
     """
     scene, swapped = SCENES[name](), SCENES[name]()
     for material in scene.materials + swapped.materials if name == "medley" else ():
@@ -135,8 +135,8 @@ def test_swapped_channels_give_a_swapped_picture(technique, name):
     assert_same(back, expected, noise)
 
 
-def test_a_thousand_lights_in_one_place(technique):
-    """They give the picture of one that is a thousand times as bright; their shadow maps are small."""
+def test_a_thousand_lights_in_one_place_equal_one_bright_light(technique):
+    """The light of one a thousand times as bright, although their shadow maps are small."""
     place, color = (1.0, 1.5, 1.0), (1.0, 0.6, 0.3)
     scene = ball_on_a_floor([PointLight(place, 2.0, color)])
     show = {"shadow": ShadowSettings()}
@@ -162,8 +162,8 @@ def test_a_thousand_lights_add_up(technique, kind):
 
 
 @pytest.mark.parametrize("albedo", [0.0, 1.0])
-def test_black_and_white(technique, albedo):
-    """Closed forms: a ball in a sky, floors under a sun and under a lamp, which light each other nothing."""
+def test_black_and_white_surfaces_have_their_closed_forms(technique, albedo):
+    """Convex scenes, without interreflection: a ball in a sky, a floor under a sun, a floor under a lamp."""
     lux, height, intensity = 3.0, 2.0, 10.0
     show = {"diffuse": True, "size": (9, 9), "spp": 64}
     ball = picture(technique, builtin.furnace(albedo=albedo), **show)
@@ -194,7 +194,7 @@ def test_black_surfaces_scatter_nothing(technique):
 # ------------------------------------------------------------------------------------------------ Cameras
 
 
-def test_odd_sizes_share_their_middle(technique):
+def test_pictures_of_odd_sizes_share_their_middle_pixel(technique):
     """The ray through the middle of the picture is the same whatever the size, here to the middle of a wall."""
     camera = Camera.look_at((2.78, 2.73, -2.6), (2.0, 4.6, 5.592))
     middles = []
@@ -208,14 +208,14 @@ def test_odd_sizes_share_their_middle(technique):
             assert np.allclose(middle["radiance"], middles[0]["radiance"], rtol=1e-3) and middle["radiance"].all()
 
 
-def test_a_picture_of_few_columns(technique):
+def test_a_picture_of_few_columns_is_lit(technique):
     got = picture(technique, SCENES["medley"](), (3, 2000), spp=1)
     assert got["radiance"].shape == (2000, 3, 3) and got["direct"].any()
 
 
 @pytest.mark.parametrize("name", ["cornell-point", "courtyard", "plane-point"])
-def test_camera_close_to_a_surface(technique, name):
-    """The same patch from 1e-4 m away, and a hundred times as far through a lens that is as much longer."""
+def test_close_camera_equals_a_farther_one_with_a_longer_lens(technique, name):
+    """The same patch from 1e-4 m, and from 1e-2 m with a hundredth of the field of view."""
     seen = picture(technique, SCENES[name](), spp=1)
     hits = np.argwhere(seen["direct"].max(-1) > 0)
     for row, column in hits[:: max(len(hits) // 4, 1)]:
@@ -234,11 +234,10 @@ def test_camera_close_to_a_surface(technique, name):
 
 
 @pytest.mark.parametrize("name", ["cornell", "cornell-point", "courtyard"])
-def test_camera_far_away(technique, name):
-    """From far away a telephoto lens shows what a parallel projection shows.
+def test_far_telephoto_camera_equals_a_parallel_projection(technique, name):
+    """From 10 to 1e5 scene radii away.
 
-    From 1e5 scene radii, distances in float32 have steps of centimetres where the scene has metres: that shows beside
-    a light.
+    At 1e5 radii, float32 distances have steps of centimetres in a scene of metres, which is visible beside a light.
     """
     scene = SCENES[name]()
     radius = float(np.linalg.norm(np.diff(scene.bounds(), axis=0))) / 2
@@ -262,8 +261,8 @@ def test_camera_far_away(technique, name):
 
 
 @pytest.mark.parametrize("size", [1e3, 1e4, 1e5])
-def test_a_floor_to_the_horizon(technique, size):
-    """A kilometre of floor, or a hundred, under a small box near by: the same picture as with a hundred metres."""
+def test_a_floor_to_the_horizon_does_not_change_the_foreground(technique, size):
+    """A floor of 1 to 100 km under a small box gives the picture of a floor of 100 m."""
 
     def scene(width):
         block = box((-0.3, 0, -0.3), (0.3, 0.6, 0.3), matte((0.8, 0.4, 0.2)))
@@ -279,8 +278,8 @@ def test_a_floor_to_the_horizon(technique, size):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1e2, 1e4])
-def test_a_million_triangles_and_a_giant_one(technique, size):
-    """A floor of a million triangles over a triangle as large as a town shows what one of two triangles shows."""
+def test_tessellation_does_not_change_the_picture(technique, size):
+    """Above a giant triangle, a floor of a million triangles gives the picture of a floor of two."""
 
     def scene(cells):
         floor = grid(4.0, cells, matte(0.5))
@@ -297,8 +296,8 @@ def test_a_million_triangles_and_a_giant_one(technique, size):
 
 
 @pytest.mark.parametrize("name", ["cornell", pytest.param("courtyard", marks=pytest.mark.slow)])
-def test_half_resolution_has_the_same_mean(technique, name):
-    """Averaged over their pixels' squares. 64 frames place an edge to 1/64 pixel; a lamp has 5 pixels of them."""
+def test_half_the_size_has_the_same_mean(technique, name):
+    """64 jittered frames resolve an edge to 1/64 pixel, and a lamp has 5 edge pixels."""
     fine, coarse = (picture(technique, SCENES[name](), size, frames=64) for size in ((32, 24), (16, 12)))
     noise = noise_of(technique, coarse, SCENES[name](), (16, 12), frames=64)
     for layer in LAYERS:
@@ -312,8 +311,8 @@ def test_half_resolution_has_the_same_mean(technique, name):
 # ------------------------------------------------------------------------------------------------ Little to see
 
 
-def test_nothing_in_view(technique):
-    """With their backs to the scene, cameras see the sky alone."""
+def test_cameras_that_face_away_see_only_the_sky(technique):
+    """The picture equals that of an empty scene."""
     for sky in (None, Environment((0.5, 1.0, 2.0)), Environment((0.5, 1.0, 2.0), gradient_sky(16))):
         scene = SCENES["cornell"]()
         scene.environment = sky
@@ -326,8 +325,7 @@ def test_nothing_in_view(technique):
             assert np.allclose(nowhere[layer], got[layer], rtol=1e-6)
 
 
-def test_lights_alone(technique):
-    """Lights without a surface, and surfaces without a light."""
+def test_lights_without_surfaces_and_surfaces_without_lights_are_black(technique):
     lights = [PointLight((0, 0, 0)), DirectionalLight((0, -1, 0)), SpotLight((0, 0, -1), (0, 0, 1))]
     assert not picture(technique, Scene(lights=lights, cameras=[Camera()]))["radiance"].any()
     dark = picture(technique, ball_on_a_floor())
@@ -338,11 +336,11 @@ def test_lights_alone(technique):
 
 
 @pytest.mark.parametrize("depth", [0.01, 0.3])
-def test_light_inside_a_wall(technique, depth):
-    """It lights nothing that can be seen, a centimetre below the face or in the middle of the wall.
+def test_light_inside_a_wall_lights_nothing_in_view(technique, depth):
+    """A centimetre below the face or in the middle of the wall, it lights nothing directly.
 
-    Of what it gives before the wall, bounces may bring in a thousandth: rays can slip between triangles. Imperfect
-    shadow maps let through somewhat more.
+    Bounces may leak a thousandth of what it gives in front of the wall: rays can slip between triangles. Imperfect
+    shadow maps leak somewhat more.
     """
     shown = []
     for z in (-5.5, -6.0 - depth):
@@ -356,8 +354,8 @@ def test_light_inside_a_wall(technique, depth):
 
 
 @pytest.mark.parametrize("height", [0.0, 1e-7, 1e-4])
-def test_light_touching_a_surface(technique, height):
-    """Finite, also where it lies in the plane of a floor and of a box, or shines into it."""
+def test_light_touching_a_surface_is_finite(technique, height):
+    """A light in the plane of a floor or of a box, and a spot that shines into the floor."""
     block = box((-0.3, 0, -0.3), (0.3, 0.6, 0.3), matte(0.9))
     lights = [
         PointLight((0.8, height, 0.8), 1.0),
@@ -367,7 +365,7 @@ def test_light_touching_a_surface(technique, height):
     for shining in ([lights[0]], [lights[1]], [lights[2]], lights):
         scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], shining)
         got = picture(technique, scene, camera=Camera.look_at((0.5, 2.0, 2.5), (0, 0.2, 0)))
-        # The spot that shines into the floor has nothing else to light but its own place.
+        # The spot that shines into the floor lights nothing else.
         assert got["direct"].any() or shining == [lights[2]]
 
 
@@ -375,8 +373,8 @@ def test_light_touching_a_surface(technique, height):
 
 
 @pytest.mark.parametrize("name", ["cornell", "courtyard", pytest.param("medley", marks=pytest.mark.slow)])
-def test_away_and_back_is_the_same_frame(technique, name):
-    """Camera, lights and size: bit for bit the first frame, and the frame of a fresh renderer."""
+def test_changing_back_restores_the_frame(technique, name):
+    """After changes of camera, size and lights: bit for bit the first frame, and that of a new renderer."""
     scene = SCENES[name]()
     renderer = Renderer(scene, size=(24, 16), settings=make_settings(technique, frames=3))
 
@@ -401,15 +399,16 @@ def test_away_and_back_is_the_same_frame(technique, name):
     fresh = picture(technique, SCENES[name](), (24, 16), frames=3)
     for other in (back, resized, shown(), fresh):
         for buffer, values in first.items():
-            # Motion is that since the frame before.
+            # Motion depends on the previous frame.
             assert buffer == "motion" or np.array_equal(other[buffer], values), buffer
 
 
 @pytest.mark.slow
-def test_ten_thousand_frames(technique):
-    """No drift: a constant stays what it is, and a picture is the mean over its pixels' squares.
+def test_ten_thousand_frames_do_not_drift(technique):
+    """A constant stays constant, and the mean of jittered frames equals the box-filtered fine picture.
 
-    Techniques that draw other lights in each frame take too long for as many, and one fine picture is too noisy.
+    Techniques that sample new lights in each frame are slow, so they take 1,000 frames; their fine picture is too noisy
+    for the second check.
     """
     frames = 10_000 if technique in QUICK else 1_000
     settings = make_settings(technique, frames=frames, spp=frames, diffuse=True)

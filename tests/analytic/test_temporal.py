@@ -1,4 +1,4 @@
-"""Averaging over frames: the mean where a surface is found again, at any scale of light; a fresh start elsewhere."""
+"""Temporal accumulation: the mean where reprojection finds the surface; history rejection elsewhere."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def still(distance):
 
 
 @pytest.mark.parametrize("scale", [1e-20, 1.0, 1e20])
-def test_a_still_view_is_the_mean_of_its_frames(scale):
+def test_a_still_view_accumulates_the_mean_of_its_frames(scale):
     accumulate = Accumulator(16)
     first, rejected = accumulate(light_of(0, scale), still(4.0))
     assert (rejected == 1).all() and np.allclose(first, light_of(0, scale)[..., :3], rtol=1e-6)
@@ -70,15 +70,15 @@ def test_a_still_view_is_the_mean_of_its_frames(scale):
     assert np.allclose(mean, expected, rtol=1e-5, atol=2e-5 * scale)
 
 
-def test_other_distances_start_afresh():
+def test_history_at_another_distance_is_rejected():
     accumulate = Accumulator(16)
     accumulate(light_of(0), still(4.0))
     mean, rejected = accumulate(light_of(1), still(4.5))
     assert (rejected == 1).all() and np.allclose(mean, light_of(1)[..., :3])
 
 
-def test_motion_takes_the_history_along():
-    """Two pixels to the right and half of one down: bilinear, and what comes into view starts afresh."""
+def test_history_follows_the_motion():
+    """Two pixels right and half a pixel down: history is bilinear, and disoccluded pixels have none."""
     accumulate = Accumulator(16)
     accumulate(light_of(0), still(4.0))
     motion = still(4.0)

@@ -18,7 +18,7 @@ from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLi
 def resampled(scene, bounces, **fields):
     """Return positions (n, 3) relative to the scene's origin, flux (n, 3) in W and areas (n,) of the lights."""
     settings = Settings(gi="many-light", bounces=bounces, diffuse=True)
-    # Resampled by flux alone, their sum is exact.
+    # Resampled by flux alone, VPLs keep the sum of the flux exactly.
     for name, value in {"count": 1024, "importance": "flux", **fields}.items():
         setattr(settings.vpl, name, value)
     settings.camera.jitter = False
@@ -35,8 +35,8 @@ def closed_box(albedo=0.5, lights=(), emission=0.0):
     return Scene([Instance(walls)], list(lights))
 
 
-def test_point_light_in_a_closed_box():
-    """All of 4 pi I W is reflected once, by the albedo; colours stay apart."""
+def test_point_light_in_a_closed_box_keeps_its_flux():
+    """All of 4 pi I W is reflected once, times the albedo of each channel."""
     scene = closed_box((0.2, 0.5, 0.8), [PointLight((0.3, -0.2, 0.1), 3.0, (1.0, 0.5, 0.25))])
     _, flux, area = resampled(scene, 1)
     expected = 4 * math.pi * 3.0 * np.array([1.0, 0.5, 0.25]) * (0.2, 0.5, 0.8)
@@ -46,7 +46,7 @@ def test_point_light_in_a_closed_box():
 
 
 @pytest.mark.slow
-def test_every_bounce_in_a_closed_box():
+def test_bounces_in_a_closed_box_sum_their_flux():
     """rho + rho^2 + ... of the light, up to 32 bounces."""
     scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])
     for bounces, expected in ((1, 0.5), (2, 0.75), (3, 0.875), (None, 1.0)):
@@ -62,7 +62,7 @@ def test_lights_share_the_area_of_the_walls(lamps, bounces, most):
     assert 0.85 * 24 < area.sum() < most * 24
 
 
-def test_spot_and_sun():
+def test_spot_and_sun_keep_their_flux():
     """A spot's whole cone falls on the floor; a sun's flux is lux times area times cosine."""
     floor = Instance(quad((-2, 0, -2), (0, 0, 4), (4, 0, 0), matte(0.6)))
     half = 0.4
@@ -74,7 +74,7 @@ def test_spot_and_sun():
     assert flux.sum(0) == pytest.approx([0.6 * 10.0 * 0.8 * 16] * 3, rel=0.01)
 
 
-def test_emitter():
+def test_emitter_keeps_its_flux():
     """An emissive closed box: pi L A W from all walls, reflected once."""
     _, flux, _ = resampled(closed_box(0.5, emission=2.0), 1, paths=16384)
     # Double-sided: half of the light leaves outwards.
@@ -82,7 +82,7 @@ def test_emitter():
 
 
 @pytest.mark.parametrize("pictured", [False, True])
-def test_environment(pictured):
+def test_environment_keeps_its_flux(pictured):
     """A floor below and above a sky: irradiance pi L for a constant one, integrated over both sides for a picture."""
     floor = Instance(quad((-2, 0, -2), (0, 0, 4), (4, 0, 0), matte(0.6)))
     sky = Environment((1.0, 2.0, 3.0), gradient_sky(16, 5.0) if pictured else None)

@@ -22,7 +22,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_bench_measures_compares_and_draws(capsys, folder):
+def test_bench_measures_compares_and_plots(capsys, folder):
     assert main(["bench", "cornell", *TINY, "--json", "one.json"]) == 0
     (entry,) = (folder / "cache" / "truth").iterdir()
     made = entry.stat().st_mtime_ns
@@ -80,7 +80,7 @@ def test_truth_from_a_file_sets_the_size(capsys):
     scene = load_json("b.json").scenes[0]
     assert (scene.size, scene.references[0].truth) == ((16, 9), "t.npz")
     assert scene.techniques[0].errors["full"].floor > 0
-    assert scene.techniques[0].errors["direct"].floor is None  # the file does not know
+    assert scene.techniques[0].errors["direct"].floor is None  # the file has no standard error of direct light
 
 
 @pytest.mark.slow

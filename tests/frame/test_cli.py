@@ -74,19 +74,19 @@ def test_every_buffer_in_one_file(suffix):
 
 
 @pytest.mark.parametrize("name", ["normal", "depth", "albedo"])
-def test_png_of_another_buffer(name):
+def test_png_shows_other_buffers(name):
     assert main(["render", *TINY, "--show", name]) == 0
     shown = load_image("out.png")
     assert shown.max() > shown.min()
 
 
-def test_seed_makes_the_picture():
+def test_seed_determines_the_picture():
     assert np.array_equal(picture("--seed", "7"), picture("--seed", "7"))
     assert not np.array_equal(picture("--seed", "7"), picture("--seed", "8"))
 
 
 def test_path_tracer_without_bounces_equals_direct_light():
-    """Both have direct light alone; that of one lamp the path tracer finds without noise."""
+    """Both have only direct light; the path tracer has no noise with one point light."""
     arguments = ("cornell-point", "--diffuse", "--set", "camera.jitter=false")
     traced, deferred = picture("--bounces", "0", *arguments), picture("--gi", "none", *arguments)
     assert np.allclose(deferred.mean((0, 1)), traced.mean((0, 1)), rtol=0.005)
@@ -94,7 +94,7 @@ def test_path_tracer_without_bounces_equals_direct_light():
 
 
 @pytest.mark.parametrize("gi", TECHNIQUES)
-def test_exposure_by_flag_or_by_setting(gi):
+def test_exposure_is_the_same_by_flag_and_by_setting(gi):
     def shown(*arguments):
         assert main(["render", "-o", "p.png", "--gi", gi, *TINY, *arguments]) == 0
         return load_image("p.png")
@@ -110,7 +110,7 @@ def test_exposure_by_flag_or_by_setting(gi):
     assert np.array_equal(shown("--exposure", stops), automatic)
 
 
-def test_light_environment_and_camera_of_the_command_line(folder):
+def test_camera_light_and_environment_options_change_the_picture(folder):
     Path("cam.json").write_text(json.dumps({"position": [0.1, 1.0, 3.0], "target": [0, 1, 0], "yfov_deg": 50}))
     plain = picture()
     assert not np.array_equal(picture("--camera", "cam.json"), plain)
@@ -120,7 +120,7 @@ def test_light_environment_and_camera_of_the_command_line(folder):
     assert not np.array_equal(picture("--set", "camera.jitter=false"), plain)
 
 
-def test_plan_timings_and_check_print(capsys):
+def test_plan_and_timings_are_printed(capsys):
     assert main(["render", *TINY, "--plan", "--timings", "--check", "--diffuse"]) == 0
     printed = capsys.readouterr().out
     assert "ran" in printed
@@ -138,7 +138,7 @@ def test_info_names_the_adapter_in_use(capsys):
 def test_info_is_quick():
     start_time = time.perf_counter()
     assert start("info", stdout=subprocess.DEVNULL).wait() == 0
-    # The aim is 2 s; a loaded machine gets as much again.
+    # The aim is 2 s; twice that allows for a loaded machine.
     assert time.perf_counter() - start_time < 4.0
 
 

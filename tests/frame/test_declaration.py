@@ -1,4 +1,4 @@
-"""What changes from frame to frame compiles no pipeline and touches no file; pipelines out of use are freed."""
+"""Changes from frame to frame compile no pipeline and read no file; unused pipelines are freed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def compiled(monkeypatch):
 
 @pytest.fixture(params=TECHNIQUES, scope="module")
 def renderer(request):
-    """Return a renderer of each technique, after a frame of a scene that has everything, with history."""
+    """Return a renderer of each technique, with history, after a frame of a scene with every feature."""
     settings = make_settings(request.param)
     settings.temporal.frames = 4
     renderer = Renderer(medley_under_a_sky(), size=SIZE, settings=settings)
@@ -78,7 +78,7 @@ def test_no_continuous_setting_compiles_a_pipeline(renderer, compiled):
 
 
 def test_no_size_and_no_move_compiles_a_pipeline(renderer, compiled):
-    renderer.settings.ssil.radius = None  # twice the least that covers the screen, whatever its size
+    renderer.settings.ssil.radius = None  # automatic: twice the smallest that covers the screen
     renderer.step()
     labels = compiled(renderer)
     for size in ((33, 18), (64, 36), (17, 40), SIZE):
@@ -109,12 +109,12 @@ def test_no_count_of_lights_paths_or_points_compiles_a_pipeline(mode, compiled):
     assert labels == []
 
 
-def test_no_step_touches_a_file(renderer, monkeypatch):
+def test_no_step_reads_a_file(renderer, monkeypatch):
     renderer.settings.exposure = 0.5
-    renderer.step()  # what is imported on first use
+    renderer.step()  # imports modules on first use
 
     def forbidden(path, *_, **__):
-        raise AssertionError(f"{path} is looked at")
+        raise AssertionError(f"{path} is read")
 
     for name in ("os.stat", "os.lstat", "os.open", "os.listdir", "os.scandir", "builtins.open"):
         monkeypatch.setattr(name, forbidden)
@@ -125,13 +125,13 @@ def test_no_step_touches_a_file(renderer, monkeypatch):
     renderer.step()
 
 
-def test_pipelines_out_of_use_are_freed(monkeypatch):
+def test_unused_pipelines_are_freed(monkeypatch):
     monkeypatch.setattr(pipelines, "KEPT", 3)
     renderer = Renderer(load("cornell"), size=SIZE, settings=make_settings("many-light"))
     alive = renderer._device.pipelines._pipelines
     others = {id(pipeline) for pipeline in alive.values()}
 
-    def out_of_use():
+    def unused():
         used = {id(p.pipeline) for p in renderer.graph.order}
         return {id(pipeline) for pipeline in alive.values()} - used - others
 
@@ -140,6 +140,6 @@ def test_pipelines_out_of_use_are_freed(monkeypatch):
             renderer.settings.gi = technique
             apply_quality(renderer.settings, quality)
             renderer.step(show=("radiance",))
-            assert len(out_of_use()) <= 3
+            assert len(unused()) <= 3
     renderer.release()
-    assert len(out_of_use()) <= 3
+    assert len(unused()) <= 3

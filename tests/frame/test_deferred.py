@@ -1,4 +1,4 @@
-"""Deferred frames: which passes run after which change, skips that change nothing, accumulation, memory, commands."""
+"""Deferred frames: which passes run after which change, pictures without skips, accumulation, memory, commands."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ def settings(jitter=False, **fields):
     return Settings(gi="none", camera=CameraSettings(jitter=jitter), **fields)
 
 
-def opened(scene=None, show=("radiance",), **fields):
-    """A renderer that has drawn a scene and is at rest."""
+def completed(scene=None, show=("radiance",), **fields):
+    """Return a renderer that has completed a picture."""
     renderer = Renderer(scene or one_lamp(), size=SIZE, settings=settings(**fields))
     renderer.run(show=show)
     return renderer
 
 
 def one_lamp():
-    """The medley under one point light alone, beside its sky."""
+    """Return the medley with its point light and its sky as the only sources."""
     scene = medley()
     for material in scene.materials:
         material.emission = (0.0, 0.0, 0.0)
@@ -50,38 +50,38 @@ def one_lamp():
 
 
 def ran(renderer, show=("radiance",), **options):
-    """Techniques of which the next frame runs passes."""
+    """Render a frame; return the first part of the name of every pass that ran."""
     return {name.split("/")[0] for name in renderer.graph.last_run} if renderer.step(show=show, **options) else set()
 
 
 def picture(scene, **fields):
-    return opened(scene, **fields).read_back()
+    return completed(scene, **fields).read_back()
 
 
 # ------------------------------------------------------------------------------------------------ What runs
 
 
-def test_all_runs_once():
+def test_everything_runs_once():
     renderer = Renderer(one_lamp(), size=SIZE, settings=settings())
     everything = {"gbuffer", "shadow", "environment", *LIGHT}
     assert ran(renderer) == everything
     for _ in range(3):
         assert ran(renderer) == set()
     assert ran(renderer, force=True) == everything
-    # What was forced is the same, so there is nothing to do again.
+    # A forced frame gives the same results, so nothing is left to do.
     assert ran(renderer) == set()
 
 
-def test_camera_moves():
-    renderer = opened()
+def test_camera_move_keeps_shadows():
+    renderer = completed()
     renderer.camera = Camera.look_at((1, 2, 6), (0, 1, 0))
     assert ran(renderer) == {"gbuffer", *LIGHT}
     assert ran(renderer) == set()
 
 
-def test_light_moves():
+def test_light_move_keeps_the_gbuffer():
     scene = one_lamp()
-    renderer = opened(scene)
+    renderer = completed(scene)
     scene.lights[0].position = (-1, 4, 2)
     assert ran(renderer) == {"shadow", *LIGHT}
     scene.lights[0].intensity = 10.0
@@ -92,9 +92,9 @@ def test_light_moves():
     assert ran(renderer) == set()
 
 
-def test_light_comes_and_goes():
+def test_added_and_removed_lights_keep_the_gbuffer():
     scene = one_lamp()
-    renderer = opened(scene)
+    renderer = completed(scene)
     scene.lights.append(PointLight((-2, 3, 2), 5.0))
     assert ran(renderer) >= {"shadow", *LIGHT} and not {"gbuffer/opaque"} & set(renderer.graph.last_run)
     scene.lights.clear()
@@ -102,44 +102,43 @@ def test_light_comes_and_goes():
     assert "no light casts shadows" in renderer.plan()
 
 
-def test_instance_moves():
+def test_instance_move_runs_all_but_the_environment():
     scene = one_lamp()
-    renderer = opened(scene)
+    renderer = completed(scene)
     for x in (-1.4, -1.3):
         named(scene, "left").world_from_local = at(x, 0.9, 0.5, (0.6, 0.9, 0.6), 0.4)
         assert ran(renderer) == {"gbuffer", "shadow", *LIGHT}
         assert ran(renderer) == set()
 
 
-def test_material_changes():
-    """Only cut-outs matter to shadows, so without masks nothing is drawn again."""
+def test_material_change_runs_shadows_only_with_masks():
+    """Only alpha masks matter to shadows, so without one no raster pass runs again."""
     scene = builtin.cornell_point()
-    renderer = opened(scene)
+    renderer = completed(scene)
     scene.materials[0].base_color = (0.1, 0.5, 0.9, 1.0)
     assert ran(renderer) == {"gbuffer", *LIGHT} and not RASTER & set(renderer.graph.last_run)
     masked = one_lamp()
-    renderer = opened(masked)
+    renderer = completed(masked)
     masked.materials[0].base_color = (0.1, 0.5, 0.9, 1.0)
     assert ran(renderer) == {"gbuffer", "shadow", *LIGHT}
 
 
-def test_sky_changes():
+def test_sky_change_keeps_raster_passes():
     scene = one_lamp()
-    renderer = opened(scene)
+    renderer = completed(scene)
     scene.environment.color = (0.3, 0.3, 0.1)
     assert ran(renderer) == {"gbuffer", *LIGHT} and not RASTER & set(renderer.graph.last_run)
 
 
-def test_size_changes():
-    """Maps of a lamp do not depend on it."""
-    renderer = opened()
+def test_size_change_keeps_shadow_maps_of_a_lamp():
+    renderer = completed()
     renderer.size = (30, 41)
     assert ran(renderer) == {"gbuffer", *LIGHT}
     assert renderer.read_back().shape == (41, 30, 3)
 
 
-def test_settings_change():
-    renderer = opened()
+def test_changed_settings_run_only_passes_that_use_them():
+    renderer = completed()
     renderer.settings.direct.edges = False
     assert ran(renderer) == LIGHT
     renderer.settings.shadow.point = 128
@@ -151,7 +150,7 @@ def test_settings_change():
 def test_sun_maps_follow_the_camera():
     scene = one_lamp()
     scene.lights = [DirectionalLight((-0.4, -1, -0.3), 2.0)]
-    renderer = opened(scene)
+    renderer = completed(scene)
     renderer.camera = Camera.look_at((0.5, 0.4, 1.0), (0, 0.3, 0))
     assert ran(renderer) >= {"gbuffer", *LIGHT}
     assert np.array_equal(renderer.read_back(), picture_from(scene, renderer.camera))
@@ -163,8 +162,8 @@ def picture_from(scene, camera):
     return renderer.read_back()
 
 
-def test_what_is_not_shown_does_not_run():
-    renderer = opened(show=("albedo",))
+def test_only_passes_of_shown_buffers_run():
+    renderer = completed(show=("albedo",))
     assert ran(renderer, ("emission",)) == {"gbuffer"}
     assert ran(renderer, ("motion",)) == {"gbuffer"} and set(renderer.graph.last_run) == {"gbuffer/motion"}
     assert ran(renderer, ("indirect",)) == set()
@@ -180,13 +179,13 @@ CHANGES = {
     "far instance": lambda s: setattr(named(s, "left"), "world_from_local", at(-90, 0, -200, (9, 9, 9))),
     "instances": lambda s: s.instances.reverse(),
     "material": lambda s: setattr(s.materials[1], "roughness", 0.9),
-    "cutoff": lambda s: setattr(by_name(s, "leaf"), "alpha_cutoff", 0.7),
-    "opaque": lambda s: setattr(by_name(s, "leaf"), "alpha_mode", "opaque"),
-    "emission": lambda s: setattr(by_name(s, "lamp"), "emission", (1.0, 5.0, 1.0)),
-    "emission's picture": lambda s: setattr(by_name(s, "panel").emission_texture, "offset", (0.55, 0.1)),
-    "emission's wrap": lambda s: setattr(by_name(s, "panel").emission_texture, "wrap_u", "clamp"),
+    "cutoff": lambda s: setattr(material_named(s, "leaf"), "alpha_cutoff", 0.7),
+    "opaque": lambda s: setattr(material_named(s, "leaf"), "alpha_mode", "opaque"),
+    "emission": lambda s: setattr(material_named(s, "lamp"), "emission", (1.0, 5.0, 1.0)),
+    "emission's picture": lambda s: setattr(material_named(s, "panel").emission_texture, "offset", (0.55, 0.1)),
+    "emission's wrap": lambda s: setattr(material_named(s, "panel").emission_texture, "wrap_u", "clamp"),
     "other emission": lambda s: setattr(
-        by_name(s, "panel"), "emission_texture", Texture(Image(np.full((1, 1, 4), 255, np.uint8)))
+        material_named(s, "panel"), "emission_texture", Texture(Image(np.full((1, 1, 4), 255, np.uint8)))
     ),
     "environment": lambda s: setattr(s, "environment", Environment((0.5, 0.2, 0.1))),
     "pictured": lambda s: setattr(
@@ -196,14 +195,14 @@ CHANGES = {
 }
 
 
-def by_name(scene, name) -> Material:
+def material_named(scene, name) -> Material:
     return next(m for m in scene.materials if m.name == name)
 
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_picture_after_a_change_is_that_of_the_changed_scene(name):
     scene, changed = medley(), medley()
-    renderer = opened(scene, direct=ranged())
+    renderer = completed(scene, direct=ranged())
     before = renderer.read_back()
     CHANGES[name](scene), CHANGES[name](changed)
     renderer.run(show=("radiance",))
@@ -211,8 +210,8 @@ def test_picture_after_a_change_is_that_of_the_changed_scene(name):
     if "instance" not in name:
         assert np.allclose(after, fresh, rtol=1e-4, atol=1e-4)
     else:
-        # What has moved is hit in its own space, and after a far move the origin is another: at the edges of a sample
-        # light's shadow some pixels fall on the other side.
+        # Rays hit a moved mesh in its local space, and a far move shifts the origin: rounding flips pixels at the edges
+        # of a sample light's shadow.
         assert (np.abs(after - fresh).max(-1) > 0.05 * (fresh.max(-1) + 0.1)).mean() < 0.004
         assert after.mean() == pytest.approx(fresh.mean(), rel=1e-3)
     assert name == "instances" or not np.array_equal(before, after)
@@ -224,11 +223,11 @@ def ranged():
     return direct
 
 
-# ------------------------------------------------------------------------------------------------ What is left out
+# ------------------------------------------------------------------------------------------------ Skipped passes
 
 
-def test_plan_tells_what_the_scene_lacks():
-    renderer = opened(builtin.cornell_point(), show=None)
+def test_plan_gives_the_reason_of_every_skip():
+    renderer = completed(builtin.cornell_point(), show=None)
     rows = {line.split()[0]: line for line in renderer.plan().splitlines()[1:]}
     lacks = {
         "gbuffer/masked": "no alpha-masked material",
@@ -246,13 +245,13 @@ def test_plan_tells_what_the_scene_lacks():
     assert rows.keys() >= lacks.keys() | {"gbuffer/opaque", "direct/edges", "gbuffer/motion"}
     unlit = builtin.cornell_point()
     unlit.lights.clear()
-    plan = opened(unlit, show=None).plan()
+    plan = completed(unlit, show=None).plan()
     assert re.search(r"shadow/opaque +culled +no light casts shadows", plan)
     assert re.search(r"direct/edges +culled +no light casts shadows", plan)
 
 
 def force_features(monkeypatch):
-    """Let every scene have everything: all code is compiled in, all passes are declared."""
+    """Turn all features of all scenes on, so that all code is compiled and all passes are declared."""
     update, update_draws, update_lights = SceneUpload.update, SceneUpload.update_draws, DeferredState.update
 
     def everything(self, scene):
@@ -277,12 +276,12 @@ def force_features(monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["cornell-point", "cornell", "plane-sun", "furnace"])
-def test_skips_change_nothing(name, monkeypatch):
+def test_skipped_passes_change_no_buffer(name, monkeypatch):
     """Bit for bit, in every buffer."""
     scene = builtin.builtin_scene(name)
-    plain = opened(scene, show=None, diffuse=False)
+    plain = completed(scene, show=None, diffuse=False)
     force_features(monkeypatch)
-    forced = opened(scene, show=None, diffuse=False)
+    forced = completed(scene, show=None, diffuse=False)
     culled = {line.split()[0] for line in forced.plan().splitlines()[1:] if line.split()[1] == "culled"}
     of_pictures = {"environment/leaves", "environment/sum", "environment/prefilter"} if scene.environment else set()
     assert culled <= {"shadow/opaque", "direct/edges", "composite/display", *of_pictures}, culled
@@ -295,7 +294,7 @@ def test_skips_change_nothing(name, monkeypatch):
 
 
 def test_jittered_frames_are_averaged(monkeypatch):
-    """The mean of as many pictures through those places of the pixels; then it rests."""
+    """The result is the mean of the pictures at each jitter offset; then no pass runs."""
     layers = ("radiance", "direct", "emission")
     scene = medley()
     chosen = settings(jitter=True)
@@ -308,14 +307,14 @@ def test_jittered_frames_are_averaged(monkeypatch):
     sums = dict.fromkeys(layers, 0.0)
     for frame in range(5):
         monkeypatch.setattr(update_module, "pixel_offset", lambda *_, frame=frame: pixel_offset(frame, 5))
-        single = opened(scene, show=layers)
+        single = completed(scene, show=layers)
         for name in layers:
             sums[name] = sums[name] + single.read_back(name).astype(np.float64) / 5
     for name in layers:
         assert np.allclose(means[name], sums[name], rtol=1e-5, atol=1e-6), name
 
 
-def test_accumulation_begins_again_after_a_change():
+def test_accumulation_restarts_after_a_change():
     scene, moved = medley(), medley()
     chosen = settings(jitter=True)
     chosen.camera.frames = 4
@@ -330,13 +329,13 @@ def test_accumulation_begins_again_after_a_change():
     fresh = Renderer(moved, size=SIZE, settings=chosen)
     fresh.run(show=("radiance",))
     assert np.array_equal(renderer.read_back(), fresh.read_back())
-    # Shadow maps are drawn once, not for each of the frames.
+    # Shadow maps are rendered once, not in every frame.
     assert "shadow/opaque" not in renderer.graph.last_run
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 5, 16, 64, 100, 1000])
-def test_offsets_fill_the_pixel(frames):
-    """One in each row and each column of the pixel's square, and as many in each of its quarters."""
+def test_jitter_offsets_are_stratified(frames):
+    """Of n offsets, one lies in each of n rows and n columns of the pixel, and about n / 4 in each quarter."""
     offsets = np.array([pixel_offset(k, frames) for k in range(frames)])
     for axis in offsets.T:
         assert np.allclose(np.sort(axis), (np.arange(frames) + 0.5) / frames)
@@ -345,8 +344,8 @@ def test_offsets_fill_the_pixel(frames):
         assert found.min() > 0.18 and found.max() < 0.32
 
 
-def test_edges_of_the_mean_are_smooth():
-    """A white square over black: its edge pixels take values between, and the area is right."""
+def test_averaged_edges_are_antialiased():
+    """A white square over black: edge pixels have intermediate values, and the covered area is right."""
     scene = builtin.plates(1.0, 1.0)
     scene.instances = scene.instances[:1]
     scene.instances[0].mesh.materials[0].unlit = True
@@ -360,12 +359,12 @@ def test_edges_of_the_mean_are_smooth():
     assert 0.2 < covered[4, 8] < 0.95 or 0.05 < covered[3, 8] < 0.95
 
 
-# ------------------------------------------------------------------------------------------------ One renderer, long
+# ------------------------------------------------------------------------------------------------ One renderer, reused
 
 
 @pytest.mark.slow
-def test_techniques_take_turns():
-    """Each gives in turn what it gives alone."""
+def test_switching_techniques_keeps_their_pictures():
+    """In one renderer, each technique gives the picture of a renderer of its own."""
     scene = medley()
     camera = CameraSettings(jitter=False, frames=2)
     chosen = {gi: Settings(gi=gi, spp=2, bounces=1, camera=camera) for gi in TECHNIQUES}
@@ -382,9 +381,9 @@ def test_techniques_take_turns():
     assert set(renderer.buffers) == set(BUFFERS) - {"standard_error"}
 
 
-def test_away_and_back():
+def test_changing_back_restores_the_picture():
     scene = medley()
-    renderer = opened(scene)
+    renderer = completed(scene)
     first, camera, position = renderer.read_back(), renderer.camera, scene.lights[0].position
     renderer.camera, scene.lights[0].position = Camera.look_at((3, 3, 3), (0, 0, 0)), (0, 5, 0)
     renderer.run(show=("radiance",))
@@ -394,15 +393,15 @@ def test_away_and_back():
     assert np.array_equal(renderer.read_back(), first)
 
 
-def test_released_and_used_again():
-    renderer = opened(medley())
+def test_released_renderer_can_be_used_again():
+    renderer = completed(medley())
     first = renderer.read_back()
     renderer.release()
     renderer.run(show=("radiance",))
     assert np.array_equal(renderer.read_back(), first)
 
 
-def test_scenes_without_geometry_and_without_light():
+def test_empty_scene_shows_its_sky_and_takes_geometry_later():
     empty = builtin.plane_point()
     empty.instances = []
     renderer = Renderer(empty, size=SIZE, settings=settings())
@@ -416,9 +415,9 @@ def test_scenes_without_geometry_and_without_light():
     assert renderer.read_back("depth").all() and renderer.read_back("direct").all()
 
 
-def test_bad_values_are_named_and_the_renderer_goes_on():
+def test_bad_values_are_named_and_the_renderer_recovers():
     scene = medley()
-    renderer = opened(scene)
+    renderer = completed(scene)
     first = renderer.read_back()
     scene.lights[0].intensity = -1.0
     with pytest.raises(GiError, match="light"):
@@ -431,8 +430,8 @@ def test_bad_values_are_named_and_the_renderer_goes_on():
 
 
 @pytest.mark.parametrize("count", [40, pytest.param(200, marks=pytest.mark.slow)])
-def test_many_pictures_do_not_grow(count):
-    """Of a moving camera, light and instance, in changing sizes."""
+def test_many_pictures_do_not_leak_memory(count):
+    """With a moving camera, light and instance, at changing sizes."""
     scene = one_lamp()
     scene.lights.append(DirectionalLight((-0.4, -1, -0.3), 0.5))
     renderer = Renderer(scene, size=SIZE, settings=settings())
@@ -478,7 +477,7 @@ def test_every_buffer_in_one_file(suffix, folder):
     assert os.listdir(folder) == [f"p.{suffix}"]
 
 
-def test_png_and_what_is_said(folder, capsys):
+def test_command_writes_a_png_and_prints_plan_and_timings(folder, capsys):
     assert main([*TINY, "cornell-point", "--plan", "--timings", "--check"]) == 0
     printed = capsys.readouterr().out
     assert "direct/light" in printed and "ms" in printed and "no alpha-masked material" in printed
@@ -486,7 +485,7 @@ def test_png_and_what_is_said(folder, capsys):
     assert load_image("out.png").shape == (18, 32, 3)
 
 
-def test_settings_of_the_command_make_the_picture(folder):
+def test_settings_of_the_command_change_the_picture(folder):
     def made(*arguments):
         assert main([*TINY, "cornell", "-o", "p.npy", *arguments]) == 0
         return load_image("p.npy")

@@ -1,4 +1,4 @@
-"""Sequences of frames: the same in parts, after a stop, and in one go; layers, cameras, videos, messages."""
+"""Image sequences: shards and resumed runs equal one run; layers, cameras, videos, messages."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_shards_and_resumed_runs_equal_one_run(gi, folder, monkeypatch):
     for part in ("2/3", "1/3", "3/3"):
         assert frames(*arguments, "--shard", part, output="parts/f_{frame:03d}.npy") == 0
     assert_same_files(folder / "whole", folder / "parts")
-    # Going on after a stop.
+    # Resume after an interruption.
     for frame in (1, 4, 5):
         Path(f"parts/f_{frame:03d}.npy").unlink()
     assert frames(*arguments, output="parts/f_{frame:03d}.npy") == 0
@@ -76,8 +76,8 @@ def test_frame_without_history_equals_a_single_picture():
     assert np.array_equal(np.load("6.npy"), np.load("one.npy"))
 
 
-def test_layers_cameras_and_motion():
-    """Motion and depth lead each pixel to where the frame before saw the same point."""
+def test_motion_leads_to_the_same_point_in_the_previous_frame():
+    """Layers hold depth, position and motion; the job file holds the cameras."""
     key = {"target": [2.78, 2.73, 0], "yfov_deg": 39}
     keys = [{**key, "frame": i, "position": [2.78 + 0.1 * i, 2.73, -8.0]} for i in (0, 2)]
     Path("path.json").write_text(json.dumps(keys))
@@ -99,7 +99,7 @@ def test_layers_cameras_and_motion():
     assert np.allclose(np.linalg.norm(view, axis=1), motion[seen][:, 2], rtol=1e-4)
 
 
-def test_another_command_is_refused(capsys):
+def test_resuming_with_another_command_is_refused(capsys):
     assert frames("--gi", "none", range_="0:2") == 0
     before = Path("f_001.npy").read_bytes()
     assert frames("--gi", "none", "--seed", "3", range_="0:2") == 2
@@ -124,7 +124,7 @@ def test_killed_run_leaves_no_broken_frame(folder):
         assert load_image(picture.with_suffix(".npz"), "depth").shape == (18, 32)
 
 
-def test_video():
+def test_video_shows_the_frames():
     av = pytest.importorskip("av")
     assert frames("--gi", "none", "--fps", "12", output="out.mp4", range_="0:5") == 0
     assert frames("--gi", "none", output="{frame}.png", range_="0:5") == 0
@@ -142,8 +142,8 @@ def test_video():
         assert np.abs(blocks).max() < 12
 
 
-def test_exposure_of_the_first_frame_is_that_of_all(capsys, folder):
-    """In one go, in parts, and after a stop; another number is another command."""
+def test_all_frames_have_the_exposure_of_the_first(capsys, folder):
+    """In one run, in shards, and after an interruption; resuming with another exposure is refused."""
 
     def exposures() -> set[str]:
         found = set()

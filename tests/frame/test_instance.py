@@ -26,7 +26,7 @@ def at(mesh, x):
 
 
 @pytest.mark.parametrize("gi", TECHNIQUES)
-def test_instances_are_counted_as_the_scene_has_them(gi):
+def test_instance_numbers_follow_the_order_of_the_scene(gi):
     empty = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
     twice = triangle()
     scene = Scene([at(triangle(), -1), Instance(empty), at(twice, 0), at(twice, 1)], [PointLight((0, 0, 3))])
@@ -48,7 +48,7 @@ def test_pixels_lie_in_the_box_of_their_instance():
         assert (points > low - 1e-3).all() and (points < high + 1e-3).all()
 
 
-def test_each_has_a_colour_of_its_own():
+def test_each_instance_has_its_own_colour():
     shown = display_layer("instance", np.arange(40, dtype=np.float32)[None])[0]
     assert (shown[0] == 0).all()
     far = np.abs(shown[:, None] - shown[None]).max(-1) + np.eye(40)

@@ -39,7 +39,7 @@ def test_every_sample_is_taken_once(samples_per_run):
     assert got == pytest.approx(expected, rel=1e-4)
 
 
-def test_forced_frames_do_their_work_again():
+def test_forced_frames_repeat_their_work():
     renderer = Renderer(bright_cave(), size=(16, 9), settings=Settings(gi="path", spp=32))
     renderer.run(show=("radiance",))
     before = renderer.read_back()

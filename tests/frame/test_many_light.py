@@ -47,7 +47,7 @@ def test_a_camera_move_keeps_the_lights(renderer):
     assert ran >= VIEW and kept >= LIGHT | {"points", "shadow/opaque"}
 
 
-def test_lights_for_the_view_follow_it(renderer):
+def test_vpls_resampled_for_the_view_follow_it(renderer):
     """VPLs are resampled by the view; their candidates are kept."""
     renderer.settings.vpl.importance = "view"
     passes(renderer)
@@ -73,7 +73,7 @@ def test_a_moved_mesh_keeps_nothing(renderer):
     assert ran >= LIGHT | VIEW | {"points"} and kept == {"environment/albedo"}
 
 
-def test_frames_of_a_picture_have_different_lights(renderer):
+def test_frames_of_a_picture_have_different_vpls(renderer):
     """VPLs differ from frame to frame; surface points are kept."""
     renderer.settings.camera.frames = 3
     passes(renderer)
@@ -136,7 +136,7 @@ def test_a_still_picture_is_the_mean_of_its_own_frames():
         ("gather/lists", {"gather": {"culling": "none"}}),
     ],
 )
-def test_an_absent_view_says_why(name, sections):
+def test_an_absent_debug_view_gives_its_reason(name, sections):
     with pytest.raises(GiError, match=f"--show {name}: .* need"):
         view(name, **sections)
 

@@ -36,11 +36,11 @@ def test_links_lead_somewhere(page):
     assert not missing
 
 
-def test_it_is_short():
+def test_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 250
 
 
-def test_commands_are_understood():
+def test_commands_can_be_parsed():
     lines = re.findall(r"^    wgpu-gi (.*?)(?:\s+#.*)?$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M)
     assert len(lines) > 10
     for line in lines:

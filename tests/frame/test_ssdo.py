@@ -147,7 +147,7 @@ def test_many_unrepresented_pixels_give_the_same_picture_each_time():
         ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half_resolution=false"),
     ],
 )
-def test_settings_at_their_limits(texts, size):
+def test_settings_at_their_limits_are_finite(texts, size):
     """Every buffer of every pass is finite, and radiance is not negative."""
     scene = medley_under_a_sky()
     for camera in (scene.cameras[0], _parallel(scene.cameras[0])):
@@ -160,7 +160,7 @@ def test_settings_at_their_limits(texts, size):
 @pytest.mark.parametrize(
     "texts", [(), ("ssdo.half_resolution=false", "gather.visibility=ism"), ("ssdo.near_field_radius=10",)]
 )
-def test_near_field_settings_at_their_limits(texts, size):
+def test_near_field_settings_at_their_limits_are_finite(texts, size):
     scene = medley_under_a_sky()
     for camera in (scene.cameras[0], _parallel(scene.cameras[0])):
         got = render(scene, "ssdo.near_field=true", *texts, gi="many-light", size=size, camera=camera)
@@ -168,7 +168,7 @@ def test_near_field_settings_at_their_limits(texts, size):
 
 
 def test_the_near_field_keeps_the_mean_of_coated_surfaces():
-    """Coats reflect near VPLs as before, and pass as much of the near field's light as of theirs."""
+    """Coats still reflect near VPLs, and transmit the same share of near-field light as of VPL light."""
     scene = medley_under_a_sky()
     without, together = (
         render(scene, f"ssdo.near_field={near}", gi="many-light", frames=8, size=(96, 54))["indirect"].mean()
@@ -182,7 +182,7 @@ def _parallel(camera):
     return Camera(camera.world_from_view.copy(), orthographic_height=4.0)
 
 
-def test_contact_shadows_replace_those_that_a_coarse_map_lost():
+def test_contact_shadows_restore_those_that_a_coarse_map_lost():
     """A low brick under a slanting sun, whose shadow map has texels wider than the brick is high."""
     brick = box((-0.3, 0, -0.15), (0.3, 0.05, 0.15), matte(0.5))
     camera = Camera.look_at((0.3, 0.5, 1.1), (0, 0, 0))
@@ -196,7 +196,7 @@ def test_contact_shadows_replace_those_that_a_coarse_map_lost():
     assert found <= 0.5 * lost
 
 
-def test_a_second_layer_ends_contact_shadows_behind_thin_things():
+def test_a_second_layer_ends_contact_shadows_behind_thin_objects():
     """With one layer, all behind a thin board is in shadow; with two, the sun reaches it."""
     board = box((-0.3, 0.0, -0.01), (0.3, 0.3, 0.01), matte(0.5))
     camera = Camera.look_at((0.1, 0.35, 1.1), (0.3, 0.1, 0))

@@ -35,7 +35,7 @@ def passes(renderer):
 
 @pytest.fixture
 def renderer():
-    """A room that has been lit and seen."""
+    """Return the renderer of a room, after its first frame."""
     renderer = make(SCENES["cornell-point"]())
     ran, _ = passes(renderer)
     assert ran >= SURFELS | VOXELS | LIGHT | {"ssil/pattern", "ssil/glossy_1"}
@@ -80,7 +80,7 @@ def test_the_plan_gives_the_reason_of_a_skip(text, fields, name, reason):
 
 
 @pytest.mark.parametrize("visibility", ["voxels", "depth", "exact", "none"])
-def test_every_kind_of_visibility(visibility):
+def test_every_kind_of_visibility_gives_indirect_light(visibility):
     renderer = make(SCENES["medley"](), f"ssil.visibility={visibility}", "ssil.samples=16", bounces=2)
     renderer.run(check=True)
     assert renderer.read_back("indirect").any()
@@ -97,13 +97,13 @@ def test_every_kind_of_visibility(visibility):
     ],
 )
 @pytest.mark.parametrize("size", [(1, 1), (3, 40), (37, 21)])
-def test_settings_at_their_limits(texts, size):
+def test_settings_at_their_limits_are_finite(texts, size):
     renderer = make(SCENES["medley"](), *texts, bounces=None, size=size)
     renderer.run(check=True)
     assert np.isfinite(renderer.read_back("indirect")).all()
 
 
-def test_a_bounce_below_the_threshold_is_left_out():
+def test_a_bounce_below_the_threshold_is_skipped():
     """The picture is that of one bounce."""
     one = make(SCENES["cornell-point"](), diffuse=True)
     dim = make(SCENES["cornell-point"](), "ssil.bounce_threshold=1", bounces=2, diffuse=True)
@@ -114,8 +114,8 @@ def test_a_bounce_below_the_threshold_is_left_out():
     assert two.read_back("indirect").mean() > 1.1 * one.read_back("indirect").mean()
 
 
-def test_no_ghost_lasts_longer_than_the_filter():
-    """A lamp goes out: after as many frames as count, nothing is left of its light."""
+def test_light_of_a_removed_lamp_fades():
+    """After a lamp is removed, less than 6 % of its light is left in three times the frames of the filter."""
     scene = SCENES["cornell-point"]()
     renderer = make(scene, "temporal.frames=8", diffuse=True)
     for _ in range(10):
@@ -129,8 +129,8 @@ def test_no_ghost_lasts_longer_than_the_filter():
     assert left[0] < 1 and left[-1] < 0.06
 
 
-def test_away_and_back_with_the_filter():
-    """Once as many frames have passed as count, the view is what it was, within 1 %."""
+def test_moving_back_restores_the_filtered_picture():
+    """After more frames than the filter has, the picture is restored within 1 %."""
     scene = SCENES["cornell-point"]()
     renderer = make(scene, "temporal.frames=8", diffuse=True)
     home = renderer.camera
@@ -149,7 +149,7 @@ def test_away_and_back_with_the_filter():
 
 
 def test_a_turning_camera_leaves_no_ghost():
-    """Eight frames after it stops, what the filter shows is what a frame shows by itself; it is as bright all along."""
+    """Eight frames after it stops, the filtered picture equals the unfiltered one; its mean is right in every frame."""
     shown = {}
     for frames in (1, 4):
         renderer = make(SCENES["cornell-point"](), f"temporal.frames={frames}", diffuse=True, size=(96, 54))
@@ -167,7 +167,7 @@ def test_a_turning_camera_leaves_no_ghost():
 
 
 def test_a_still_camera_does_not_flicker():
-    """At rest no pass runs, so that every frame is the same."""
+    """Once the picture is complete, no pass runs."""
     renderer = make(SCENES["cornell-point"](), "temporal.frames=8", diffuse=True)
     while renderer.step(show=("indirect",)):
         pass
@@ -176,8 +176,8 @@ def test_a_still_camera_does_not_flicker():
     assert np.array_equal(renderer.read_back("indirect"), first)
 
 
-def test_visible_only_by_the_command_line(tmp_path, capsys):
-    """It says where it changes nothing; of the path tracer it leaves light out, and never adds any."""
+def test_visible_only_option_changes_only_the_path_tracer(tmp_path, capsys):
+    """The path tracer loses light; for another technique, the command says that the option has no effect."""
     target = str(tmp_path / "a.npy")
     common = [
         "render",
@@ -204,7 +204,7 @@ def test_visible_only_by_the_command_line(tmp_path, capsys):
 
 
 def settled(*texts, **fields):
-    """Return the bounces that make up a picture when all are asked for, and how many steps they took."""
+    """Render until the picture has all bounces; return its indirect light and the number of steps."""
     renderer = make(SCENES["cornell-point"](), *texts, frames=8, bounces=None, diffuse=True, size=(96, 54), **fields)
     steps = 0
     while renderer.step(show=("indirect",), check=True):
@@ -213,7 +213,7 @@ def settled(*texts, **fields):
     return renderer.read_back("indirect"), steps
 
 
-def test_amortised_bounces_are_those_of_one_frame():
+def test_amortised_bounces_equal_those_of_one_frame():
     """Bounces converge in the warm-up frames; then every pixel of the picture does."""
     all_at_once, steps = settled("ssil.bounces=12", "ssil.visibility_bounces=all", "ssil.bounce_threshold=0")
     amortised, more_steps = settled("ssil.amortised=true")
@@ -222,7 +222,7 @@ def test_amortised_bounces_are_those_of_one_frame():
     assert more_steps == steps + MOST_BOUNCES
 
 
-def test_amortised_bounces_while_the_camera_turns():
+def test_amortised_bounces_are_complete_while_the_camera_turns():
     """After the warm-up every frame has all bounces."""
     shown = {}
     for name, texts in (
@@ -249,7 +249,7 @@ def test_amortised_bounces_while_the_camera_turns():
         ("ssil.amortised=true", 2, "a number of bounces is given"),
     ],
 )
-def test_when_bounces_are_not_amortised(text, bounces, reason):
+def test_plan_says_why_bounces_are_not_amortised(text, bounces, reason):
     renderer = make(SCENES["cornell-point"](), text, bounces=bounces, diffuse=True)
     renderer.step(show=SHOW)
     line = next(line for line in renderer.plan().splitlines()[1:] if line.split()[0] == "ssil/feedback")

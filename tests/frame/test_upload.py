@@ -258,7 +258,7 @@ def test_picture_after_a_change_equals_that_of_a_new_renderer(change, exact):
     assert np.isclose(after["radiance"].mean(), fresh["radiance"].mean(), rtol=0.03)
 
 
-def test_camera_moves():
+def test_camera_move_sends_nothing():
     scene, changed = everything(), everything()
     renderer = Renderer(scene, size=SIZE, settings=settings())
     before = shown(renderer)
@@ -272,7 +272,7 @@ def test_camera_moves():
         assert np.array_equal(after[name], fresh[name])
 
 
-def test_away_and_back():
+def test_changing_back_restores_the_picture():
     """Changing a light, a material and a camera back restores the first frame."""
     scene = everything()
     renderer = Renderer(scene, size=SIZE, settings=settings())
@@ -296,7 +296,7 @@ def test_away_and_back():
     assert (np.abs(shown(renderer)["albedo"] - first["albedo"]).max(-1) > 1e-5).mean() < 0.01
 
 
-def test_another_scene_in_the_same_renderer():
+def test_another_scene_in_the_same_renderer_equals_that_of_a_new_one():
     renderer = Renderer(everything(), size=SIZE, settings=settings())
     shown(renderer)
     other = everything()
@@ -382,15 +382,15 @@ def rendered(scene, **fields):
 
 
 @pytest.mark.parametrize("instances", [[], [Instance(EMPTY_MESH)]], ids=["nothing", "no triangles"])
-def test_scenes_without_geometry(instances):
+def test_scenes_without_geometry_show_only_their_sky(instances):
     got = rendered(Scene(instances))
     assert not any(values.any() for values in got.values())
     got = rendered(Scene(instances, [PointLight((0, 1, 0))], Environment((0.25, 0.5, 1.0))))
     assert (got["radiance"] == (0.25, 0.5, 1.0)).all() and not got["depth"].any()
 
 
-def test_geometry_that_comes_and_goes():
-    """One renderer with no geometry, then some, then an empty mesh besides, then none."""
+def test_geometry_can_be_added_and_removed():
+    """One renderer with no geometry, then some, then also an empty mesh, then none."""
     scene = Scene(environment=Environment((1.0, 1.0, 1.0)))
     renderer = Renderer(scene, size=SIZE, camera=CAMERA, settings=Settings(gi="path", spp=2, diffuse=True, bounces=0))
     empty = shown(renderer)
@@ -436,7 +436,7 @@ def test_bad_values_raise_and_the_renderer_recovers(change, message):
 
 
 @pytest.mark.parametrize("kind", ["fresh", "frames", "resized", "moved"])
-def test_many_renders_do_not_grow(kind):
+def test_many_renders_do_not_leak_memory(kind):
     """Thirty pictures with new renderers, a moving camera, changing sizes, or a moving instance."""
     scene, chosen = everything(), settings(camera=CameraSettings(jitter=False))
     renderer = Renderer(scene, size=SIZE, settings=chosen)

@@ -1,4 +1,4 @@
-"""The session of the viewer, without a window: moving, at rest, after errors; saved files and copied commands."""
+"""The session of the viewer, without a window: moving and still views, errors; saved files and copied commands."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def moved(session, right=0.05):
     session.camera = navigation.orbit(session.camera, session.pivot, right, 0.0)
 
 
-def test_at_rest_nothing_runs():
+def test_a_still_view_runs_no_pass():
     session = make_session()
     assert settle(session) > 0
     ran = []
@@ -90,7 +90,7 @@ def test_moving_view_has_fewer_pixels_and_equal_brightness():
     ],
 )
 def test_resolution_falls_until_frames_are_in_time(fixed, pixels, expected):
-    """By seconds that a frame takes, besides its pixels and for all of them."""
+    """A frame takes `fixed` seconds plus `pixels` seconds times its share of the pixels."""
     for start in range(LAST_LEVEL + 1):
         resolution = DynamicResolution()
         resolution.level = start
@@ -130,7 +130,7 @@ def test_every_buffer_can_be_shown(gi):
     for name in session.buffers:
         session.show(name)
         session.step()
-        if name.startswith(("ism/", "temporal/")):  # not of medium quality: a sentence says why
+        if name.startswith(("ism/", "temporal/")):  # absent at medium quality; the message says why
             assert session.error.startswith(f"--show {name}: ")
             continue
         assert not session.error, session.error
@@ -141,7 +141,7 @@ def test_every_buffer_can_be_shown(gi):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gi", [name for name in TECHNIQUES if name not in ("none", "path")])
-def test_moving_frames_accumulate_and_pictures_at_rest_do_not_depend_on_it(gi):
+def test_only_moving_frames_accumulate_over_time(gi):
     scene = "courtyard" if gi == "ssao" else "cornell-point"  # without a sky, ssao has nothing to accumulate
     session = make_session(gi, scene)
     settle(session)
@@ -168,17 +168,17 @@ def test_moving_frames_accumulate_and_pictures_at_rest_do_not_depend_on_it(gi):
 def test_automatic_exposure_is_constant_while_the_view_moves():
     session = make_session()
     session.step()
-    opened = session.exposure  # of the first frame already
-    assert opened == pytest.approx(automatic_exposure(session.values()), abs=0.11)
+    first = session.exposure  # known from the first frame on
+    assert first == pytest.approx(automatic_exposure(session.values()), abs=0.11)
     assert session.renderer.read_back(DISPLAY).mean() > 60
     settle(session)
     session.renderer.scene.lights[0].intensity /= 8
     session.relit()
     session.step()
     assert session.moving
-    assert session.exposure == opened
+    assert session.exposure == first
     settle(session)
-    assert session.exposure == pytest.approx(opened + 3, abs=0.4)
+    assert session.exposure == pytest.approx(first + 3, abs=0.4)
     before = session.exposure
     session.change("gi", "path")  # techniques are compared by eye in one exposure
     session.change("bounces", 0)
@@ -225,7 +225,7 @@ def test_copied_command_renders_the_view(gi, tmp_path, monkeypatch):
     assert words[words.index("--exposure") + 1] == "0.123456789"
     assert main(words[1:]) == 0
     difference = np.abs(load_image("view.npy") - session.values())
-    assert (difference > 1e-3).mean() < 0.01  # the camera is as written down, but for its last digits
+    assert (difference > 1e-3).mean() < 0.01  # the command rounds the camera
 
 
 def test_changed_lights_are_in_the_command_and_in_saved_files(tmp_path, monkeypatch):
@@ -301,7 +301,7 @@ def test_bad_setting_is_an_error_and_changes_nothing():
     assert not session.error
 
 
-def test_point_under_the_mouse():
+def test_point_under_the_mouse_lies_on_its_ray():
     session = make_session()
     settle(session)
     point = session.point_at(0.5, 0.5)
@@ -313,7 +313,7 @@ def test_point_under_the_mouse():
     assert session.point_at(0.5, 0.5) is None
 
 
-def test_long_frame_at_rest_is_abandoned_on_a_change():
+def test_long_frame_of_a_still_view_is_abandoned_on_a_change():
     session = make_session("path")
     ticks = []
 
@@ -359,7 +359,7 @@ def test_saved_shader_is_reloaded_and_a_broken_one_keeps_the_picture(tmp_path, m
     settle(session)
     assert not session.error
     assert np.array_equal(session.renderer.read_back(DISPLAY), before)
-    # A declaration that cannot be read, and an import that is missing for a while.
+    # A syntax error, and an import that is missing at first.
     for broken in (text + "nonsense", text + '\n#import "shared/composite/missing.wgsl"\n'):
         shader.write_text(broken)
         assert session.watch_shaders()
@@ -371,7 +371,7 @@ def test_saved_shader_is_reloaded_and_a_broken_one_keeps_the_picture(tmp_path, m
     assert not session.error
 
 
-def test_comparison_with_the_truth_converges_and_measures():
+def test_comparison_with_the_truth_measures_the_missing_light():
     session, ticks = make_session(), []
     comparison = Comparison(session)
     assert not comparison.step(ticks.append)
@@ -381,7 +381,7 @@ def test_comparison_with_the_truth_converges_and_measures():
         assert comparison.step(ticks.append)
     comparison.measure()
     assert comparison.ready
-    assert comparison.errors.bias < -0.2  # what light reflects from elsewhere is missing
+    assert comparison.errors.bias < -0.2  # indirect light is missing
     assert comparison.difference().shape == (*SIZE[::-1], 3)
     blue = comparison.difference()[..., 2].mean()
     assert blue > 10 * comparison.difference()[..., 0].mean()
@@ -419,7 +419,7 @@ def test_changed_light_changes_the_picture():
 
 
 @pytest.mark.parametrize("gi", TECHNIQUES)
-def test_thumbnails_of_the_passes(gi):
+def test_thumbnails_of_the_passes_fit_their_sheet(gi):
     session = make_session(gi)
     session.step()
     found = {resource: picture for _, resource, picture in thumbnails(session.renderer.graph)}

@@ -36,13 +36,13 @@ RSM = RsmSettings(texels=1024)
 MAPS = IsmSettings(resolution=32)
 # Half the resolution of so small a picture would show too little of a scene.
 LEVELS = SsilSettings(start="full")
-# Of deterministic layers, over the mean radiance: a pixel whose ray or shadow ray passes an edge by less than float32
-# can tell may see either side, all others are the same but for rounding.
+# Bounds for deterministic layers, over the mean radiance. A pixel whose ray or shadow ray passes an edge within the
+# rounding of float32 may see either side; all others are equal but for rounding.
 SAME_PIXEL = 2e-3
 SAME_MEAN = 1e-3
-PARTED = 0.02  # share of pixels at such edges
-SIGMAS = 5.0  # of noisy layers' means; chosen
-# Of techniques whose pixels see the same random lights, so that their noise does not average out over the picture.
+EDGE_SHARE = 0.02  # of pixels at such edges
+SIGMAS = 5.0  # bound for the means of noisy layers; normal noise exceeds it once in two million
+# Numbers of seeds for techniques whose pixels share random lights, so that noise does not average out in a picture.
 OTHER_SEEDS = {"many-light": 4, "ssdo": 4, "ssao": 4, "ssil": 4}
 
 
@@ -102,10 +102,10 @@ def sigma_of(noise: np.ndarray) -> np.ndarray:
 
     It is estimated from differences between seeds, which have the same variance as that of two pictures.
     """
-    apart = np.sqrt((noise**2).sum((1, 2)).mean(0)) / noise[0, ..., 0].size
-    # Several seeds, as one would say too little about noise that pixels have in common.
+    independent = np.sqrt((noise**2).sum((1, 2)).mean(0)) / noise[0, ..., 0].size
+    # Noise that all pixels share needs several seeds to be estimated.
     common = np.sqrt((noise.mean((1, 2)) ** 2).mean(0)) if len(noise) > 1 else 0.0
-    return np.maximum(apart, common)
+    return np.maximum(independent, common)
 
 
 @cache
@@ -135,8 +135,8 @@ def assert_same(
         sigma = sigma_of(noise[name]) / scale
         assert (np.abs(off.mean((0, 1))) <= mean + SIGMAS * sigma).all(), (name, off.mean((0, 1)), sigma)
         if not noise[name].any():
-            parted = (np.abs(off).max(-1) > pixel).mean()
-            assert parted <= PARTED, (name, parted, np.abs(off).max())
+            differing = (np.abs(off).max(-1) > pixel).mean()
+            assert differing <= EDGE_SHARE, (name, differing, np.abs(off).max())
 
 
 # ------------------------------------------------------------------------------------------------ Scenes

@@ -1,4 +1,4 @@
-"""A view in a notebook, without a browser: what it does, what a notebook keeps of it, what it frees; the example."""
+"""The notebook's view without a browser: interaction, saved pictures, freed memory; the example notebook."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_controls_change_the_picture(view):
 
 
 @pytest.mark.parametrize("gi", TECHNIQUES)
-def test_technique_brings_its_buffers(view, gi):
+def test_buffers_follow_the_technique(view, gi):
     view.controls.technique.value = gi
     assert view.session.settings.gi == gi
     assert view.controls.buffer.options == view.session.buffers
@@ -188,6 +188,6 @@ def test_pictures_are_displayed_by_the_notebook():
     assert np.asarray(Image.open(io.BytesIO(depth._repr_png_()))).shape == (*SIZE[::-1], 3)
 
 
-def test_scene_that_fails_is_one_sentence():
+def test_scene_that_does_not_load_is_one_sentence():
     with pytest.raises(gi.GiError, match="nowhere"):
         gi.show("nowhere.glb")

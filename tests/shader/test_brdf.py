@@ -1,4 +1,4 @@
-"""common/brdf.wgsl against the glTF formula in numpy; its sampling against its density, its energy against one."""
+"""common/brdf.wgsl against the glTF formula in numpy; samples against their density, reflectance against one."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def vector(v):
 
 
 @pytest.mark.parametrize("metallic", METALLIC)
-def test_value_is_that_of_gltf(evaluate, metallic):
+def test_value_agrees_with_the_gltf_formula(evaluate, metallic):
     n = 4000
     rng = np.random.default_rng(0)
     base, roughness = rng.random((n, 3)).astype(np.float32), rng.random(n).astype(np.float32)
@@ -73,7 +73,7 @@ def test_mirror_peak_is_accurate(evaluate):
     assert np.allclose(got[:, :3].sum(), expected.sum(), rtol=0.2)
 
 
-def test_reciprocity(evaluate):
+def test_brdf_is_reciprocal(evaluate):
     """f(a, b) = f(b, a)."""
     a, b = hemisphere(3000, 3), hemisphere(3000, 4)
     for metallic, roughness in ((0.0, 0.2), (0.5, 0.6), (1.0, 0.05), (1.0, 1.0)):
@@ -85,7 +85,7 @@ def test_reciprocity(evaluate):
         assert np.allclose(there, back, rtol=1e-4, atol=1e-7)
 
 
-def test_nothing_below_the_surface(evaluate):
+def test_brdf_is_zero_below_the_surface(evaluate):
     w = hemisphere(500, 5)
     below = w * np.array([1, 1, -1], np.float32)
     for material in (brdf((1, 1, 1), 0.5, 0.5), "brdf_lambert(vec3f(1.0))"):
@@ -186,7 +186,7 @@ def test_lambert_loses_no_samples(evaluate):
 
 
 def test_weight_is_f_cos_over_pdf(evaluate):
-    """And so it is never larger than the lobes' shares allow: no fireflies from the BRDF alone."""
+    """Weights are bounded, so the BRDF alone makes no fireflies."""
     rows = [(r, m, c) for r in ROUGHNESS for m in METALLIC for c in COSINES]
     roughness, metallic, cosine = np.repeat(np.array(rows, np.float32), 1024, 0).T
     given = {"roughness": roughness, "metallic": metallic, "u": np.tile(stratified(1024), (len(rows), 1))}
@@ -213,7 +213,7 @@ def test_lambert_reflects_its_albedo(evaluate, cosine):
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESS)
-def test_white_metal_gains_nothing(evaluate, roughness):
+def test_white_metal_gains_no_light(evaluate, roughness):
     """White furnace: at most 1 of any light comes back, from smooth metals all, from rough ones 1 - ln 2 or more."""
     for cosine in COSINES:
         got = reflectance(evaluate, brdf((1, 1, 1), 1, roughness), cosine)
@@ -224,7 +224,7 @@ def test_white_metal_gains_nothing(evaluate, roughness):
 
 @pytest.mark.parametrize("roughness", [0.25, 0.5, 1.0])
 @pytest.mark.parametrize("metallic", [0.0, 0.5])
-def test_reflectance_is_that_of_the_formula(evaluate, metallic, roughness):
+def test_reflectance_agrees_with_quadrature(evaluate, metallic, roughness):
     """Sampling and quadrature of the glTF formula agree."""
     base, up = np.array([0.9, 0.5, 0.05]), np.array([0.0, 0.0, 1.0])
     w, solid_angle = grid(256, 512)
@@ -235,7 +235,7 @@ def test_reflectance_is_that_of_the_formula(evaluate, metallic, roughness):
         assert np.allclose(got, expected, rtol=0.01)
 
 
-def test_fresnel(evaluate):
+def test_fresnel_is_schlicks_formula(evaluate):
     cosine = np.array([1.0, 0.5, 0.1, 0.0, 1.0000001, -1e-8], np.float32)
     got = evaluate(BRDF, "fresnel_schlick(vec3f(0.04, 0.5, 1.0), cosine(i))", "vec3f", cosine=cosine)
     f0 = np.array([0.04, 0.5, 1.0])

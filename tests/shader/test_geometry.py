@@ -1,4 +1,4 @@
-"""Rays against triangles: the two-level hierarchy against brute force, surfaces at hits, leaving a surface."""
+"""Rays against triangles: the two-level hierarchy against brute force, several rays at once, degenerate triangles."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def scenes():
 
 
 @pytest.mark.parametrize("name", scenes())
-def test_trace_finds_what_brute_force_finds(evaluate, name):
+def test_trace_agrees_with_brute_force(evaluate, name):
     scene = scenes()[name]
     origins, directions = rays(scene, 3_000)
     given = {"origins": relative(scene, origins), "directions": directions, "limits": np.full(len(origins), FAR)}
@@ -129,7 +129,7 @@ def test_trace_finds_what_brute_force_finds(evaluate, name):
 
 
 def relative(scene, points):
-    """World points as the GPU has them: relative to the scene's origin."""
+    """World points relative to the scene's origin, as on the GPU."""
     return (points - scene.bounds().mean(0)).astype(np.float32)
 
 
@@ -142,7 +142,7 @@ def assert_same_hits(distance, hit, expected, margin):
     wrong[both] |= np.abs(distance[both] - expected[both]) > 1e-4 * expected[both] + 2e-5
     assert not wrong.any(), f"{wrong.sum()} of {clear.sum()} rays differ, such as {np.flatnonzero(wrong)[:5]}"
     assert np.isfinite(expected).any()
-    # Nor is anything lost at edges, on average.
+    # At edges, rays find as many hits on average.
     doubtful = ~clear
     assert abs((hit[doubtful].astype(int) - np.isfinite(expected[doubtful])).sum()) <= 0.02 * len(hit)
 

@@ -1,4 +1,4 @@
-"""The render graph on a real adapter: what it computes, reads back, measures and complains about."""
+"""The render graph on a real adapter: results, read-back, timings and error messages."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_progressive_pass_does_not_depend_on_splitting(graph, split):
     assert np.array_equal(declare(2.0, 2, width=128), numbers * 4)
 
 
-def test_struct_layout_is_the_gpus(graph):
+def test_struct_layout_agrees_with_the_gpu(graph):
     graph.write(
         "layout.wgsl",
         """
@@ -91,7 +91,7 @@ struct Outer { x: f32, m: mat3x3f, y: vec3f, inner: array<Inner, 2>, rows: array
 
 
 @pytest.mark.parametrize("format", [f.name for f in FORMATS.values() if f.storage])
-def test_read_back_of_storage_formats(graph, format):
+def test_storage_formats_are_read_back_exactly(graph, format):
     kind = FORMATS[format]
     scalar = {"u": "u32", "i": "i32", "f": "f32"}["f" if kind.normalized else kind.dtype.kind]
     graph.write(
@@ -129,7 +129,7 @@ struct Out { @location(1) place: vec2f, @location(0) color: vec4f }
 """
 
 
-def test_raster_keeps_what_is_nearer(graph):
+def test_depth_test_keeps_the_nearer_surface(graph):
     graph.write("triangle.wgsl", RASTER)
     graph.begin((9, 6))
     color, place, depth = (
@@ -172,7 +172,7 @@ class DrawApart:
 
 
 @pytest.mark.parametrize("draw", [6, DrawApart()])
-def test_index_buffer_and_second_camera(graph, draw):
+def test_indexed_draws_use_the_uniform_of_their_camera(graph, draw):
     graph.write("corners.wgsl", CORNERS)
     value = np.zeros((), load("corners.wgsl", graph.shader_root).struct_dtype("View"))
     graph.uniform("view", value)
@@ -196,7 +196,7 @@ def test_index_buffer_and_second_camera(graph, draw):
     assert np.array_equal(right, left[:, ::-1])
 
 
-def test_mips_layers_and_volumes(graph):
+def test_mips_layers_and_volumes_are_written_and_read_back(graph):
     graph.write(
         "half.wgsl",
         """
@@ -241,7 +241,7 @@ def test_mips_layers_and_volumes(graph):
     assert np.unique(graph.read_back(layers.layer(2))).tolist() == [3]
 
 
-def test_history_is_what_was_before(graph):
+def test_history_is_the_previous_value(graph):
     graph.write(
         "step.wgsl",
         """
@@ -311,7 +311,7 @@ def test_compiler_errors_name_pass_file_and_line(graph):
     assert any(line.startswith("2 │") and "return 2u * x;" in line for line in str(caught.value).splitlines())
 
 
-def test_unfilterable_textures_and_samplers(graph):
+def test_unfilterable_textures_take_linear_samplers(graph):
     graph.write(
         "sample.wgsl",
         """

@@ -27,7 +27,7 @@ def sky(height=12, width=24, seed=0):
     return image
 
 
-def under(image=None, rotation=0.0, lights=(), lamps=(), color=(1.0, 1.0, 1.0)):
+def scene_under(image=None, rotation=0.0, lights=(), lamps=(), color=(1.0, 1.0, 1.0)):
     """A small square floor in the environment `image`."""
     environment = None if image is None else Environment(color, image, rotation)
     floor = quad((-1, 0, 1), (2, 0, 0), (0, 0, -2), matte(0.5))
@@ -44,9 +44,9 @@ def sphere_grid(rows, columns):
 
 
 @pytest.mark.parametrize("rotation", [0.0, 1.0, -7.0])
-def test_environment_coordinates(evaluate, rotation):
+def test_environment_coordinates_round_trip(evaluate, rotation):
     """u = atan2(x, -z)/2pi + rotation/2pi, v = acos(y)/pi, there and back; -Z left, +X at 1/4, +Y on top."""
-    scene = under(sky(), rotation)
+    scene = scene_under(sky(), rotation)
     d = np.random.default_rng(0).normal(size=(20_000, 3))
     # Also close to the poles, where acos has no digits.
     d[:2000, [0, 2]] *= 1e-3
@@ -63,24 +63,24 @@ def test_environment_coordinates(evaluate, rotation):
     assert np.linalg.norm(back - d, axis=1).max() < 2e-5
 
 
-def test_environment_convention(evaluate):
+def test_axes_have_their_environment_coordinates(evaluate):
     axes = np.array([(0, 0, -1), (1, 0, 0), (0, 0, 1), (-1, 0, 0)], np.float32)
-    uv = evaluate(LIGHTS, "environment_uv(d(i))", "vec2f", scene=under(sky()), d=axes)
+    uv = evaluate(LIGHTS, "environment_uv(d(i))", "vec2f", scene=scene_under(sky()), d=axes)
     assert np.allclose(uv, [(0, 0.5), (0.25, 0.5), (0.5, 0.5), (0.75, 0.5)], atol=1e-6)
     poles = np.array([(0, 1, 0), (0, -1, 0)], np.float32)
-    v = evaluate(LIGHTS, "environment_uv(d(i)).y", "f32", scene=under(sky()), d=poles)
+    v = evaluate(LIGHTS, "environment_uv(d(i)).y", "f32", scene=scene_under(sky()), d=poles)
     assert np.allclose(v, [0, 1], atol=1e-6)
 
 
 @pytest.mark.parametrize("lights", [[], [PointLight((0, 1, 0), 5.0), DirectionalLight((0, -1, 0), 1.0)]])
-def test_environment_density_integrates_to_its_chance(evaluate, lights):
-    scene = under(sky(), 0.3, lights)
+def test_environment_density_integrates_to_its_probability(evaluate, lights):
+    scene = scene_under(sky(), 0.3, lights)
     d, solid_angle = sphere_grid(360, 720)
     pdf = evaluate(LIGHTS, "environment_pdf(d(i))", "f32", scene=scene, d=d).astype(np.float64)
     assert (pdf > 0).all()
-    chance = evaluate(LIGHTS, "scene.environment_pdf", "f32", scene=scene, count=1)[0]
-    assert (chance == 1) if not lights else (0.1 < chance < 1)
-    assert (pdf * solid_angle).sum() == pytest.approx(chance, rel=2e-3)
+    probability = evaluate(LIGHTS, "scene.environment_pdf", "f32", scene=scene, count=1)[0]
+    assert (probability == 1) if not lights else (0.1 < probability < 1)
+    assert (pdf * solid_angle).sum() == pytest.approx(probability, rel=2e-3)
 
 
 DRAWN = """
@@ -100,7 +100,7 @@ def uniform(count, columns=3, seed=0):
 
 
 def test_environment_samples_follow_their_density(evaluate):
-    scene = under(sky(), 0.3)
+    scene = scene_under(sky(), 0.3)
     u = uniform(200_000)
     call = "drawn(u(i).z, u(i).xy)"
     got = evaluate(LIGHTS, call, "vec4f", functions=DRAWN, scene=scene, u=u).astype(np.float64)
@@ -122,9 +122,9 @@ def test_environment_samples_follow_their_density(evaluate):
     assert chi_square_z(observed, expected / expected.sum() * len(u)) < 5
 
 
-def test_density_of_a_sample_is_the_density_there(evaluate):
+def test_sample_density_equals_the_evaluated_density(evaluate):
     """Both strategies must agree on densities, or their weights do not add up to one."""
-    scene = under(sky(), 0.3, [PointLight((0, 1, 0), 5.0)])
+    scene = scene_under(sky(), 0.3, [PointLight((0, 1, 0), 5.0)])
     u = uniform(50_000)
     u[:, 2] = 1 - 2**-24  # the environment comes last
     got = evaluate(LIGHTS, "drawn(u(i).z, u(i).xy)", "vec4f", functions=DRAWN, scene=scene, u=u)
@@ -136,7 +136,7 @@ def test_density_of_a_sample_is_the_density_there(evaluate):
 def test_weights_of_the_environment_average_to_its_integral(evaluate):
     """Mean of radiance over density is the integral of radiance over the sphere, for a tinted picture."""
     image = sky()
-    scene = under(image, 0.3, color=(1.0, 0.5, 2.0))
+    scene = scene_under(image, 0.3, color=(1.0, 0.5, 2.0))
     u = uniform(2**17)
     got = evaluate(
         LIGHTS, "weighed(vec3f(0.0), u(i).z, u(i).xy).xyz", "vec3f", functions=DRAWN, scene=scene, u=u
@@ -152,7 +152,7 @@ def test_environment_radiance_is_bilinear(evaluate):
     image = sky()
     d = np.random.default_rng(0).normal(size=(5000, 3))
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
-    got = evaluate(LIGHTS, "environment_radiance(d(i))", "vec3f", scene=under(image, 0.3), d=d)
+    got = evaluate(LIGHTS, "environment_radiance(d(i))", "vec3f", scene=scene_under(image, 0.3), d=d)
     exact = d.astype(np.float64)
     x = ((np.arctan2(exact[:, 0], -exact[:, 2]) + 0.3) / (2 * np.pi) % 1) * 24 - 0.5
     y = np.arccos(exact[:, 1]) / np.pi * 12 - 0.5
@@ -168,7 +168,7 @@ def test_lights_are_drawn_with_their_probability(evaluate):
     lights = [PointLight((0.0, 1.0, 0.0), i, (1.0, 0.5, 0.2)) for i in (1.0, 100.0, 1e-3)]
     choice = ((np.arange(10_000) + 0.5) / 10_000).astype(np.float32)
     choice = np.concatenate([choice, [0.0, 1 - 2**-24]])
-    scene = under(lights=[*lights, PointLight((0, 1, 0), 0.0)])
+    scene = scene_under(lights=[*lights, PointLight((0, 1, 0), 0.0)])
     got = evaluate(
         LIGHTS, "weighed(vec3f(0.0), choice(i), vec2f(0.5)).xyz", "vec3f", functions=DRAWN, scene=scene, choice=choice
     ).astype(np.float64)
@@ -176,12 +176,12 @@ def test_lights_are_drawn_with_their_probability(evaluate):
     assert len(np.unique(got[:, 0].round(6))) == 3 and (got > 0).all()
 
 
-def test_spot_and_sun(evaluate):
-    """A sun in lux against its direction of travel; a spot's intensity over d2 and its density of none."""
-    scene = under(lights=[DirectionalLight((0.0, -2.0, 0.0), 3.0)])
+def test_spot_and_sun_samples_have_their_closed_forms(evaluate):
+    """A sun gives its lux, a spot its intensity over d2; neither has a density."""
+    scene = scene_under(lights=[DirectionalLight((0.0, -2.0, 0.0), 3.0)])
     got = evaluate(LIGHTS, "weighed(p(i), 0.5, vec2f(0.5))", "vec4f", functions=DRAWN, scene=scene, p=np.eye(3))
     assert np.allclose(got, (3, 3, 3, 0), rtol=1e-6)
-    scene = under(lights=[SpotLight((0.0, 2.0, 0.0), (0.0, -1.0, 0.0), 0.1, 0.6, 8.0)])
+    scene = scene_under(lights=[SpotLight((0.0, 2.0, 0.0), (0.0, -1.0, 0.0), 0.1, 0.6, 8.0)])
     angles = np.array([0.0, 0.05, 0.3, 0.5, 0.7])
     p = np.stack([2 * np.tan(angles), 0 * angles, 0 * angles], 1)
     got = evaluate(LIGHTS, "weighed(p(i), 0.5, vec2f(0.5))", "vec4f", functions=DRAWN, scene=scene, p=p)
@@ -190,9 +190,9 @@ def test_spot_and_sun(evaluate):
     assert np.allclose(got[:, 0], expected, rtol=1e-4, atol=1e-6) and not got[:, 3].any()
 
 
-def test_a_point_upon_a_light_gets_nothing(evaluate):
+def test_a_point_at_a_light_gets_no_light(evaluate):
     """No division by zero where the surface meets the light's place."""
-    scene = under(lights=[PointLight((0.0, 0.0, 0.0), 8.0)])
+    scene = scene_under(lights=[PointLight((0.0, 0.0, 0.0), 8.0)])
     got = evaluate(LIGHTS, "weighed(vec3f(0.0), 0.5, vec2f(0.5))", "vec4f", functions=DRAWN, scene=scene, count=1)
     assert np.isfinite(got).all() and not got.any()
 
@@ -200,7 +200,7 @@ def test_a_point_upon_a_light_gets_nothing(evaluate):
 def test_emitter_samples_integrate_to_its_solid_angle(evaluate):
     """Mean of Le over density is Le times the solid angle: of a square lamp, at several places."""
     lamp = quad((-1, 2, -1), (2, 0, 0), (0, 0, 2), matte(0.0, "lamp", 1.5, double_sided=False))
-    scene = under(lamps=[lamp])
+    scene = scene_under(lamps=[lamp])
     origin = scene.bounds().mean(0)
     u = uniform(2**16)
     for at in ((0.0, 0.0, 0.0), (2.0, 0.5, 0.3), (0.3, 1.2, 0.2)):
@@ -220,10 +220,10 @@ def test_emitter_samples_integrate_to_its_solid_angle(evaluate):
 
 
 def test_emitter_density_is_by_area_and_power(evaluate):
-    """One of two lamps, four times as bright, gets more samples; each density is chance d2 / (area cos)."""
+    """One of two lamps, four times as bright, gets more samples; each density is probability d2 / (area cos)."""
     dim, bright = (matte(0.0, emission=le, double_sided=False) for le in (1.0, 4.0))
     lamps = [quad((x, 2, -1), (1, 0, 0), (0, 0, 2), lamp) for x, lamp in ((-1, dim), (0, bright))]
-    scene = under(lamps=lamps)
+    scene = scene_under(lamps=lamps)
     origin = scene.bounds().mean(0)
     functions = (
         DRAWN
@@ -247,10 +247,10 @@ fn checked(p: vec3f, choice: f32, u: vec2f) -> vec4f {
 
 
 def test_density_of_an_emitter_hit_matches_that_of_its_samples(evaluate):
-    """What a ray that hits a lamp computes from the material equals what drew the sample."""
+    """The density computed where a ray hits a lamp equals that of the light sample in its direction."""
     lamp = sphere((0, 3, 0), 0.5, 2, matte(0.0, "lamp", 2.0, double_sided=False))
     lamp.positions[:, 0] *= 1.7
-    scene = under(lamps=[lamp], lights=[PointLight((0, 1, 0), 3.0)])
+    scene = scene_under(lamps=[lamp], lights=[PointLight((0, 1, 0), 3.0)])
     origin = scene.bounds().mean(0)
     functions = (
         DRAWN

@@ -28,8 +28,8 @@ def directions(count=20_000):
     return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
 
 
-def test_octahedral_codes(evaluate):
-    """What the upload packs comes back within half a step of 16-bit snorm, at most 3 steps per unit of angle."""
+def test_octahedral_codes_round_trip(evaluate):
+    """Normals as the upload packs them come back within 3 steps of 16-bit snorm."""
     d = directions()
     code = octahedral_encode(d)
     got = evaluate(MATH, "octahedral_decode(unpack2x16snorm(code(i)))", "vec3f", code=code)
@@ -43,7 +43,7 @@ def test_octahedral_code_of_axes_is_exact(evaluate):
     assert np.allclose(got, axes, atol=1e-6)
 
 
-def test_frame_from_normal(evaluate):
+def test_frame_from_normal_is_orthonormal(evaluate):
     """Orthonormal, right-handed, with the normal as third axis: all over the sphere, poles and -0 included."""
     n = directions()
     columns = [evaluate(MATH, f"frame_from_normal(n(i))[{k}]", "vec3f", n=n).astype(np.float64) for k in range(3)]
@@ -54,7 +54,7 @@ def test_frame_from_normal(evaluate):
     assert np.allclose(np.linalg.det(frame), 1, atol=1e-6)
 
 
-def test_normalize_or(evaluate):
+def test_normalize_or_works_over_the_range_of_float32(evaluate):
     rng = np.random.default_rng(0)
     # Denormal numbers may be zero to a GPU; 1e-37 is normal.
     v = rng.normal(size=(2000, 3)) * 10 ** rng.uniform(-36, 37.5, (2000, 1))
@@ -65,7 +65,7 @@ def test_normalize_or(evaluate):
     assert np.allclose(np.linalg.norm(got, axis=1), 1, atol=1e-6)
 
 
-def test_normalize_or_without_direction(evaluate):
+def test_normalize_or_falls_back_without_a_direction(evaluate):
     """Zero, infinite and NaN vectors give the fallback; denormal ones give it or their direction."""
     inf, nan = np.inf, np.nan
     bad = [(0, 0, 0), (-0.0, 0, -0.0), (inf, 0, 0), (1, -inf, 1), (inf, inf, inf)]
@@ -77,14 +77,14 @@ def test_normalize_or_without_direction(evaluate):
     assert np.allclose(np.linalg.norm(got, axis=1), 1, atol=1e-6)
 
 
-def test_is_finite_looks_at_every_component(evaluate):
+def test_is_finite_checks_every_component(evaluate):
     inf, nan = np.inf, np.nan
     v = np.array([(0, 0, 0), (1e38, -1e-40, 3), (inf, 0, 0), (0, -inf, 0), (0, 1, nan), (-nan, 0, inf)], np.float32)
     got = evaluate(MATH, "select(0.0, 1.0, is_finite(v(i)))", "f32", v=v)
     assert got.tolist() == [1, 1, 0, 0, 0, 0]
 
 
-def test_luminance_and_max3(evaluate):
+def test_luminance_and_max3_agree_with_numpy(evaluate):
     color = np.random.default_rng(0).uniform(0, 10, (100, 3)).astype(np.float32)
     assert np.allclose(evaluate(MATH, "luminance(color(i))", "f32", color=color), color @ [0.2126, 0.7152, 0.0722])
     assert np.allclose(evaluate(MATH, "luminance(vec3f(1.0))", "f32", count=1), 1)

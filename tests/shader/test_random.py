@@ -65,7 +65,7 @@ def sobol_2d(index, seed):
     ]
 
 
-def test_hash(evaluate):
+def test_hash_agrees_with_numpy(evaluate):
     random = np.random.default_rng(0).integers(0, 2**32, 1000)
     values = np.concatenate([np.arange(1000), random, [U32]]).astype(np.uint32)
     got = evaluate(RANDOM, "hash(value(i))", "u32", value=values)
@@ -133,7 +133,7 @@ def test_seeds_are_independent(evaluate):
 
 
 def test_scrambled_points_are_uniform_in_every_bit(evaluate):
-    """Over seeds, a point is anywhere with the same chance: scrambling leaves no bit alone."""
+    """Over seeds, every bit of a point is 0 or 1 with equal probability."""
     seeds = np.random.default_rng(1).integers(0, 2**32, 8192).astype(np.uint32)
     for index in (0, 1, 77):
         xy = evaluate(RANDOM, f"sobol_2d({index}u, seed(i))", "vec2f", seed=seeds)

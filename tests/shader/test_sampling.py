@@ -1,4 +1,4 @@
-"""common/sampling.wgsl: warps follow their densities, by chi-square; weights of multiple importance sampling."""
+"""common/sampling.wgsl: samples follow their densities, by chi-square."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def uniform(count=COUNT, seed=0):
 CORNERS = np.array([(0, 0), (0, 1 - 2**-24), (1 - 2**-24, 0), (1 - 2**-24, 1 - 2**-24), (0.5, 0.5)], np.float32)
 
 
-def test_cosine_hemisphere(evaluate):
+def test_cosine_hemisphere_samples_follow_their_density(evaluate):
     """Equal shares in equal steps of cos2 and of the azimuth; unit length, never below the horizon."""
     w = evaluate(SAMPLING, "sample_cosine_hemisphere(u(i))", "vec3f", u=np.concatenate([CORNERS, uniform()]))
     assert np.isfinite(w).all() and (w[:, 2] >= 0).all()
@@ -35,7 +35,7 @@ def test_cosine_hemisphere(evaluate):
     assert np.allclose(w.mean(0), (0, 0, 2 / 3), atol=0.01)
 
 
-def test_triangle(evaluate):
+def test_triangle_samples_are_uniform(evaluate):
     """Uniform over the area: equal shares in the 256 similar triangles; weights never leave the triangle."""
     b = evaluate(SAMPLING, "sample_triangle(u(i))", "vec2f", u=np.concatenate([CORNERS, uniform()])).astype(np.float64)
     assert (b >= 0).all() and (b.sum(1) <= 1).all()

@@ -28,7 +28,7 @@ fn normals_at(o: vec3f, d: vec3f) -> vec4f {
     let s = surface_at(hit, d);
     return vec4f(s.geometric_normal, select(-1.0, 1.0, s.front));
 }
-// How far a ray gets that leaves the hit in direction `onward`, in lengths of it; 0: there was no hit; and its offset.
+// Distance to the next hit from the first one along `onward` (0: no first hit, 3e38: no next hit), and the offset used.
 fn onward_at(o: vec3f, d: vec3f, onward: vec3f) -> vec2f {
     let hit = trace(Ray(o, d), FLOAT_MAX);
     if (hit.triangle == NONE) {
@@ -58,11 +58,11 @@ def balls():
     """The unit sphere as it is, placed by instances, mirrored, tiny, huge, flattened, and away from the origin."""
     ball = sphere(subdivisions=3)
     far = (100.0, -40.0, 30.0)
-    rest = Instance(quad((0, 0, 0), (1e-3, 0, 0), (0, 1e-3, 0)))
+    at_origin = Instance(quad((0, 0, 0), (1e-3, 0, 0), (0, 1e-3, 0)))
     return {
         "baked": [Instance(ball, placed(1.0))],
         "baked, mirrored": [Instance(ball, placed((-1.0, 2.0, 0.5), seed=1))],
-        "baked, far from the origin": [Instance(ball, placed(1.0, far)), rest],
+        "baked, far from the origin": [Instance(ball, placed(1.0, far)), at_origin],
         "shared": [Instance(ball, placed(1.0)), Instance(ball, placed(0.5, (0, 3, 0)))],
         "shared, mirrored": [Instance(ball, placed((-1.0, 2.0, 0.5))), Instance(ball, placed(0.5, (0, 4, 0)))],
         "shared, flat": [Instance(ball, placed((1.0, 1e-2, 1.0))), Instance(ball, placed(0.5, (0, 3, 0)))],
@@ -88,7 +88,7 @@ def rays_at(scene, count=4000):
 
 
 @pytest.mark.parametrize("name", balls())
-def test_positions_and_normals(evaluate, name):
+def test_positions_and_normals_are_those_of_the_sphere(evaluate, name):
     scene = Scene(balls()[name])
     o, d, m, origin = rays_at(scene)
     at = evaluate(SURFACE, "position_at(o(i), d(i))", "vec4f", functions=HIT, scene=scene, o=o, d=d).astype(np.float64)
@@ -104,7 +104,7 @@ def test_positions_and_normals(evaluate, name):
     assert (radius > 0.99 - slack).all() and (radius < 1.01 + slack).all()
     got = evaluate(SURFACE, "normals_at(o(i), d(i))", "vec4f", functions=HIT, scene=scene, o=o, d=d).astype(np.float64)
     assert np.allclose(np.linalg.norm(got[:, :3], axis=1), 1, atol=1e-5)
-    # Seen from outside, it is the front, also of mirrored ones, and the normal is that of the ellipsoid.
+    # From outside the front is visible, also of mirrored balls, and the normal is that of the ellipsoid.
     assert (got[:, 3] == 1).all()
     normal = local @ np.linalg.inv(m[:3, :3])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -116,7 +116,7 @@ def test_leaving_a_convex_surface_outwards_meets_nothing(evaluate, name):
     """Directions down to a hundredth of a degree above the facet: no ray meets the ball again (shadow acne)."""
     ball, *others = balls()[name]
     if "shared" in name or name == "huge":
-        # Alone but for a grain in its middle, by which it stays an instance of a shared mesh.
+        # A tiny second instance in its centre keeps the mesh shared.
         others = [Instance(ball.mesh, placed(1e-3, ball.world_from_local[:3, 3]))]
     scene = Scene([ball, *others])
     o, d, m, _ = rays_at(scene, 20_000)
@@ -132,7 +132,7 @@ def test_leaving_a_convex_surface_outwards_meets_nothing(evaluate, name):
     hit = got[:, 1] > 0
     assert hit.mean() > 0.99
     assert (got[hit, 0] > 1e38).all(), f"{(got[hit, 0] < 1e38).sum()} of {hit.sum()} rays meet their own surface"
-    # Nor does the offset carry them visibly far.
+    # The offset is too small to be visible.
     assert got[hit, 1].max() < 1e-5 * (np.abs(o).max() + np.linalg.norm(m[:3, :3]))
 
 
@@ -144,7 +144,7 @@ def test_leaving_inwards_meets_the_other_side(evaluate, name):
     given = {"functions": HIT, "scene": scene, "o": o, "d": d}
     normal = evaluate(SURFACE, "normals_at(o(i), d(i)).xyz", "vec3f", **given).astype(np.float64)
     rng = np.random.default_rng(5)
-    # Straight in, give or take 60 degrees.
+    # Inwards, within about 60 degrees.
     onward = -normal + 0.85 * rng.normal(size=normal.shape).clip(-1, 1)
     onward /= np.linalg.norm(onward, axis=1, keepdims=True)
     got = evaluate(SURFACE, "onward_at(o(i), d(i), onward(i))", "vec2f", onward=onward, **given)
@@ -156,7 +156,7 @@ def test_leaving_inwards_meets_the_other_side(evaluate, name):
 
 
 def test_offset_exceeds_the_rounding_of_hits_under_transforms():
-    """A float32 replay of the bound that `scene/ray_offset.wgsl` derives: points of triangles, placed by instances."""
+    """Computes hits under transforms in float32 and checks the bound that `scene/ray_offset.wgsl` derives."""
     rng = np.random.default_rng(5)
     n = 200_000
     corner, edge1, edge2 = (rng.normal(size=(n, 3)).astype(np.float32) for _ in range(3))

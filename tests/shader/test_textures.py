@@ -67,7 +67,7 @@ def scene_with(texture, second=None):
 @pytest.mark.parametrize("wrap_v", ["repeat", "clamp", "mirror"])
 @pytest.mark.parametrize("wrap_u", ["repeat", "clamp", "mirror"])
 @pytest.mark.parametrize("nearest", [False, True])
-def test_wrap_modes_and_filters(evaluate, wrap_u, wrap_v, nearest):
+def test_wrap_modes_and_filters_agree_with_numpy(evaluate, wrap_u, wrap_v, nearest):
     pixels = picture()
     texture = Texture(Image(pixels), wrap_u, wrap_v, "nearest" if nearest else "linear")
     uv = coordinates()
@@ -91,7 +91,7 @@ def test_colours_are_decoded_before_they_are_filtered(evaluate):
     assert np.abs(got - sampled(linear, uv, "repeat", "repeat")).max() < 3e-3  # sRGB decoding is good to 0.5/255
 
 
-def test_second_texture_coordinates(evaluate):
+def test_each_texture_uses_its_own_set_of_coordinates(evaluate):
     pixels = picture()
     scene = scene_with(Texture(Image(pixels)), Texture(Image(picture(seed=5)), texcoord=1))
     uv = coordinates(100)
@@ -104,7 +104,7 @@ def test_second_texture_coordinates(evaluate):
             assert np.abs(a - sampled(values / 255, uv, "repeat", "repeat")).max() < 1e-3
 
 
-def test_transform(evaluate):
+def test_texture_transform_follows_its_specification(evaluate):
     """KHR_texture_transform: scale, then rotate counter-clockwise as seen with v down, then offset."""
     pixels, offset, scale, angle = picture(), (0.3, -1.2), (2.0, -0.5), 0.6
     texture = Texture(Image(pixels), offset=offset, scale=scale, rotation=angle)
@@ -131,7 +131,7 @@ def test_huge_and_undefined_coordinates_stay_in_the_picture(evaluate):
         assert np.allclose(got, (0, 100 / 255, 0, 0), atol=1e-6)
 
 
-def test_one_pixel_picture(evaluate):
+def test_one_pixel_picture_is_constant(evaluate):
     pixels = np.array([[[10, 20, 30, 40]]], np.uint8)
     for wrap in ("repeat", "clamp", "mirror"):
         call = f"sample_texture(1u, {METALLIC_ROUGHNESS}u, uv(i), vec2f(0.0))"

@@ -1,4 +1,4 @@
-"""The NaN watch on a real adapter: the pass, the resource and the very pixel of the first bad value."""
+"""The NaN watch on a real adapter: it names pass, resource and pixel of the first bad value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.formats import unpack_rg11b10ufloat
 from wgpu_gi.gpu.graph import Graph
 
-# Bits, for a compiler may take 0 / 0 for whatever it likes.
+# Values are passed as bits, because a compiler may fold 0 / 0 to any value.
 SHADER = """
 struct Params {{ bits: u32 }}
 @group(1) @binding(0) var<uniform> params: Params;
@@ -77,7 +77,7 @@ BAD = "bitcast<f32>(params.bits)"
     ],
     ids=["one channel", "all channels", "scalar", "layer", "volume", "mip"],
 )
-def test_a_nan_is_found_where_it_is(check, how, place):
+def test_a_bad_value_is_located(check, how, place):
     assert check(ONE, **how) and check(MINUS_ONE, **how)
     for bits, value in ((NAN, "nan"), (MINUS_INFINITY, "-inf")):
         with pytest.raises(GiError) as caught:
@@ -85,7 +85,7 @@ def test_a_nan_is_found_where_it_is(check, how, place):
         assert str(caught.value).startswith(f"pass 'bad' (bad.wgsl): wrote {value} to 'image' at {place}")
 
 
-def test_negative_only_where_it_may_not_be(check):
+def test_negative_values_are_bad_only_where_declared_nonnegative(check):
     store = f"textureStore(image, vec2u(0, 3), vec4f(0, 0, {BAD}, 0));"
     assert check(MINUS_ONE, store) and check(ONE, store, nonnegative=True)
     with pytest.raises(GiError, match=r"wrote -1\.0 to 'image' at pixel \(0, 3\), channel 2 \(1 of 128"):
@@ -124,7 +124,7 @@ struct Params { bits: u32 }
 """
 
 
-def test_targets_are_watched(tmp_path):
+def test_render_targets_are_watched(tmp_path):
     device = open_device()
     if "rg11b10ufloat-renderable" not in device.features:
         pytest.skip("this adapter does not draw to rg11b10ufloat")
@@ -181,7 +181,7 @@ def test_buffers_of_pixels_name_the_pixel(tmp_path, width, place):
             check(bits)
 
 
-def test_after_a_bad_value_the_pass_runs_again(tmp_path):
+def test_a_pass_runs_again_after_a_bad_value(tmp_path):
     (tmp_path / "bad.wgsl").write_text(
         SHADER.format(
             kind="texture_storage_2d", format="r32float", store=f"textureStore(image, vec2u(1, 1), vec4f({BAD}));"

@@ -62,15 +62,15 @@ def test_tint_errors_name_file_and_line(chromium, bad):
     assert any(error.startswith("bad/not_uniform.wgsl:5: error: ") for error in errors)
 
 
-def test_command_reports(monkeypatch, capsys):
+def test_command_reports_the_number_of_messages(monkeypatch, capsys):
     monkeypatch.setattr(check_wgsl, "find_chromium", lambda: None)
     monkeypatch.setattr("sys.argv", ["check_wgsl.py", *entry_shaders()[:1]])
     assert check_wgsl.main() == 0
     assert "naga: 0 messages" in capsys.readouterr().out
 
 
-def test_command_runs_anywhere(tmp_path):
-    """Without PYTHONPATH; in this PATH there is no chromium, which takes long."""
+def test_command_runs_in_any_folder(tmp_path):
+    """Without PYTHONPATH. PATH lacks chromium, whose start takes long."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | {"PATH": str(tmp_path)}
     command = [sys.executable, check_wgsl.__file__, "reference/resolve.wgsl"]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)

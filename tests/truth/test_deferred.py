@@ -1,4 +1,4 @@
-"""Deferred direct light against references by Mitsuba 3, at each quality (`helpers/references.py` tells of them)."""
+"""Deferred direct light against references by Mitsuba 3, at each quality (`helpers/references.py` describes them)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.settings import apply_quality
 
-# The most bias and relMSE of the layer `direct` at low, medium and high quality: what was measured, and little more.
-# Where rays decide what shadow maps leave open, no more than the packing of colours is left; a lamp's few samples make
-# steps of its soft shadow. At low quality the maps alone decide: relMSE weighs a pixel that is lit but should be dark
-# by the square of how much brighter than the mean it is, and in the corridor the mean is that of a few lit pixels.
+# Bounds of bias and relMSE of the layer `direct` at low, medium and high quality, just above the measured values. At
+# medium and high quality rays decide where shadow maps leave visibility open: the error is the packing of colours, and
+# steps in a lamp's soft shadow from its few samples. At low quality shadow maps decide alone: relMSE weighs a pixel
+# that is lit but should be dark by the square of its ratio to the mean, and the corridor's mean is low.
 BOUNDS = {
     "cornell_area": [(0.018, 0.019), (0.006, 0.0012), (0.0025, 0.0004)],
     "cornell_point": [(0.001, 0.009), (0.0002, 0.0002), (0.0002, 0.0002)],
@@ -22,7 +22,7 @@ BOUNDS = {
 }
 
 
-def drawn(name, quality):
+def rendered(name, quality):
     settings = Settings(gi="none", diffuse=True)
     apply_quality(settings, quality)
     settings.camera.jitter = False
@@ -33,8 +33,8 @@ def drawn(name, quality):
 
 @pytest.mark.parametrize("quality", ["low", "medium", "high"])
 @pytest.mark.parametrize("name", BOUNDS)
-def test_direct_light(name, quality):
-    truth, renderer = layers_of(name), drawn(name, quality)
+def test_direct_light_agrees_with_mitsuba(name, quality):
+    truth, renderer = layers_of(name), rendered(name, quality)
     most_bias, most_error = BOUNDS[name][["low", "medium", "high"].index(quality)]
     direct = renderer.read_back("direct")
     assert abs(bias(direct, truth["direct"])) <= most_bias
@@ -47,8 +47,8 @@ def test_direct_light(name, quality):
 
 
 def test_sky_light_errs_bright():
-    """It is as if nothing occluded the sky: too bright by 18 % in the courtyard, nowhere too dark."""
-    truth, renderer = layers_of("courtyard_sky"), drawn("courtyard_sky", "medium")
+    """The sky is not occluded: too bright by up to 18 % in the courtyard, nowhere too dark."""
+    truth, renderer = layers_of("courtyard_sky"), rendered("courtyard_sky", "medium")
     direct = renderer.read_back("direct")
     assert 0.1 < bias(direct, truth["direct"]) < 0.18
     assert (direct < 0.98 * truth["direct"] - 0.01 * truth["direct"].mean()).mean() < 2e-3

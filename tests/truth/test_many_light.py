@@ -1,4 +1,4 @@
-"""Indirect light of many-light against references by Mitsuba 3 (`helpers/references.py` tells of them)."""
+"""Indirect light of many-light against references by Mitsuba 3 (`helpers/references.py` describes them)."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ BOUNDS = {
     "courtyard_sun": [(0.052, 0.014), (0.067, 0.015)],
     "courtyard_sky": [(0.042, 0.016), (0.064, 0.016)],
 }
-# The same with one ray per pixel, compensated, 16 frames. The corridor gets all its light through doors, so few VPLs
-# are visible.
+# Bounds with one ray per pixel, bias compensation and 16 frames. The corridor gets all its light through doors, so few
+# VPLs are visible.
 COMPENSATED_BOUNDS = {
     "cornell_area": [(0.004, 0.005), (0.006, 0.004)],
     "cornell_point": [(0.004, 0.0075), (0.01, 0.006)],
@@ -57,7 +57,7 @@ def rendered(name, bounces, *texts):
 
 
 def position_of(name):
-    """Return where the rays through the pixel centres end, (h, w, 3)."""
+    """Return the surface points at the pixel centres, (h, w, 3)."""
     camera = scene_of(name).cameras[0]
     starts, ways = (v.reshape(SIZE[1], SIZE[0], 3) for v in camera_rays(camera, SIZE, pixel_centres(SIZE)))
     return starts + ways * layers_of(name)["depth"][..., None]
@@ -70,7 +70,7 @@ def truth_of(name, bounces):
 
 @pytest.mark.parametrize("bounces", [1, None])
 @pytest.mark.parametrize("name", slow_but(("cornell_point",), BOUNDS))
-def test_exact_visibility(name, bounces):
+def test_exact_visibility_agrees_with_mitsuba(name, bounces):
     got, truth = rendered(name, bounces, *FINE), truth_of(name, bounces)
     most_bias, most_error = BOUNDS[name][bounces is None]
     assert abs(bias(got, truth)) <= most_bias
@@ -80,7 +80,7 @@ def test_exact_visibility(name, bounces):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell_area", "cornell_point"])
 def test_unclamped_light_is_unbiased(name):
-    """Without the bound, the light that it takes is noise in corners, and no factor is missing."""
+    """Without the bound, its light becomes noise in corners; the median ratio shows that no factor is missing."""
     got, truth = rendered(name, None, *FINE, "gather.clamping=none"), truth_of(name, None)
     assert abs(bias(got, truth)) <= 0.015
     assert abs(np.median(got / np.maximum(truth, 1e-9)) - 1) <= 0.008
@@ -89,7 +89,7 @@ def test_unclamped_light_is_unbiased(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell_area", "cornell_point", "cornell_spot"])
 def test_compensation_restores_the_light_that_the_bound_takes(name):
-    """With the same VPLs, so that both have their noise; `test_compensated` bounds the bias of many frames."""
+    """Both use the same VPLs and share their noise; `test_compensated_light_agrees_with_mitsuba` bounds the bias."""
     truth = truth_of(name, None)
     lost, found = (rendered(name, None, f"gather.compensation={on}") for on in ("false", "true"))
     assert 0.005 < bias(found, truth) - bias(lost, truth) < 0.02
@@ -97,7 +97,7 @@ def test_compensation_restores_the_light_that_the_bound_takes(name):
 
 
 @pytest.mark.parametrize("bounces", [1, None])
-def test_imperfect_shadow_maps(bounces):
+def test_imperfect_shadow_maps_agree_with_mitsuba(bounces):
     got, truth = rendered("cornell_point", bounces, "gather.visibility=ism"), truth_of("cornell_point", bounces)
     assert abs(bias(got, truth)) <= 0.05
     assert relmse(got, truth) <= 0.03
@@ -105,7 +105,7 @@ def test_imperfect_shadow_maps(bounces):
 
 @pytest.mark.parametrize("bounces", [1, None])
 @pytest.mark.parametrize("name", slow_but(("cornell_point",), COMPENSATED_BOUNDS))
-def test_compensated(name, bounces):
+def test_compensated_light_agrees_with_mitsuba(name, bounces):
     truth = truth_of(name, bounces)
     got = rendered(name, bounces, "camera.frames=16", "gather.compensation=true")
     most_bias, most_error = COMPENSATED_BOUNDS[name][bounces is None]
@@ -114,7 +114,7 @@ def test_compensated(name, bounces):
 
 
 @pytest.mark.parametrize("name", ["cornell_area", "cornell_point", "cornell_spot"])
-def test_defaults(name):
+def test_defaults_agree_with_mitsuba(name):
     got, truth = rendered(name, 1, "camera.frames=16"), truth_of(name, 1)
     assert abs(bias(got, truth)) <= 0.02
     assert relmse(got, truth) <= 0.01
@@ -128,7 +128,7 @@ def test_the_dark_side_stays_dark(name, bounces):
     layers = layers_of(name)
     dark = (layers["depth"] > 0) & (layers["direct"].max(-1) <= 0)
     if name == "curtain":
-        # Through the gap the lit half is seen, too.
+        # The lit half is visible through the gap.
         dark &= position_of(name)[..., 0] > -0.05
     assert dark.mean() > 0.5
     assert abs(bias(got[dark], truth[dark])) <= 0.03
@@ -137,7 +137,7 @@ def test_the_dark_side_stays_dark(name, bounces):
 @pytest.mark.slow
 @pytest.mark.parametrize("bounces", [1, None])
 def test_coated_surfaces_agree_with_the_path_tracer(bounces):
-    """A rough coat reflects far less than Fresnel's factor: most of the light that it does not pass is lost."""
+    """A rough coat reflects far less than Fresnel's factor: most of the light that it does not transmit is lost."""
     settings = Settings(gi="path", bounces=bounces, spp=512)
     truth = Renderer(load("cornell-point"), size=(64, 48), settings=settings)
     truth.run(show=("indirect",))

@@ -1,4 +1,4 @@
-"""What `tools/make_references.py` tells Mitsuba 3, against closed forms: lights, cameras, pictures, masks, emitters.
+"""Scenes as `tools/make_references.py` gives them to Mitsuba 3, against closed forms.
 
 Needs the [truth] extra and LLVM, and is skipped without them.
 """
@@ -51,7 +51,7 @@ def wall(material, texcoords=((0, 1), (1, 1), (1, 0), (0, 0)), name="wall"):
     return mesh, looking((0, 0, -1), (0.5, 0.5, 1.0), height=1.0)
 
 
-def test_point_light():
+def test_point_light_has_its_closed_form():
     """L = rho I h / (pi (h2 + r2)^1.5), the same in every sample; more bounces add nothing."""
     scene = builtin.plane_point(height=2.0, intensity=10.0)
     layers = shoot(scene)
@@ -63,7 +63,7 @@ def test_point_light():
 
 
 @pytest.mark.parametrize(("inner", "outer"), [(0.0, 30.0), (10.0, 13.0), (20.0, 20.0), (5.0, 75.0)])
-def test_spot_light(inner, outer):
+def test_spot_light_has_the_fall_off_of_gltf(inner, outer):
     """The point light times saturate((cos - cos outer) / max(0.001, cos inner - cos outer))^2."""
     scene = builtin.plane_point(height=2.0, intensity=10.0)
     direction = np.array([0.2, -1.0, 0.1])
@@ -76,12 +76,12 @@ def test_spot_light(inner, outer):
     fall_off = np.clip((cosine - outside) / max(0.001, inside - outside), 0, 1) ** 2
     expected = fall_off * 0.5 * 10 * 2 / (math.pi * distance**3)
     found = shoot(scene, size=size)["direct"][..., 1]
-    # The picture of the fall-off is as coarse as its pixels, which a hard edge shows.
+    # Mitsuba's fall-off is a texture, whose resolution shows at a hard edge.
     assert np.mean(np.abs(found - expected)) < 1e-3 * expected.mean()
     assert found == pytest.approx(expected, abs=(2e-3 if inner < outer else 0.05) * expected.max())
 
 
-def test_sun_and_constant_sky():
+def test_sun_and_constant_sky_have_their_closed_forms():
     layers = shoot(builtin.plane_sun(lux=3.0, zenith_deg=60.0))
     assert layers["direct"] == pytest.approx(0.5 * 3 * 0.5 / math.pi, rel=1e-5)
     ball = shoot(builtin.furnace(albedo=0.5, sky=2.0), spp=64)
@@ -91,7 +91,7 @@ def test_sun_and_constant_sky():
 
 
 @pytest.mark.parametrize("rotation", [0.0, 1.0])
-def test_pictured_environment(rotation):
+def test_environment_picture_has_our_orientation(rotation):
     """u = atan2(x, -z)/2pi + rotation/2pi, v = acos(y)/pi, bilinear between pixel centres, the poles clamped."""
     image = rng.random((6, 10, 3)).astype(np.float32)
     sky = Environment((1.0, 2.0, 3.0), image, rotation)
@@ -108,7 +108,7 @@ def test_pictured_environment(rotation):
         assert found == pytest.approx((rows[0] * (1 - b) + rows[1] * b) * (1, 2, 3), abs=2e-3)
 
 
-def test_double_sided_emitters():
+def test_double_sided_emitters_light_both_sides():
     """In a closed box whose walls emit and reflect on both sides, L = Le / (1 - rho)."""
     layers = shoot(builtin.closed_box(emission=1.0, albedo=0.5), spp=256)
     assert layers["emit"] == pytest.approx(1.0)
@@ -119,7 +119,7 @@ def test_double_sided_emitters():
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_emitters_shine_from_the_counter_clockwise_side(mirrored):
     lamp, front = wall(Material(emission=(1.0, 2.0, 3.0)))
-    # A mirrored instance is seen from where its mesh would be: the front is the side that was the front.
+    # A mirrored instance keeps its front: the side that was counter-clockwise before mirroring.
     place = np.diag([-1.0, 1.0, 1.0, 1.0]) if mirrored else np.eye(4)
     place[0, 3] = float(mirrored)
     scene = Scene([Instance(lamp, place)], cameras=[front])
@@ -137,8 +137,8 @@ def test_emitters_shine_from_the_counter_clockwise_side(mirrored):
         {"rotation": 0.5, "scale": (2.0, 1.5), "offset": (0.1, 0.2)},
     ],
 )
-def test_base_color_texture(changes):
-    """sRGB decoded exactly, then filtered; wrapped; moved as KHR_texture_transform says."""
+def test_base_color_texture_is_decoded_filtered_and_transformed(changes):
+    """Exact sRGB decoding before the filter, wrap modes, and KHR_texture_transform."""
     pixels = rng.integers(0, 256, (4, 5, 4)).astype(np.uint8)
     texture = Texture(Image(pixels), **changes)
     mesh, camera = wall(Material(base_color=(1.0, 0.5, 0.25, 1.0), base_color_texture=texture))
@@ -167,7 +167,7 @@ def test_base_color_texture(changes):
 
 
 def test_alpha_mask_lets_the_view_and_the_sun_through():
-    """Behind a wall with holes where bilinear alpha x 0.9 is below 0.5, a wall in the sun: lit through the holes."""
+    """A wall has holes where bilinear alpha x 0.9 is below 0.5; the sun lights a second wall through them."""
     alpha = rng.integers(0, 256, (4, 4))
     pixels = np.full((4, 4, 4), 255, np.uint8)
     pixels[..., 3] = alpha
@@ -186,18 +186,18 @@ def test_alpha_mask_lets_the_view_and_the_sun_through():
     hole = smooth < 0.5
     assert hole.any() and (~hole).any()
     assert layers["depth"][hole & sure] == pytest.approx(2.0) and layers["depth"][~hole & sure] == pytest.approx(1.0)
-    # Passing a hole is no bounce, and the light comes through it, too.
+    # Passing a hole is no bounce, for camera rays and for light.
     assert layers["direct"][hole & sure] == pytest.approx(0.8, rel=1e-4)
     assert layers["direct"][~hole & sure] == pytest.approx(0.5, rel=1e-4)
 
 
-def test_vertex_colors_and_normals():
+def test_vertex_colors_and_normals_are_interpolated():
     mesh, camera = wall(matte(0.5))
     corner = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [1, 1, 0, 1], [0, 1, 0, 1]], np.float32)
     mesh.colors = corner
     mesh.normals = np.array([[0, 0, 1]] * 4, np.float32) + np.float32(0.3) * (corner[:, :3] - np.float32(0.5))
     mesh.normals[:, 2] = 1.0
-    # Squeezed along x, so that normals must turn away from where vectors would.
+    # Squeezed along x, so that normals transform differently from vectors.
     layers = shoot(Scene([Instance(mesh, np.diag([0.5, 1, 1, 1]))], [], Environment(), [camera]), size=(16, 16))
     y, x = ((np.mgrid[:16, :16] + 0.5) / 16) * [[[-1]], [[1]]] + [[[1]], [[0]]]
     inside = x < 0.5
@@ -208,19 +208,19 @@ def test_vertex_colors_and_normals():
 
 
 @pytest.mark.parametrize("height", [None, 4.0], ids=["perspective", "orthographic"])
-def test_jittered_pictures_are_where_the_centred_ones_are(height):
+def test_jitter_does_not_shift_the_picture(height):
     scene = builtin.plane_point()
     camera = looking((-0.3, -1.0, 0.2), (0.6, 2.0, -0.9), height)
     centred, jittered = (shoot(scene, camera, spp=128, size=(36, 24), jitter=jitter) for jitter in (False, True))
     for name in ("depth", "normal", "albedo"):
         assert (centred[name] == jittered[name]).all()
-    # A pixel off, the picture differs by far more than pixels from their centres.
+    # A shift by one pixel would change the picture more than five times as much as jitter does.
     a, b = centred["full"], jittered["full"]
     for axis in (0, 1):
         assert np.abs(a - b).mean() < 0.2 * np.abs(np.diff(b, axis=axis)).mean()
 
 
-def test_command_line(tmp_path, capsys):
+def test_equal_commands_write_equal_files(tmp_path, capsys):
     out = tmp_path / "ball.npz"
     assert main(["furnace", "--size", "8x6", "--spp", "32", "--runs", "4", "--env", "1,2,3", "-o", str(out)]) == 0
     assert "noise as relMSE" in capsys.readouterr().out
@@ -232,7 +232,7 @@ def test_command_line(tmp_path, capsys):
     assert again.read_bytes() == out.read_bytes()
 
 
-def test_smooth_sphere_seen_from_a_scene_far_from_the_origin():
+def test_depth_does_not_depend_on_the_distance_to_the_origin():
     ball = sphere(subdivisions=2, material=matte(0.5))
     place = np.eye(4)
     place[:3, 3] = 1e6

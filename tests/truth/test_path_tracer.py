@@ -20,8 +20,8 @@ from wgpu_gi.resources import resource_dir
 from wgpu_gi.scene.scene import Environment
 
 REFERENCES = Path(__file__).parent / "references"
-# Scene, its environment if it is another, samples per pixel for all bounces, and the most relMSE that the full picture
-# then has: our noise plus the reference's own.
+# Scene, environment that replaces its own, samples per pixel for all bounces, and bound of relMSE of the full picture:
+# our noise plus that of the reference.
 CASES: dict[str, tuple[str, Environment | None, int, float]] = {
     "cornell_area": ("cornell/cornell_area.glb", None, 96, 0.003),
     "cornell_point": ("cornell/cornell_point.glb", None, 192, 0.003),
@@ -32,7 +32,7 @@ CASES: dict[str, tuple[str, Environment | None, int, float]] = {
     "courtyard_sky": ("courtyard", None, 32, 0.001),
 }
 ONE_BOUNCE_SPP = 64
-MOST_BIAS = 0.003  # beside noise
+MOST_BIAS = 0.003  # in addition to noise
 
 
 def source_of(name: str) -> str:
@@ -61,13 +61,13 @@ def renderer_of(name: str, spp: int, bounces: int | None) -> Renderer:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_references_are_of_these_scenes(name):
+def test_references_have_the_hash_of_their_scene(name):
     source = source_of(name)
     assert meta_of(name)["scene_sha256"] == scene_hash(source, gi.load(source, environment=CASES[name][1]))
 
 
 @pytest.mark.parametrize("name", slow_but(("cornell_point", "courtyard_sky"), CASES))
-def test_all_bounces(name):
+def test_all_bounces_agree_with_mitsuba(name):
     truth = layers_of(name)
     _, _, spp, most_error = CASES[name]
     renderer = renderer_of(name, spp, None)
@@ -76,7 +76,7 @@ def test_all_bounces(name):
     # Three standard errors of a mean over independent pixels, ours and theirs.
     noise = 3 * np.sqrt((error**2 + truth["se_full"] ** 2).sum()) / full.sum()
     assert abs(bias(radiance, full)) < MOST_BIAS + noise
-    # The curtain's view has none.
+    # The view of the curtain has no direct light.
     direct = truth["direct"].mean()
     assert abs(renderer.read_back("direct").mean() - direct) <= MOST_BIAS * direct
     assert abs(bias(renderer.read_back("indirect"), truth["one"] + truth["multi"])) < MOST_BIAS + 2 * noise
@@ -84,7 +84,7 @@ def test_all_bounces(name):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_one_bounce(name):
+def test_one_bounce_agrees_with_mitsuba(name):
     truth = layers_of(name)
     renderer = renderer_of(name, ONE_BOUNCE_SPP, 1)
     error = renderer.read_back("standard_error")
@@ -93,7 +93,7 @@ def test_one_bounce(name):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_seen(name):
+def test_depth_albedo_and_normal_agree_with_mitsuba(name):
     truth = layers_of(name)
     renderer = renderer_of(name, 1, 0)
     assert renderer.read_back("depth") == pytest.approx(truth["depth"], rel=2e-3)

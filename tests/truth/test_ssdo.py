@@ -18,7 +18,7 @@ from wgpu_gi.scene.built_in.shapes import box, grid, quad
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene
 from wgpu_gi.settings import apply_quality, assign
 
-# Bounds of bias and relMSE of direct light, of the bounce and of both: just above what was measured.
+# Bounds of bias and relMSE of direct light, of the bounce and of both: just above the measured values.
 BOUNDS = {
     "cornell_point": [(0.001, 0.0005), (0.245, 0.085), (0.06, 0.02)],
     "courtyard_sky": [(0.005, 0.008), (0.08, 0.035), (0.015, 0.007)],
@@ -42,8 +42,8 @@ def full(layers):
 
 
 @pytest.mark.parametrize("name", BOUNDS)
-def test_one_bounce(name):
-    """At the defaults; what is missing of the bounce comes from surfaces that are in no picture."""
+def test_one_bounce_agrees_with_mitsuba(name):
+    """At the defaults; the light that the bounce lacks comes from surfaces outside every view."""
     got, truth = render(scene_of(name), size=SIZE), layers_of(name)
     pairs = [
         (got["direct"], truth["direct"]),
@@ -56,7 +56,7 @@ def test_one_bounce(name):
 
 
 def test_a_camera_above_a_closed_room_loses_no_light():
-    """It sees the far side of the ceiling; near sides, which other cameras see, must come first."""
+    """It sees the far side of the ceiling; near sides, which other cameras see, must take precedence."""
     truth = layers_of("cornell_point")["one"]
     inside, over = (
         render(scene_of("cornell_point"), f"ssdo.cameras={count}", size=SIZE)["indirect"] for count in (1, 3)
@@ -151,7 +151,7 @@ def test_environment_sampling_finds_a_small_sun():
 
 
 def thin_board():
-    """Build a thin board before an open floor: with one layer, all behind it counts as matter."""
+    """Build a thin board before an open floor: with one layer, all behind it counts as solid."""
     board = box((-0.9, 0.25, 0.95), (0.9, 1.0, 1.0), matte(0.5))
     floor = grid(8.0, material=matte(0.5))
     camera = Camera.look_at((0, 0.9, 3.2), (0, 0.4, 0))
@@ -190,7 +190,7 @@ def test_layers_and_cameras_find_missing_occluders(scene, base, better):
 
 
 @pytest.mark.slow
-def test_converges_with_more_samples():
+def test_direct_light_converges_with_more_samples():
     """A box on a floor under a sky, r_max the scene's size, four layers and two cameras (section 7.2 of the paper)."""
     block = box((-0.5, 0, -0.4), (0.3, 0.8, 0.4), matte((0.8, 0.4, 0.2)))
     camera = Camera.look_at((0.4, 1.6, 2.6), (0, 0.3, 0))
@@ -201,7 +201,7 @@ def test_converges_with_more_samples():
     few = render(scene, *texts, "ssdo.directions=1", "ssdo.steps=8", frames=16)
     many = render(scene, *texts, "ssdo.directions=16", "ssdo.steps=64", frames=64)
     errors = [relmse(got["direct"], truth["direct"]) for got in (few, many)]
-    # The error that is left comes from the size of pixels, above all of the further cameras.
+    # The remaining error comes from the size of pixels, mostly of the further cameras.
     assert errors[1] <= 0.5 * errors[0] and errors[1] <= 0.0015, errors
     assert abs(bias(many["direct"], truth["direct"])) <= 0.03
 

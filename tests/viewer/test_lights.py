@@ -1,4 +1,4 @@
-"""Where the panel says that a sun stands."""
+"""Azimuth and elevation of a sun, as the viewer's panel shows them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wgpu_gi.viewer.lights import angles_of, direction_from
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0, 0), (90, 0), (-120, 35), (10, -80), (0, 90)])
-def test_angles_and_back(azimuth, elevation):
+def test_angles_round_trip(azimuth, elevation):
     found = angles_of(DirectionalLight(direction_from(azimuth, elevation)))
     assert np.allclose(direction_from(*found), direction_from(azimuth, elevation))
     assert found[1] == pytest.approx(elevation)

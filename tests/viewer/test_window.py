@@ -28,16 +28,16 @@ pytestmark = [
 
 SIZE = (640, 240)
 FREE = (520, 120)  # a place outside the panel
-HEADER = (200, 205)  # of the part of the panel that tells of the pixel
+HEADER = (200, 205)  # of the panel's section on the pixel under the mouse
 QUICK = ["cornell-point", "--size", "640x240", "--set", "camera.frames=2"]
-SECONDS = 60.0  # for what takes a moment
+SECONDS = 60.0  # the limit of each wait
 
 
 @pytest.fixture(scope="module")
 def display():
     """Start an X server on a free number; yield its name."""
     read, write = os.pipe()
-    # Without -noreset it would begin anew, and be away for a moment, whenever its last client leaves.
+    # Without -noreset the server restarts, unreachable for a moment, whenever its last client leaves.
     command = ["Xvfb", "-displayfd", str(write), "-noreset", "-screen", "0", "1000x700x24"]
     server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
     os.close(write)
@@ -58,7 +58,7 @@ class Viewer:
         with self.log.open("w") as log:
             self.process = subprocess.Popen(command, cwd=folder, env=self.environment, stdout=log, stderr=log)
         self.until(lambda: self.picture().max() > 60)
-        self.rest()
+        self.settle()
 
     def xdotool(self, *words: object) -> None:
         subprocess.run(["xdotool", *map(str, words)], env=self.environment, check=True, capture_output=True)
@@ -76,7 +76,7 @@ class Viewer:
         self.xdotool("mouseup", button)
 
     def screen(self) -> np.ndarray:
-        """Return what is on the screen where the window is."""
+        """Return the screen's pixels in the window."""
         from PIL import ImageGrab
 
         grabbed = np.asarray(ImageGrab.grab(xdisplay=self.display).convert("RGB"))
@@ -102,8 +102,8 @@ class Viewer:
         """Return the MiB in memory."""
         return int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
-    def rest(self) -> None:
-        """Wait until it waits, and the screen does not change."""
+    def settle(self) -> None:
+        """Wait until the process is idle and the screen does not change."""
         quiet, seen = 0, self.screen()
         while quiet < 4:
             assert self.process.poll() is None, self.log.read_text()
@@ -135,7 +135,7 @@ def viewer(running):
     """The viewer with the camera it began with."""
     running.move(*FREE)
     running.xdotool("key", "Home")
-    running.rest()
+    running.settle()
     return running
 
 
@@ -144,7 +144,7 @@ def test_mouse_and_keys_move_the_view(viewer):
         before = viewer.picture()
         what()
         viewer.until(lambda: np.abs(viewer.picture() - before).mean() > 1)
-        viewer.rest()
+        viewer.settle()
         return True
 
     start = viewer.picture()
@@ -157,28 +157,28 @@ def test_mouse_and_keys_move_the_view(viewer):
     viewer.xdotool("mousemove", *FREE, "mousedown", 3, "keydown", "w")
     viewer.until(lambda: np.abs(viewer.picture() - start).mean() > 1)
     viewer.xdotool("keyup", "w", "mouseup", 3)
-    viewer.rest()
+    viewer.settle()
     assert changes(lambda: viewer.xdotool("key", "f"))
     assert changes(lambda: viewer.xdotool("key", "1"))
     assert np.abs(viewer.picture() - start).mean() < 1
 
 
-def test_view_at_rest_uses_no_cpu(viewer):
+def test_still_view_uses_no_cpu(viewer):
     viewer.move(*FREE)
-    viewer.rest()
+    viewer.settle()
     before = viewer.cpu()
     time.sleep(4)
     assert viewer.cpu() - before < 0.2
 
 
 def test_probe_shows_the_pixel_under_the_mouse(viewer):
-    # Before any test that leaves a message above.
+    # Must run before the tests that leave a message above this section of the panel.
     def panel() -> np.ndarray:
         return viewer.screen()[200:240, :380]
 
     viewer.xdotool("mousemove", *HEADER, "click", 1)
     viewer.move(*FREE)
-    viewer.rest()
+    viewer.settle()
     before = panel()
     viewer.move(FREE[0] - 60, FREE[1] + 60)
     viewer.until(lambda: np.abs(panel() - before).max() > 50)
@@ -187,21 +187,21 @@ def test_probe_shows_the_pixel_under_the_mouse(viewer):
 
 def test_double_click_sets_the_pivot(viewer):
     viewer.xdotool("mousemove", *FREE, "click", "--repeat", 2, "--delay", 100, 1)
-    viewer.rest()
+    viewer.settle()
     at = viewer.picture()
     viewer.drag(1, FREE, (530, 120))
-    viewer.rest()
+    viewer.settle()
     assert np.abs(viewer.picture() - at).mean() > 1
 
 
 def test_saved_picture_equals_the_screen_and_the_copied_command(viewer, tmp_path, monkeypatch):
     viewer.drag(1, FREE, (530, 124))
-    viewer.rest()
+    viewer.settle()
     viewer.xdotool("key", "s")
     viewer.until(lambda: (viewer.folder / "cornell-point-001.exr").exists())
     viewer.xdotool("key", "c")
     viewer.until(lambda: "wgpu-gi render" in viewer.log.read_text())
-    viewer.rest()
+    viewer.settle()
     saved = np.asarray(Image.open(viewer.folder / "cornell-point-001.png")).astype(int)
     assert (np.abs(saved[:, 420:] - viewer.picture()).max(-1) <= 2).mean() > 0.99
     monkeypatch.chdir(tmp_path)
@@ -224,11 +224,11 @@ def test_panel_and_help_toggle(viewer):
     viewer.until(lambda: np.abs(viewer.screen() - without)[:, :380].mean() > 10)
 
 
-def test_window_of_any_size(viewer):
+def test_window_can_have_any_size(viewer):
     before = viewer.picture()
     for width, height in ((120, 90), (1, 1), (700, 3), (3, 400), SIZE):
         viewer.xdotool("search", "--onlyvisible", "--name", "wgpu_gi", "windowsize", width, height)
-        viewer.rest()
+        viewer.settle()
     viewer.until(lambda: np.abs(viewer.picture() - before).mean() < 1)
 
 
@@ -239,7 +239,7 @@ def test_memory_does_not_grow_over_five_hundred_frames(viewer):
         for i in range(count):
             viewer.move(FREE[0] + 20 * (i % 2), FREE[1] + i % 7)
         viewer.xdotool("mouseup", 1)
-        viewer.rest()
+        viewer.settle()
 
     orbit(100)
     before = viewer.memory()
@@ -249,13 +249,13 @@ def test_memory_does_not_grow_over_five_hundred_frames(viewer):
 
 
 @pytest.mark.parametrize("gi", TECHNIQUES)
-def test_every_technique(gi, display, tmp_path):
+def test_every_technique_renders_and_quits(gi, display, tmp_path):
     viewer = Viewer(display, tmp_path, *QUICK, "--gi", gi, "--quality", "low", "--spp", "2")
     try:
         before = viewer.picture()
         viewer.drag(1, FREE, (540, 124))
         viewer.until(lambda: np.abs(viewer.picture() - before).mean() > 1)
-        viewer.rest()
+        viewer.settle()
         assert "error" not in viewer.log.read_text().lower()
         assert viewer.quit() == 0
         lines = viewer.log.read_text().splitlines()
@@ -265,7 +265,7 @@ def test_every_technique(gi, display, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "message"), [(None, "DISPLAY is not set"), (":9999", "no window can be opened")])
-def test_without_a_display_there_is_one_sentence(name, message, tmp_path):
+def test_a_missing_display_is_one_sentence(name, message, tmp_path):
     environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
     if name is not None:
         environment["DISPLAY"] = name

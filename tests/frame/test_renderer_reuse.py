@@ -1,4 +1,4 @@
-"""A renderer that is used again: what a change throws away and what it keeps, and that errors leave no trace."""
+"""A reused renderer: which changes keep accumulated frames and samples, and that errors leave no trace."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def traced(spp, **fields):
 
 
 def fresh(scene, settings, show=SHOWN):
-    """What a renderer that knows nothing else makes."""
+    """Return the pictures of a new renderer."""
     renderer = Renderer(scene, size=SIZE, settings=settings)
     renderer.run(show=show)
     return [renderer.read_back(name) for name in show]
@@ -41,7 +41,7 @@ def same(renderer, expected, show=SHOWN):
 
 
 def steps(renderer, show=SHOWN):
-    """Step until there is nothing to do; return how often there was."""
+    """Step until no pass runs; return the number of steps."""
     count = 0
     while renderer.step(show=show):
         count += 1
@@ -51,7 +51,7 @@ def steps(renderer, show=SHOWN):
 # ------------------------------------------------------------------------------------------------ Jittered frames
 
 
-def test_exposure_leaves_the_mean_alone():
+def test_exposure_keeps_accumulated_frames():
     scene = medley()
     renderer = Renderer(scene, size=SIZE, settings=averaged())
     for _ in range(2):
@@ -65,7 +65,7 @@ def test_exposure_leaves_the_mean_alone():
     assert same(renderer, fresh(scene, averaged(exposure=-1.0)))
 
 
-def test_settings_of_the_path_tracer_leave_the_mean_alone():
+def test_settings_of_the_path_tracer_keep_accumulated_frames():
     renderer = Renderer(medley(), size=SIZE, settings=averaged())
     renderer.step(show=SHOWN)
     renderer.settings.spp, renderer.settings.seed, renderer.settings.path.samples_per_run = 3, 4, 5
@@ -87,7 +87,7 @@ CHANGES = {
 
 @pytest.mark.parametrize("done", [2, 4])
 @pytest.mark.parametrize("name", CHANGES)
-def test_settings_that_matter_begin_the_mean_again(name, done):
+def test_settings_of_the_picture_restart_accumulation(name, done):
     scene, changed = medley(), averaged()
     CHANGES[name](changed)
     renderer = Renderer(scene, size=SIZE, settings=averaged())
@@ -98,7 +98,7 @@ def test_settings_that_matter_begin_the_mean_again(name, done):
     assert same(renderer, fresh(scene, changed))
 
 
-def test_jitter_off_and_on():
+def test_jitter_off_and_on_restores_the_picture():
     scene = medley()
     renderer = Renderer(scene, size=SIZE, settings=averaged())
     renderer.run(show=SHOWN)
@@ -109,22 +109,22 @@ def test_jitter_off_and_on():
     assert steps(renderer) == 4 and same(renderer, before)
 
 
-# ------------------------------------------------------------------------------------------------ Samples of paths
+# ------------------------------------------------------------------------------------------------ Path samples
 
 
 @pytest.mark.parametrize(
     ("before", "done", "after", "left"),
     [
-        (16, 2, 32, 2),  # all of it is kept
+        (16, 2, 32, 2),  # all samples are kept
         (32, 1, 64, 7),
         (16, 2, 21, 1),
-        (64, 2, 24, 1),  # fewer, too, as long as they are not there yet
-        (20, 2, 32, 2),  # the second run was a full one, the third would not have been
-        (20, 3, 32, 4),  # a run that took four: begins again
-        (64, 4, 16, 2),  # more than are asked for: begins again
+        (64, 2, 24, 1),  # fewer, but more than there are
+        (20, 2, 32, 2),  # two full runs; the third would not have been full
+        (20, 3, 32, 4),  # the third run took only four: restart
+        (64, 4, 16, 2),  # more than needed: restart
     ],
 )
-def test_samples_are_kept_for_another_number_of_them(before, done, after, left):
+def test_path_samples_are_kept_when_their_number_changes(before, done, after, left):
     scene, show = builtin.cornell(), ("radiance", "standard_error")
     renderer = Renderer(scene, size=SIZE, settings=traced(before))
     for _ in range(done):
@@ -134,7 +134,7 @@ def test_samples_are_kept_for_another_number_of_them(before, done, after, left):
     assert same(renderer, fresh(scene, traced(after), show), show)
 
 
-def test_another_seed_beside_another_number_of_samples_begins_again():
+def test_another_seed_restarts_sampling():
     scene = builtin.cornell()
     renderer = Renderer(scene, size=SIZE, settings=traced(16))
     renderer.run(show=SHOWN)
@@ -143,7 +143,7 @@ def test_another_seed_beside_another_number_of_samples_begins_again():
     assert same(renderer, fresh(scene, traced(32, seed=5)))
 
 
-def test_exposure_leaves_the_samples_alone():
+def test_exposure_keeps_path_samples():
     scene = builtin.cornell()
     renderer = Renderer(scene, size=SIZE, settings=traced(24))
     renderer.step(show=SHOWN)
@@ -155,11 +155,11 @@ def test_exposure_leaves_the_samples_alone():
     assert same(renderer, fresh(scene, traced(24, exposure=2.0)))
 
 
-# ------------------------------------------------------------------------------------------------ Things that move
+# ------------------------------------------------------------------------------------------------ Moving instances
 
 
-def test_shadow_follows_what_casts_it():
-    """A plate under a slanting sun, one of two instances of a mesh: where the floor is dark, renderer reused or not."""
+def test_shadow_follows_its_caster():
+    """A plate, one of two instances of a mesh, under a slanting sun: area and centre of its shadow on the floor."""
     plate = box((-0.2, 0.5, -0.2), (0.2, 0.52, 0.2))
     scene = Scene(
         [Instance(grid(4.0, 2)), Instance(plate, at(0, 0, 0)), Instance(plate, at(0.9, 0, 0.9))],
@@ -204,7 +204,7 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_picture_after_an_error_is_right(name):
-    """In the middle of a mean, with a light that moves in the very step that fails."""
+    """The error comes during accumulation, in the step in which a light moves."""
     scene, (spoil, mend) = medley(), BAD[name]
     scene.lights[0].intensity = 9.0
     renderer = Renderer(scene, size=SIZE, settings=averaged())
@@ -246,7 +246,7 @@ class Declared(Exception):
     "size", [(MAX_TEXTURE_SIDE, MAX_PIXELS // MAX_TEXTURE_SIDE), (MAX_PIXELS // MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE)]
 )
 def test_every_dispatch_reaches_the_largest_picture(gi, size, monkeypatch):
-    """As far as declarations know; such a picture itself would take gigabytes."""
+    """Checked by the declaration alone: such a picture would take gigabytes."""
     renderer = Renderer(medley(), size=SIZE, settings=Settings(gi=gi))
     declare = renderer_module.declare_frame
 
@@ -261,8 +261,8 @@ def test_every_dispatch_reaches_the_largest_picture(gi, size, monkeypatch):
         renderer.run()
 
 
-def test_picture_too_large_for_the_adapter(monkeypatch):
-    """Refused when the renderer is made, and when it is resized."""
+def test_picture_too_large_for_the_adapter_is_refused(monkeypatch):
+    """When the renderer is made, and when it is resized."""
     renderer = Renderer(builtin.cornell(), size=(64, 64))
     monkeypatch.setitem(renderer.graph.device.limits, "max-storage-buffer-binding-size", 2**16)
     renderer.size = (128, 64)

@@ -1,4 +1,4 @@
-"""Gathering with few rays to VPLs drawn by their light: unbiased against rays to all VPLs, with noise."""
+"""Gathering with few rays to VPLs, sampled by their light: unbiased against rays to all VPLs."""
 
 from __future__ import annotations
 
