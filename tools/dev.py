@@ -118,7 +118,7 @@ def setup(arguments: list[str]) -> int:
     return 0
 
 
-# The extras of pyproject.toml that a verb needs, and what it does.
+# The extras of pyproject.toml that a command needs, and its function.
 VERBS = {
     "render": ((), render),
     "view": (("viewer",), view),

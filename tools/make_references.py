@@ -6,7 +6,7 @@ The layers are linear radiance by number of scatterings: emit (none: light sourc
 (two: one indirect bounce), multi (three and more); indirect = one + multi, full = the sum of all. They are differences
 of pictures of the same paths with more and fewer bounces.
 se_direct, se_one, se_multi, se_indirect, se_full: standard errors, from the spread of independent runs, to 4 bits.
-depth (metres along the ray through the centre; 0: nothing there), normal (towards the viewer), albedo. All of it is
+depth (metres along the ray through the centre; 0: no surface), normal (towards the viewer), albedo. All layers are
 float16, row 0 on top. meta: JSON.
 """
 

@@ -59,7 +59,7 @@ VISIBLE = FOLDER.parent / "visible"
 
 @dataclass(frozen=True)
 class Reference:
-    """What pictures of a technique are compared with: the buffer, the bounces, the layers of the truth, the scenes."""
+    """The reference of a technique: the compared buffer, the bounces, the layers of the truth, the scenes."""
 
     show: str
     bounces: int | None

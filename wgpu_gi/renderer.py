@@ -287,14 +287,14 @@ class Renderer:
             self._update(inputs)
 
     def _update(self, inputs: tuple[Any, ...]) -> None:
-        """Bring the GPU's copy of the scene and the declaration up to date."""
+        """Update the GPU's copy of the scene, and the declaration."""
         scene, _, _, show, *_ = inputs
         found = self._send(scene)
         self._inputs = inputs
         self._declare(show, found)
 
     def _send(self, scene: Fingerprint) -> SceneInputs:
-        """Bring what the technique needs of the scene on the GPU up to date."""
+        """Update the GPU data of the scene that the technique needs; return the inputs of the technique."""
         settings, upload = self.settings, self._upload
         if upload is None or upload.diffuse != settings.diffuse:
             if upload is not None:

@@ -103,7 +103,7 @@ def apply_quality(settings: Any, quality: str) -> None:
     preset outside the range of its setting.
     """
     if quality not in QUALITIES:
-        raise GiError(f"there is no quality {quality!r}; there is {', '.join(QUALITIES)}")
+        raise GiError(f"there is no quality {quality!r}; available: {', '.join(QUALITIES)}")
     for path, owner, field in _fields(settings):
         presets = field.metadata["presets"]
         if presets:

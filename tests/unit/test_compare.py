@@ -215,7 +215,7 @@ def test_one_sentence_for_every_bad_input(capsys, folder):
     assert "12x4" in fails(capsys, "a.npz", "b.npz", "--noise", "small.npy")
     assert "negative" in fails(capsys, "a.npz", "b.npz", "--noise", "noise.npy")
     assert "cannot be added" in fails(capsys, "a.npz", "b.npz", "--noise", "b.npz:se+one")
-    assert "small.png is 12x4, but b.npz 12x9" in fails(capsys, "a.npz", "b.npz", "--mask", "small.png")
+    assert "small.png is 12x4, but b.npz is 12x9" in fails(capsys, "a.npz", "b.npz", "--mask", "small.png")
     assert "108 distinct values" in fails(capsys, "a.npz", "b.npz", "--mask", "smooth.png")
     assert "gone.png: no such file" in fails(capsys, "a.npz", "b.npz", "--mask", "gone.png")
     assert "ends in .html, not 'b.npz'" in fails(capsys, "a.npz", "b.npz", "--html", "b.npz")

@@ -63,7 +63,7 @@ def test_by_name_and_cached(adapters):
 
 def test_unknown_name_lists_what_there_is(adapters):
     adapters(OPENGL, CPU, SMALL)
-    with pytest.raises(GiError, match=r"no adapter is called 'H200'; there is 'llvmpipe \(LLVM 15\)', 'Small 1'"):
+    with pytest.raises(GiError, match=r"no adapter is called 'H200'; available: 'llvmpipe \(LLVM 15\)', 'Small 1'"):
         open_device("H200")
 
 

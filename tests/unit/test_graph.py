@@ -956,15 +956,15 @@ def begun(graph):
 def test_binding_messages(begun):
     g, good = begun, begun.good
     reads, writes = good["reads"], good["writes"]
-    wrong(g, "copy", "'sauce' is no binding; there is source, out", **good | {"reads": {"sauce": g.source}})
-    wrong(g, "look", r"'view' is no binding \(group 0: set it", **good | {"reads": reads | {"view": g.source}})
+    wrong(g, "copy", "'sauce' is not a binding; available: source, out", **good | {"reads": {"sauce": g.source}})
+    wrong(g, "look", r"'view' is not a binding \(group 0: set it", **good | {"reads": reads | {"view": g.source}})
     wrong(g, "copy", r"nothing is given for 'out' \(a storage texture\)", over=8, reads=reads)
     wrong(g, "copy", "'source' is read-only in the shader", **good | {"reads": {}, "writes": {"source": g.source}})
     wrong(g, "copy", "'out' is write in the shader, but is given in reads", over=8, reads=reads | writes)
     wrong(g, "copy", "out is in reads and in writes", **good | {"reads": reads | writes})
     wrong(g, "copy", "'source' is a texture, but 'total' is a buffer", **good | {"reads": {"source": g.total}})
     wrong(g, "add", "is a storage buffer, but 'source' is a texture", over=8, reads={"points": g.source})
-    wrong(g, "copy", "3 is no texture, buffer or shared resource", **good | {"reads": {"source": 3}})
+    wrong(g, "copy", "3 is not a texture, buffer or shared resource", **good | {"reads": {"source": 3}})
     wrong(g, "copy", "'out' is read and written in one pass", **good | {"reads": {"source": g.out}})
     wrong(g, "add", "'total' is read and written in", over=8, reads={"points": g.total}, writes={"total": g.total})
     wrong(g, "odd", r"odd\.wgsl:2: 'total' is in group 2", over=8)
@@ -1017,7 +1017,7 @@ def test_sampler_messages(begun):
 def test_params_messages(begun):
     g, given = begun, begun.fill
     wrong(g, "fill", "params lacks gain; Params has gain, width", params={"width": 1}, **given)
-    wrong(g, "fill", "no field 'again' in params; there is gain, width", params={"again": 1}, **given)
+    wrong(g, "fill", "no field 'again' in params; available: gain, width", params={"again": 1}, **given)
     wrong(g, "fill", "no field 'settle_index' in params", params={"settle_index": 1}, **given)
     wrong(g, "fill", "params gain is nan, which is not finite", params={"gain": float("nan"), "width": 1}, **given)
     wrong(g, "fill", r"params gain cannot be \(1, 2\)", params={"gain": (1, 2), "width": 1}, **given)
@@ -1033,10 +1033,10 @@ def test_params_messages(begun):
 
 def test_constants_and_entry_messages(begun):
     g, good = begun, begun.good
-    wrong(g, "copy", "there is no override 'SICE'; there is SIZE, NEEDED", constants={"SICE": 1}, **good)
+    wrong(g, "copy", "there is no override 'SICE'; available: SIZE, NEEDED", constants={"SICE": 1}, **good)
     wrong(g, "copy", "constant SIZE is inf, which is not finite", constants={"SIZE": float("inf")}, **good)
     wrong(g, "copy", "override NEEDED has no default", entry="other", over=8)
-    wrong(g, "copy", "no compute entry point 'maine'; there is main, other", entry="maine", **good)
+    wrong(g, "copy", "no compute entry point 'maine'; available: main, other", entry="maine", **good)
     one = g.buffer("one", dtype=np.uint32, count=4)
     wrong(g, "odd", "a workgroup of 32 x 32 x 1 threads", entry="large", over=8, writes={"one": one})
     wrong(g, "odd", "it has no @workgroup_size", entry="sizeless", over=8, writes={"one": one})
@@ -1080,14 +1080,14 @@ def test_name_and_life_messages(begun):
 def test_shared_uniform_messages(begun):
     g = begun
     other = {"view": "view_second"}
-    wrong(g, "look", "there is no shared uniform 'view_second'; there is view", uniforms=other, **g.good)
+    wrong(g, "look", "there is no shared uniform 'view_second'; available: view", uniforms=other, **g.good)
     wrong(g, "copy", "uniforms names view, but the shared uniforms it uses are none", uniforms=other, **g.good)
     g.uniform("view", np.dtype([("shift", "f4", (4,))]))
     wrong(g, "look", "has the fields shift@0, but View here has offset@0", **g.good)
     g.uniform("view", np.dtype("f4"))
     wrong(g, "look", "'view' has 4 bytes, but View here has 16", **g.good)
     del g.uniforms["view"]
-    wrong(g, "look", "there is no shared uniform 'view'; there is none", **g.good)
+    wrong(g, "look", "there is no shared uniform 'view'; available: none", **g.good)
     with pytest.raises(GiError, match="there is no shared uniform 'view'"):
         g.set_uniform("view", 0)
 
@@ -1125,8 +1125,8 @@ def test_raster_messages(begun):
     wrong_raster("it has no vertex entry point", shader="copy", color=color)
     wrong_raster("index: 'total' has elements of .*; uint32 is needed", color=color, index=g.total)
     wrong_raster("index: 'color' is a texture; a buffer of uint32 is needed", color=color, index=color["color"])
-    wrong_raster("index: 3 is no texture, buffer or shared resource", color=color, index=3)
-    wrong_raster("there is no vertex entry point 'vx'; there is vs", color=color, entry=("vx", "fs"))
+    wrong_raster("index: 3 is not a texture, buffer or shared resource", color=color, index=3)
+    wrong_raster("there is no vertex entry point 'vx'; available: vs", color=color, entry=("vx", "fs"))
 
 
 def test_resource_messages(graph):

@@ -151,7 +151,7 @@ def test_unknown_quality_and_bad_presets_are_refused():
     class Bad:
         rays: int = setting(4, "Rays.", "rays", range=(1, 8), presets={"high": 9})
 
-    with pytest.raises(GiError, match="no quality 'ultra'; there is low, medium, high"):
+    with pytest.raises(GiError, match="no quality 'ultra'; available: low, medium, high"):
         apply_quality(WithPresets(), "ultra")
     with pytest.raises(GiError, match="rays must lie between 1 and 8 rays, not 9"):
         apply_quality(Bad(), "high")

@@ -164,7 +164,7 @@ def test_types_without_layout(shader, body, message):
 
 
 def test_unknown_struct(shader):
-    with pytest.raises(GiError, match=r"main\.wgsl declares no struct 'T'; there is S"):
+    with pytest.raises(GiError, match=r"main\.wgsl declares no struct 'T'; available: S"):
         shader("struct S { a: f32 }").struct_dtype("T")
 
 
@@ -270,7 +270,7 @@ def test_constant_expressions(text, value):
         ("const A = 1;\nfoo", r"main\.wgsl:2: expected a declaration, found 'foo'"),
         ("/* open", "this block comment is not closed"),
         ("fn f() {", "found 'end of file'"),
-        ("@group(0) @binding(X) var<uniform> a: f32;", "'X' is no integer"),
+        ("@group(0) @binding(X) var<uniform> a: f32;", "'X' is not an integer"),
     ],
 )
 def test_unreadable_shaders(shader, text, message):

@@ -114,7 +114,7 @@ def load_noise(text: str, truth: Picture) -> Picture:
     noise = load_picture(text)
     _check_same_size(noise, truth)
     if (noise.values < 0).any():
-        raise GiError(f"{noise.name} holds negative values, so it is no standard error")
+        raise GiError(f"{noise.name} holds negative values, so it is not a standard error")
     return noise
 
 
@@ -124,7 +124,9 @@ def load_regions(text: str, truth: Picture) -> dict[str, np.ndarray]:
     labels = _load_png_labels(path) if path.suffix.lower() == ".png" else load_picture(text).values
     if labels.shape[:2] != truth.values.shape[:2]:
         height, width = labels.shape[:2]
-        raise GiError(f"the mask {text} is {width}x{height}, but {truth.name} {truth.size}; they must be of one size")
+        raise GiError(
+            f"the mask {text} is {width}x{height}, but {truth.name} is {truth.size}; they must have the same size"
+        )
     try:
         return regions(labels)
     except GiError as error:
@@ -243,7 +245,9 @@ def _check_finite(picture: Picture) -> None:
 
 def _check_same_size(one: Picture, truth: Picture) -> None:
     if one.values.shape != truth.values.shape:
-        raise GiError(f"{one.name} is {one.size}, but {truth.name} is {truth.size}; both must be of one size and kind")
+        raise GiError(
+            f"{one.name} is {one.size}, but {truth.name} is {truth.size}; both must have the same size and kind"
+        )
 
 
 def _check_output(flag: str, path: str | None, suffix: str) -> None:

@@ -61,7 +61,7 @@ class Messages:
 
     @contextmanager
     def progress(self, what: str, known: bool = True) -> Iterator[Report]:
-        """Yield a function that takes the fraction done and shows it: a bar on a terminal, else a line now and then.
+        """Yield a function that takes the fraction done and shows it: a bar on a terminal, else a line at intervals.
 
         If `known` is False, the bar shows only the elapsed time. C code drops exceptions of its callbacks, so the
         function raises KeyboardInterrupt if Ctrl+C came during one.
@@ -114,7 +114,7 @@ def _bar(what: str, known: bool) -> Iterator[Report]:
             left = _time_left(time.monotonic() - start, fraction)
             bar.update(task, description=state["what"], completed=fraction, total=1.0, left=left)
 
-    # Run the caller's work, then take the bar away; the lock keeps a late timer from showing it.
+    # Run the caller's work, then remove the bar; the lock keeps a late timer from showing it.
     timer = threading.Timer(BAR_SECONDS, appear)
     timer.daemon = True
     timer.start()

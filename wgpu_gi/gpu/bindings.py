@@ -37,7 +37,7 @@ def shared_uniforms(
     for variable, binding in wanted.items():
         name = others.get(variable, variable)
         if name not in known:
-            raise GiError(f"{where}: there is no shared uniform {name!r}; there is {names_of(known)}")
+            raise GiError(f"{where}: there is no shared uniform {name!r}; available: {names_of(known)}")
         # Compare the fields and the size of the struct.
         layout, dtype = source.layout(binding.type), known[name].dtype
         names = layout.dtype.names
@@ -70,7 +70,7 @@ def params_block(where: str, source: ShaderSource, binding: Binding, values: Map
     ours = [n for n in fields if n not in SPECIAL_PARAMS]
     for name in values:
         if name not in ours:
-            raise GiError(f"{where}: there is no field {name!r} in params; there is {names_of(ours)}")
+            raise GiError(f"{where}: there is no field {name!r} in params; available: {names_of(ours)}")
     missing = [n for n in ours if n not in values]
     if missing:
         raise GiError(f"{where}: params lacks {names_of(missing)}; {binding.type} has {names_of(ours)}")
@@ -96,7 +96,7 @@ def override_values(
     """Check `constants` against the overrides of the shader; return them as floats."""
     for name, value in given.items():
         if name not in source.overrides:
-            raise GiError(f"{where}: there is no override {name!r}; there is {names_of(source.overrides)}")
+            raise GiError(f"{where}: there is no override {name!r}; available: {names_of(source.overrides)}")
         if not np.isfinite(value):
             raise GiError(f"{where}: constant {name} is {value}, which is not finite")
     words = frozenset().union(*(e.uses for e in entries))
@@ -116,7 +116,7 @@ def workgroup_size(
     for size in entry.workgroup_size:
         value = constants.get(size, source.overrides.get(size)) if isinstance(size, str) else size
         if value is None:
-            raise GiError(f"{where}: the workgroup size {size!r} is no literal, constant or override with a literal")
+            raise GiError(f"{where}: the workgroup size {size!r} is not a literal, constant or override with a literal")
         sizes.append(int(value))
     x, y, z = [*sizes, 1, 1, 1][:3]
     if min(x, y, z) < 1 or x * y * z > 256:

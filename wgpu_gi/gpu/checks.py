@@ -1,6 +1,6 @@
 """Matches the resources of a declaration with the bindings of its shader by name.
 
-A mistake is a GiError that names the pass and the shader file.
+A mismatch raises GiError with the names of the pass and the shader file.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def entry_point(where: str, source: ShaderSource, stage: str, name: str | None) 
             raise GiError(f"{where}: it has several {stage} entry points, {names_of(found)}; say which with entry=")
         return next(iter(found.values()), None)
     if name not in found:
-        raise GiError(f"{where}: there is no {stage} entry point {name!r}; there is {names_of(found)}")
+        raise GiError(f"{where}: there is no {stage} entry point {name!r}; available: {names_of(found)}")
     return found[name]
 
 
@@ -96,7 +96,7 @@ def resource_uses(
     uses: list[Use] = []
     samplers: list[tuple[Binding, Sampler]] = []
     wanted = {n: b for n, b in used.items() if b.group == 1 and not is_params(b)}
-    # Match what is given with the bindings.
+    # Match the given resources with the bindings.
     both = [name for name in reads if name in writes]
     if both:
         raise GiError(f"{where}: {names_of(both)} is in reads and in writes; a read_write binding goes in writes")
@@ -105,7 +105,7 @@ def resource_uses(
             binding = source.bindings.get(name)
             if binding is None or binding.group != 1 or is_params(binding):
                 hint = " (group 0: set it with set_uniform)" if binding is not None and binding.group == 0 else ""
-                raise GiError(f"{where}: {name!r} is no binding{hint}; there is {names_of(wanted)}")
+                raise GiError(f"{where}: {name!r} is not a binding{hint}; available: {names_of(wanted)}")
             # A resource that the entry points do not use is not bound and cannot make the pass stale.
             if access == "read" and name not in used:
                 continue

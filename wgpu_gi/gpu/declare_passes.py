@@ -61,7 +61,7 @@ class PassDeclarations(ResourceDeclarations):
         """
         source = self._load(name, shader)
         clear = tuple(clear)
-        # Take over the same pass of the declaration before.
+        # Reuse the pass of the previous declaration if it is unchanged.
         named = [_items(given) for given in (reads, writes, constants, uniforms)]
         arguments = (source, entry, over, indirect, split, clear, *named)
         known = self._unchanged(name, arguments, params, settle)
@@ -121,7 +121,7 @@ class PassDeclarations(ResourceDeclarations):
         declaration does not match the shader.
         """
         source = self._load(name, shader)
-        # Take over the same pass of the declaration before.
+        # Reuse the pass of the previous declaration if it is unchanged.
         fixed = (topology, cull, depth_compare, depth_write, load, clear_color, clear_depth)
         named = [_items(given) for given in (color, reads, writes, constants, uniforms)]
         arguments = (source, entry, draw, index, depth, fixed, *named)

@@ -59,7 +59,7 @@ class ResourceDeclarations:
         if not (1 <= width <= limit and 1 <= height <= limit):
             raise GiError(f"{what}: {width} x {height} pixels; each side must lie between 1 and {limit}")
         if dimension not in ("2d", "3d"):
-            raise GiError(f"{what}: dimension {dimension!r}; there is 2d (with 6 layers also read as a cube) and 3d")
+            raise GiError(f"{what}: dimension {dimension!r}; available: 2d (with 6 layers also read as a cube) and 3d")
         if layers < 1 or not 1 <= mips <= max(width, height).bit_length():
             raise GiError(f"{what}: {layers} layers and {mips} mip levels do not fit {width} x {height} pixels")
         texture = Texture(name, format_of(format, what), (int(width), int(height)), layers, mips, history, dimension)
@@ -129,7 +129,7 @@ class ResourceDeclarations:
         """
         uniform = self.uniforms.get(name)
         if uniform is None:
-            raise GiError(f"there is no shared uniform {name!r}; there is {', '.join(self.uniforms) or 'none'}")
+            raise GiError(f"there is no shared uniform {name!r}; available: {', '.join(self.uniforms) or 'none'}")
         data = np.asarray(value, uniform.dtype).tobytes()
         if len(data) != uniform.dtype.itemsize:
             raise GiError(f"shared uniform {name!r} takes {uniform.dtype.itemsize} bytes, not {len(data)}")
@@ -181,7 +181,7 @@ class ResourceDeclarations:
         """Return the view of a handle or of a name."""
         if isinstance(handle, str):
             if handle not in self.resources:
-                raise GiError(f"there is no resource {handle!r}; there is {', '.join(self.resources) or 'none'}")
+                raise GiError(f"there is no resource {handle!r}; available: {', '.join(self.resources) or 'none'}")
             return View(self.resources[handle])
         view = as_view(handle, "output")
         if self.resources.get(view.resource.name) is not view.resource:

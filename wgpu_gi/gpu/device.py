@@ -136,7 +136,7 @@ def open_device(adapter: str | None = None, large_buffers: bool = False) -> Devi
     matching = [a for a in usable if adapter is None or adapter.lower() in _name(a).lower()]
     if not matching:
         names = ", ".join(repr(_name(a)) for a in usable)
-        raise GiError(f"no adapter is called {adapter!r}; there is {names}")
+        raise GiError(f"no adapter is called {adapter!r}; available: {names}")
     best = min(matching, key=_rank)
     return _open(_name(best), best.info["backend_type"], large_buffers)
 

@@ -107,5 +107,5 @@ FORMATS = _table()
 def format_of(name: str, what: str) -> Format:
     """Return the format `name`. Raises GiError, beginning with `what`, if there is none."""
     if name not in FORMATS:
-        raise GiError(f"{what}: there is no texture format {name!r}; there is {', '.join(FORMATS)}")
+        raise GiError(f"{what}: there is no texture format {name!r}; available: {', '.join(FORMATS)}")
     return FORMATS[name]

@@ -59,7 +59,7 @@ class Graph(PassDeclarations):
     # Running.
 
     def compile(self, outputs: Iterable[Handle | str]) -> None:
-        """Cull what `outputs` do not need, allocate the rest, and make the pipelines. Nothing runs.
+        """Cull passes that `outputs` do not need; allocate resources and create pipelines for the others. Nothing runs.
 
         Raises GiError for a resource that is read before any pass writes it, and for shaders that do not compile.
         """

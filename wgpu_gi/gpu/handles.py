@@ -309,9 +309,9 @@ Handle = Texture | Buffer | Shared | View
 
 
 def as_view(handle: Any, where: str) -> View:
-    """Return a View of any handle. Raises GiError, beginning with `where`, if it is none."""
+    """Return a View of any handle. Raises GiError, beginning with `where`, for anything else."""
     if isinstance(handle, View):
         return handle
     if isinstance(handle, Resource):
         return View(handle)
-    raise GiError(f"{where}: {handle!r} is no texture, buffer or shared resource of this graph")
+    raise GiError(f"{where}: {handle!r} is not a texture, buffer or shared resource of this graph")

@@ -54,7 +54,7 @@ class Timing:
         }
 
     def end(self) -> None:
-        """Finish a run: wait for its passes and note their sum."""
+        """Finish a run: wait for its passes and record their sum."""
         if self._pending:
             self._collect()
         self.frames.append(self._sum)
@@ -72,7 +72,7 @@ class Timing:
         self._pending.clear()
 
     def add(self, name: str, ms: float) -> None:
-        """Note the measured time of a pass."""
+        """Record the measured time of a pass."""
         self.samples.setdefault(name, deque(maxlen=RING)).append(ms)
         self._sum += ms
 

@@ -77,7 +77,7 @@ def neutral(gpu: Any, kind: str, value: float | tuple[float, ...]) -> Shared:
     shapes = {"texture_2d": 1, "texture_2d_array": 1, "texture_3d": 1, "texture_cube": 6}
     if shape not in shapes or scalar not in formats:
         raise GiError(
-            f"there is no neutral {kind!r}; there is buffer, texture_depth_2d and {', '.join(shapes)}, of f32, u32, i32"
+            f"there is no neutral {kind!r}; available: buffer, texture_depth_2d, {', '.join(shapes)}, of f32, u32, i32"
         )
     format, layers = FORMATS[formats[scalar]], shapes[shape]
     texture = gpu.create_texture(

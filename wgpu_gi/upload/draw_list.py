@@ -1,4 +1,4 @@
-"""What raster passes draw: vertex and index buffers whose vertices carry a triangle number, draw calls, and clusters.
+"""The draw list of raster passes: vertex (with a triangle number) and index buffers, draw calls, and clusters.
 
 Fragments need the number of their triangle, and WebGPU has no primitive index without an optional feature. So every
 triangle gets a provoking (first) vertex of its own, whose number reaches the fragments by flat interpolation. Few

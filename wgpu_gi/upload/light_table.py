@@ -2,8 +2,7 @@
 
 Power-proportional light selection as in Pharr et al. 2023, "Physically Based Rendering", 4th ed., section 12.6.2.
 Departure: half of the probability goes by power and half equally over groups of sources (each punctual light, each
-emissive material, the environment), so that a lamp, which may stand in shadow, keeps its samples beside a much stronger
-sun.
+emissive material, the environment), so that a lamp keeps its samples where a much stronger sun is in shadow.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ class MaterialUpload:
 
     @property
     def has_textures(self) -> bool:
-        """Whether any material has a texture that is looked up."""
+        """Whether any material has a texture that shaders read."""
         return any(self._images.values())
 
     def send_images(self, materials: list[Material]) -> None:

@@ -44,7 +44,7 @@ def sample_texture(
 
 
 def _wrap(index: NDArray[np.int64], size: int, mode: Wrap) -> NDArray[np.int64]:
-    """Bring texel indices into 0..size - 1."""
+    """Wrap texel indices into 0..size - 1."""
     if mode == "clamp":
         return np.clip(index, 0, size - 1)
     if mode == "repeat":

@@ -17,7 +17,7 @@ from .mesh_data import MASKED, NONE, MeshData, Placement, prepare_meshes
 from .node_quantization import QuantizationGrid
 from .top_level import OPEN_UP_TO, Subtrees, build_top_level, open_subtrees
 
-INSTANCE_FLAG = 1 << 30  # of a child reference: the rest is the number of an instance
+INSTANCE_FLAG = 1 << 30  # in a child reference: the other bits are the number of an instance
 # If the scene's centre is more than this many radii from the origin, everything is laid out again. At 4 radii, float32
 # coordinates are 8 times as coarse as near the origin; the padding of quantised boxes still covers that.
 MAX_DRIFT = 4.0
@@ -30,7 +30,7 @@ GROWTH = 1.5  # of a grid that an instance has left, so that steady outward moti
 class TwoLevelBvh:
     """Nodes, triangles, vertices and instance records of a scene, in metres relative to `origin`.
 
-    `update` brings them up to date; `changed` then names the arrays with new contents.
+    After `update`, `changed` names the arrays with new contents.
     """
 
     def __init__(self, dtypes: dict[str, np.dtype]) -> None:
@@ -53,7 +53,7 @@ class TwoLevelBvh:
         self._matrices = np.zeros((0, 4, 4))
 
     def update(self, instances: list[Instance], material_index: dict[int, int]) -> None:
-        """Bring the arrays up to date with `instances`; `material_index` numbers materials by id.
+        """Update the arrays to `instances`; `material_index` numbers materials by id.
 
         Raises GiError for a mesh whose arrays do not fit together.
         """

@@ -23,12 +23,12 @@ LARGEST_SLIDER = 2**31 - 1  # a slider's whole numbers have 32 bits
 
 HELP = """\
 left drag            orbit about the pivot
-double click         put the pivot on the surface there
+double click         set the pivot to the surface there
 middle drag          pan; also shift + left drag
 wheel                zoom to the pivot
 right drag           look around; with W A S D Q E held: fly, with shift faster
 F                    frame all
-Home                 the camera as it was at the start
+Home                 return to the first camera
 1 ... 9              the scene's cameras
 S                    save the picture as .png and .exr
 C                    copy the command line that renders this view

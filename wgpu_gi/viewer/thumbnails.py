@@ -1,4 +1,4 @@
-"""Thumbnails of what the passes of a frame write."""
+"""Thumbnails of the outputs of a frame's passes."""
 
 from __future__ import annotations
 

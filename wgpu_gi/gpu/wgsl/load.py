@@ -57,11 +57,11 @@ class ShaderSource:
     def struct_dtype(self, name: str) -> np.dtype:
         """Return the numpy dtype of the struct `name`, padding included.
 
-        A runtime-sized array at its end is left out. Matrices are arrays of columns. Raises GiError if there is none.
+        Leaves out a runtime-sized array at its end. Matrices are arrays of columns. Raises GiError for an unknown name.
         """
         if name not in self.module.structs:
             known = ", ".join(self.module.structs) or "none"
-            raise GiError(f"{self.path} declares no struct {name!r}; there is {known}")
+            raise GiError(f"{self.path} declares no struct {name!r}; available: {known}")
         return self.layout(Type(name)).dtype
 
     def layout(self, kind: Type) -> Layout:

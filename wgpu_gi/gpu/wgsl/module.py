@@ -1,4 +1,4 @@
-"""What WGSL text declares at module scope: structs, bindings, constants, overrides and entry points."""
+"""The module-scope declarations of WGSL text: structs, bindings, constants, overrides and entry points."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from .tokens import ParseError, Token, evaluate, tokenize
 
 
 def parse(text: str) -> Module:
-    """Return what the WGSL `text` declares. Raises ParseError."""
+    """Return the module-scope declarations of the WGSL `text`. Raises ParseError."""
     return _Parser(tokenize(text)).module()
 
 
@@ -248,7 +248,7 @@ class _Parser:
         value = self.value(tokens)
         if not isinstance(value, int):
             text = " ".join(t.text for t in tokens)
-            raise ParseError(f"{text!r} is no integer made of literals and constants", tokens[0].line)
+            raise ParseError(f"{text!r} is not an integer made of literals and constants", tokens[0].line)
         return value
 
     def value(self, tokens: list[Token]) -> int | float | None:

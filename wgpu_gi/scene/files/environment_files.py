@@ -104,7 +104,7 @@ def _check_size(width: int, height: int, source: str) -> None:
 def read_hdr(data: bytes, source: str) -> NDArray[np.float32]:
     """Decode a Radiance RGBE picture to (height, width, 3) float32 linear radiance; `source` names it in messages.
 
-    EXPOSURE lines are divided out, as the format asks. Raises GiError for XYZE data, for other orientations than
+    EXPOSURE lines are divided out, as the format requires. Raises GiError for XYZE data, for other orientations than
     `-Y height +X width`, and for truncated or damaged data.
     """
     # Read the header: format, orientation and size.

@@ -71,7 +71,7 @@ class Document:
         return objects
 
     def note(self, sentence: str) -> None:
-        """Add a sentence for the user about what was changed or left out, unless it is already there."""
+        """Add a sentence for the user about a change or an omission, unless it is already there."""
         self._notes[sentence] = None
 
     @property

@@ -202,7 +202,7 @@ class Meshes:
             raise primitive.error(f"index {indices.max()} is beyond its {vertex_count} vertices; the file is damaged")
         if mode == _TRIANGLES and len(indices) % 3:
             self._document.note(
-                f"{primitive.where}: {len(indices)} is no multiple of 3; {len(indices) % 3} indices were left out."
+                f"{primitive.where}: {len(indices)} is not a multiple of 3; {len(indices) % 3} indices were left out."
             )
         return assemble(indices.astype(np.uint32), mode)
 
