@@ -1,1 +1,1 @@
-"""One module per technique: a settings dataclass, a result dataclass, and a function that declares its passes."""
+"""One folder or module per technique: settings, scene inputs, and functions that declare its passes."""

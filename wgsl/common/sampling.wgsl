@@ -8,8 +8,8 @@ fn sample_cosine_hemisphere(u: vec2f) -> vec3f {
     return vec3f(r * cos(phi), r * sin(phi), sqrt(max(1.0 - u.x, 0.0)));
 }
 
-// Returns barycentric weights of the second and third vertex, uniform over a triangle's area, without the fold of the
-// square root map (Heitz 2019, "A Low-Distortion Map Between Triangle and Square").
+// Returns barycentric weights of the second and third vertex, uniform over a triangle's area, with less distortion than
+// the square root map (Heitz 2019, "A Low-Distortion Map Between Triangle and Square").
 fn sample_triangle(u: vec2f) -> vec2f {
     if (u.y > u.x) {
         let half_x = 0.5 * u.x;

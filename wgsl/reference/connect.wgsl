@@ -4,7 +4,7 @@
 #import "scene/trace.wgsl"
 #import "reference/weights.wgsl"
 
-// Where a path meets a surface.
+// A path's hit on a surface.
 struct PathVertex {
     surface: Surface,
     brdf: Brdf,

@@ -1,4 +1,4 @@
-// The shared uniforms of every frame: where the camera is, and what the scene holds (group 0).
+// The uniforms shared by all passes of a frame: camera and scene (group 0).
 
 struct View {
     position: vec3f,   // camera, metres, relative to the scene's origin

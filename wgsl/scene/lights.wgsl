@@ -44,7 +44,7 @@ struct LightRay {
     flux: vec3f,          // W; divided by the ray's density
     ray_density: f32,     // 1/m2 at 1 m on a surface that faces it; at any distance if `parallel`
     parallel: bool,
-    pdf: f32,             // `sample_light`'s density of the origin, 1/sr at 1 m (any if `parallel`); punctual: 0
+    pdf: f32,             // `sample_light`'s density of its origin, 1/sr, at 1 m unless `parallel`; punctual: 0
 }
 
 const INFINITELY_FAR: f32 = 1e30;

@@ -58,7 +58,7 @@ override HAS_COATS: bool = true;  // materials that are not purely Lambert
 // Returns the texels (x, y) and (x + 1, y + 1), wrapped into 0 .. size - 1 on each axis by its mode.
 fn wrap(corner: vec2i, size: vec2i, mode: vec2u) -> vec4i {
     let mirrors = mode == vec2u(WRAP_MIRROR);
-    // Divide floats, which CPU drivers do much faster than integers. All values are exact, below 2^24; the quotient's
+    // Divide as floats: CPU drivers divide integers much more slowly. All values are exact, below 2^24; the quotient's
     // rounding may put the remainder off by one period.
     let period = select(size, 2 * size, mirrors);
     let quotient = floor(vec2f(corner) / vec2f(period));

@@ -1,9 +1,9 @@
 // One invocation lights a pixel of a deeper layer or of a further camera: L = rho / pi (E_sky V + sum_i E_i cos_i V_i).
 // Every STRIDE-th pixel of every STRIDE-th row represents its neighbours, too.
 //
-// V_i comes from filtered shadow maps; V of the sky from `occlusion.wgsl` for a coarser grid, blurred and upsampled.
-// In: G-buffer of the source, lights, V of the sky. Out: L, W/(m2 sr), and the normal, packed. Errs blurry, by STRIDE,
-// and dark where coats reflect: coats are left out, since their reflection depends on the receiver.
+// V_i comes from filtered shadow maps; V of the sky from `search.wgsl` for a coarser grid, blurred and upsampled. In:
+// G-buffer of the source, lights, V of the sky. Out: L, W/(m2 sr), and the normal, packed. Errs blurry, by STRIDE, and
+// dark where coats reflect: coats are left out, since their reflection depends on the receiver.
 #import "shared/gbuffer/load.wgsl"
 #import "deferred/direct/lighting.wgsl"
 #import "deferred/environment/ambient.wgsl"

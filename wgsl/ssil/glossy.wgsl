@@ -127,7 +127,7 @@ fn gather_glossy(id: vec3u) {
         if (!inside || (code.x | (code.y & 0xffffu)) == 0u) {
             continue;
         }
-        // Skip it unless both surfaces face each other; `arriving` and `leaving` are cosines times d.
+        // Skip the sample unless both surfaces face each other; `arriving` and `leaving` are cosines times d.
         let texel = textureLoad(surfels, vec2u(place));
         let end = Endpoint(place, surfel_position(texel), surfel_normal(texel));
         let way = end.position - start.position;
@@ -137,7 +137,7 @@ fn gather_glossy(id: vec3u) {
         if (arriving * leaving <= 0.0) {
             continue;
         }
-        // Add its light, with the form factor of a disc and the widened lobe.
+        // Add the sample's light, with the form factor of a disc and the widened lobe.
         let facing = leaving * inverseSqrt(squared) * chosen.count * surfel_area(texel, pixel_side);
         let reach = squared + facing * INV_PI;
         let shine = shine_of(brdf, normal, to_eye, way, reach, facing);

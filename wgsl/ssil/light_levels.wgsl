@@ -4,8 +4,7 @@
 // A workgroup of 16x16 threads takes 32x32 pixels of the first level, which are one pixel of the sixth, so one dispatch
 // makes all levels. The importing shader calls `store_light` for the four pixels of each thread, then `store_coarser`.
 // Out: codes of `common/light_code.wgsl`, W/sr: the rows of the first level, then those of each next level. Errs by the
-// codes'
-// rounding at each level, 0.001 % of the largest channel.
+// rounding of codes at each level, 0.001 % of the largest channel.
 #import "common/light_code.wgsl"
 
 override COARSER_LEVELS: u32 = 5u;  // at most 5

@@ -1,4 +1,4 @@
-// The surfel of level 0 of a picture's pixel.
+// The level-0 surfel of a pixel of the picture.
 #import "shared/gbuffer/load.wgsl"
 #import "ssil/surfel.wgsl"
 

@@ -36,8 +36,7 @@ fn lit(pixel: vec2u, surface: GbufferSurface, irradiance: vec3f, glossy: vec3f) 
         let brdf = gbuffer_brdf(surface);
         light *= brdf.diffuse * INV_PI;
         if (HAS_COATS) {
-            // The coat transmits 1 - F: the cosine-weighted mean of Schlick's (1 - cos)^5 over the hemisphere is 1 /
-            // 21.
+            // The coat transmits 1 - F. Schlick's (1 - cos)^5 has a cosine-weighted hemispherical mean of 1 / 21.
             light *= select(vec3f(1.0), (1.0 - brdf.f0) * (20.0 / 21.0), brdf.glossy);
             let tint = coat_tint(brdf, surface.normal, -pixel_ray(pixel).direction);
             light += select(vec3f(0.0), glossy * tint, brdf.glossy);

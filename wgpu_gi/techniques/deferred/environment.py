@@ -21,12 +21,12 @@ TABLE_SIZE = (64, 64)
 
 @dataclass
 class EnvironmentSettings:
-    """How the environment lights surfaces."""
+    """Lighting by the environment."""
 
     ambient: bool = setting(True, "Light surfaces by the environment.")
     rays: int = setting(
         1,
-        "Rays per pixel and frame for the environment's occlusion; 0 for none. Only many-light and ssil use it.",
+        "Rays per pixel and frame for the environment's occlusion; 0: none. Only many-light and ssil use it.",
         "rays",
         range=(0, 64),
         presets={"high": 4},

@@ -41,7 +41,7 @@ OWN_UPS = np.array([(0, 1, 0), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 1
 
 @dataclass
 class ShadowSettings:
-    """How fine shadow maps are; sides are rounded down to powers of two."""
+    """Resolution of shadow maps; sides are rounded down to powers of two."""
 
     atlas: int = setting(
         4096,

@@ -32,7 +32,7 @@ _PIXELS = int(load("many_light/gather/pixels.wgsl").constants["PIXELS"])
 
 @dataclass
 class GatherSettings:
-    """How pixels gather light from VPLs."""
+    """Gathering of light from VPLs."""
 
     interleave: int = setting(
         4, "Side of the squares of pixels that divide the VPLs among them.", "pixels", range=(1, 8)

@@ -1,4 +1,4 @@
-"""Points on all surfaces in proportion to their area, for imperfect shadow maps and for light paths from the sky.
+"""Points on all surfaces in proportion to area, for imperfect shadow maps and for light paths from the sky.
 
 Ritschel et al. 2008, "Imperfect Shadow Maps for Efficient Computation of Indirect Illumination". Departure: points form
 a low-discrepancy sequence over the area; the GPU makes them when geometry or materials change.

@@ -22,7 +22,7 @@ RASTER_INPUTS = ("raster_vertices", "raster_sources", "raster_slots")
 class SceneInputs:
     """The scene data of rays: `surfaces` to hit and shade, `lights` to sample; both go into `reads=`.
 
-    `features`: the HAS_ constants of shaders, which tell the scene's features. `upload` owns the resources.
+    `features`: values of the shaders' HAS_ constants for this scene. `upload` owns the resources.
     """
 
     surfaces: dict[str, Shared]

@@ -24,7 +24,7 @@ from .sources import Sources
 
 @dataclass
 class Occlusion:
-    """`share`: unoccluded share of the environment, (r, g, b, -) per pixel (None: no environment), and its search."""
+    """share: unoccluded share of the environment, (r, g, b, -) per pixel; None: no environment. search: its search."""
 
     share: Buffer | None
     search: SearchResult

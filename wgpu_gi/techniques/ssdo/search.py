@@ -143,8 +143,7 @@ def declare_search(request: SearchRequest) -> SearchResult:
 
 
 def declare_unrepresented(request: SearchRequest, result: SearchResult, share: Buffer | None) -> None:
-    """Declare the hits of directions from unrepresented pixels, and their share of the environment in `share`, if
-    given."""
+    """Declare the hits of directions from unrepresented pixels, and their environment share in `share`, if given."""
     guide, graph = result.guide, request.graph
     if guide is None or result.unrepresented_hits is None:
         return

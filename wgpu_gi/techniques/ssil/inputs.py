@@ -10,7 +10,7 @@ from ..deferred.inputs import DeferredInputs
 
 @dataclass
 class SolidInputs:
-    """`triangles`: one bit per triangle that bounds a solid. Whether there are solids, and other surfaces (shells)."""
+    """triangles: one bit each, set if it bounds a solid. has_solids, has_shells: whether any is set, and any is not."""
 
     triangles: Shared
     has_solids: bool

@@ -41,7 +41,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let ray = pixel_ray(pixel);
         let triangle = load_triangle(seen.x);
         let s = surface_on(triangle, hit_on_triangle(ray, triangle, seen.x, seen.y), ray.direction);
-        // Light it as `light.wgsl` does, bit for bit; rays start from the exact hit.
+        // Light the pixel as `light.wgsl` does, bit for bit; rays start from the exact hit.
         let surface = load_surface(pixel);
         let r = receiver(
             ray.origin + ray.direction * load_distance(pixel), surface.normal, surface.geometric_normal,

@@ -22,7 +22,8 @@ override CONTACTS: bool = false;  // search the picture for shadows that the fil
 @group(1) @binding(14) var<storage, read> tile_lights: array<u32>;                // a bit for each light, by tile
 @group(1) @binding(15) var<storage, read> sky: array<vec4f>;                      // share that is not occluded
 
-// Most workgroups of `edges.wgsl`; in longer lists each thread takes several pixels. 2^18 threads fill any GPU.
+// Largest number of workgroups of `edges.wgsl`; in longer lists each thread takes several pixels. 2^18 threads fill any
+// GPU.
 const MAX_EDGE_GROUPS: u32 = 4096u;
 
 struct Sum {

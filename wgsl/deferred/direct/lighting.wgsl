@@ -3,7 +3,7 @@
 #import "deferred/shadow/lookup.wgsl"
 #import "common/brdf.wgsl"
 
-const EDGE_GROUP: u32 = 64u;  // pixels per workgroup of `edges.wgsl` and turn
+const EDGE_GROUP: u32 = 64u;  // pixels that a workgroup of `edges.wgsl` takes per turn
 
 struct Incident {
     to_light: vec3f,    // metres; unit for suns

@@ -2,7 +2,7 @@
 //
 // A tile is the bounding box of its visible positions. In: distance, lights. Out: a bit per light for each tile.
 // Conservative: a light is culled only where its contribution is exactly zero (beyond its range, outside its cone,
-// behind its emitter), so the picture is the same, bit for bit.
+// behind its emitter), so the picture does not change, bit for bit.
 #import "scene/info.wgsl"
 #import "deferred/shadow/table.wgsl"
 #import "deferred/direct/tile.wgsl"

@@ -8,7 +8,7 @@ struct Cell {
     centre: vec4f,  // xyz: unit, mean direction by luminance, in the map's frame (rotation 0)
 }
 
-// The finest level has LEAVES_X x LEAVES_Y cells, each coarser level a quarter of these, up to 16 x 8. The cells of a
+// The finest level has LEAVES_X x LEAVES_Y cells, each coarser level a quarter of these, down to 16 x 8. The cells of a
 // level lie in Z-order: the cells of level l begin at LEAVES >> 2 l, and the children of cell i are 4 i to 4 i + 3.
 const LEAVES_X: u32 = 512u;
 const LEAVES_Y: u32 = 256u;

@@ -67,7 +67,7 @@ fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f
     return light.first_view + select(select(face + 1u, 0u, face == 4u), 5u, face == 5u);
 }
 
-// A point as a view sees it.
+// A point projected into a view.
 struct Projected {
     texel: vec2f,      // place in the atlas
     depth: f32,        // reversed

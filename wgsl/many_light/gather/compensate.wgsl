@@ -31,7 +31,7 @@ struct Params {
 
 const SQUARE: u32 = 16u;            // pixels that share a set: INTERLEAVE^2
 const SAMPLES: u32 = 4u;            // pixels y; tools/README.md, "Constants"
-// Share of a pixel's area that bounds its light, as BOUND_SHARE of a VPL's does.
+// Share of a pixel's area that bounds its light, like BOUND_SHARE for a VPL's area.
 const OWN_SHARE: f32 = 0.25;
 const COMPENSATION_PAIR: u32 = 7u;  // of random numbers
 
@@ -75,7 +75,7 @@ fn lost_light(at: PixelSurface, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
     if (cosines <= 0.0) {
         return vec3f(0.0);
     }
-    // Bound the light of the pixel's area, as that of a VPL, and take the part that bounded VPLs lack.
+    // Bound the light of the pixel's area, like a VPL's, and take the part that bounded VPLs lack.
     let own = squared + OWN_SHARE * INV_PI * other.area;
     var term = cosines * other.area * bound / max(squared * own * (squared + bound), 1e-37);
     // Find the radiosity of y over pi, and the share that x's coat transmits.

@@ -3,8 +3,8 @@
 //
 // E = n^2 sum_i Phi_i / pi cos_i cos_x V_i / (d_i^2 + s A_i / pi) over the VPLs i of the pixel's class, n^2 classes,
 // with the bound of a disc of area A (Wallace et al. 1989, "A Ray Tracing Algorithm for Progressive Radiosity", eq. 5)
-// and s = BOUND_SHARE. A coat with Fresnel factor F passes 1 - F of each VPL's light; its own radiance is summed beside
-// it, over coat_tint(). Errs dark in corners, where VPLs are near.
+// and s = BOUND_SHARE. A coat with Fresnel factor F passes 1 - F of each VPL's light; its own radiance is summed
+// separately, over coat_tint(). Errs dark in corners, where VPLs are near.
 //
 // The four pixels of a thread are the components of vec4f, so that they share the loads of VPLs, which limit such loops
 // on CPUs. There, workgroup memory and its barriers would cost more than they save (llvmpipe: 39 ms against 25).
@@ -67,7 +67,7 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
             let slot = slot_of(place.class_number, 32u * word + firstTrailingBit(bits));
             bits &= bits - 1u;
             let vpl = load_vpl(slot);
-            // Skip it if it faces none of them.
+            // Skip a VPL that faces none of them.
             let bound = bound_of(vpl);
             let geometry = geometry_terms(vpl, bound, position, normal);
             if (all(geometry.terms <= vec4f(0.0))) {

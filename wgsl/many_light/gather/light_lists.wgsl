@@ -3,8 +3,8 @@
 //
 // bit = [flux > 0 and a corner of the cluster's box has n . (corner - x) > 0]. In: VPLs, bounds of clusters, metres.
 // Out: light lists, one mask per cluster, class and word. Conservative: a VPL is left out only where its light is
-// exactly zero, so pictures are the same bit for bit. Boxes of normals, which could cull VPLs behind all surfaces of a
-// cluster, saved nothing in Sponza.
+// exactly zero, so pictures do not change, bit for bit. Boxes of normals, which could cull VPLs behind all surfaces of
+// a cluster, saved nothing in Sponza.
 #import "many_light/gather/classes.wgsl"
 #import "many_light/gather/clusters.wgsl"
 #import "scene/info.wgsl"
@@ -28,7 +28,7 @@ struct Box {
     half: vec3f,   // negative if the cluster is empty
 }
 
-// Returns the box of a cluster; beyond the last cluster, that of the last, whose masks are then dropped.
+// Returns the box of a cluster; beyond the last cluster, the last box (its masks are not stored again).
 fn load_box(cluster: u32) -> Box {
     let first = min(2u * cluster, arrayLength(&bounds) - 2u);
     let low = bounds[first].xyz;
@@ -71,7 +71,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let lit = vec4<bool>(can_light(vpl, a), can_light(vpl, b), can_light(vpl, c), can_light(vpl, d));
         found |= select(vec4u(0u), vec4u(1u << number), lit & vec4<bool>(shines));
     }
-    // Store the masks, and once per tile how it is sliced.
+    // Store the masks, and once per tile its slicing.
     for (var k = 0u; k < CLUSTERS; k += 1u) {
         let tile = (cluster + k) / SLICES;
         if (cluster + k >= arrayLength(&bounds) / 2u) {

@@ -1,9 +1,9 @@
-// Deinterleaving: which pixels a thread gathers for. The pixels of a class lie INTERLEAVE apart, so each square of
+// Deinterleaving: the pixels that a thread gathers for. The pixels of a class lie INTERLEAVE apart, so each square of
 // INTERLEAVE x INTERLEAVE pixels has one of each class (Segovia et al. 2006, "Non-interleaved Deferred Shading of
 // Interleaved Sample Patterns"; Linke 2016, sections 3.4 and 4.5).
 //
 // Departures from Segovia: index arithmetic instead of splitting and merging buffers; classes rotate from frame to
-// frame of a still picture, so that each pixel sees all VPLs in the mean.
+// frame of a still picture, so each pixel's mean covers all VPLs.
 #import "many_light/gather/classes.wgsl"
 #import "scene/sequence.wgsl"
 

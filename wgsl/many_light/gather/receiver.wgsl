@@ -1,4 +1,4 @@
-// The surface that a pixel shows, as a receiver of light from VPLs.
+// A pixel's surface, as a receiver of light from VPLs.
 #import "shared/gbuffer/read.wgsl"
 #import "shared/denoise/plane.wgsl"
 #import "many_light/gather/near_field.wgsl"
@@ -21,7 +21,7 @@ struct Receivers {
     d: Receiver,
 }
 
-// Returns the receiver of a pixel; beyond the picture, that of the last pixel, whose results are not stored.
+// Returns the receiver of a pixel; beyond the picture, the last pixel's receiver (its results are not stored).
 // `near_radius` is r_max of the near field in heights of the picture.
 fn load_receiver(pixel: vec2u, near_radius: f32) -> Receiver {
     let inside = min(pixel, view.size - 1u);

@@ -46,7 +46,7 @@ fn light_of(vpl: Vpl, near: f32, at: Receiver) -> VplLight {
     if (!HAS_COATS) {
         return VplLight(flux * far, vec3f(0.0), luminance(flux) * far, squared);
     }
-    // Split it between the coat and the base.
+    // Split the light between the coat and the base.
     let shine = shine_of(at.brdf, at.normal, at.to_eye, -way, reach, vpl.area);
     let passed = flux * (1.0 - shine.fresnel) * far;
     let coat = flux * shine.fresnel * shine.lobe;

@@ -28,8 +28,7 @@ override REFINED: bool = true;   // list silhouette cells
 const PLANAR_ERROR: f32 = 0.005;
 
 // Two hits lie on one curved surface up to this relative error per radian between their corners. It balances false
-// light
-// and false shadow on curved surfaces. tools/README.md, "Constants".
+// light and false shadow there. tools/README.md, "Constants".
 const CURVED_ERROR: f32 = 0.45;
 
 // In a silhouette cell the farthest hit is at least this many times as far as the nearest, and no hit triangle is

@@ -44,7 +44,7 @@ fn trace_triangle(vpl: Vpl, frame: mat3x3f, local: vec3f) -> HitTriangle {
     let v2 = v0 + (edge2 * scale) * frame;
     let volume = dot(v0, cross(v1, v2));
     let normal = cross(v1 - v0, v2 - v0);
-    // Its least width is its height over the longest side.
+    // The triangle's least width is its height over the longest side.
     let longest = sqrt(max(dot(v1 - v0, v1 - v0), max(dot(v2 - v0, v2 - v0), dot(v2 - v1, v2 - v1))));
     let cosine = abs(dot(normal, local)) / max(length(normal), 1e-30);
     let width = length(normal) / max(longest, 1e-30) * cosine;

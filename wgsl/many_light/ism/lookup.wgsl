@@ -35,12 +35,12 @@ fn map_visibility(map: VplMap, position: vec3f, normal: vec3f) -> f32 {
     // Move the receiver along its normal: distance * sine = sqrt(distance^2 - (distance * cosine)^2).
     let moved = between + normal * (BIAS_NORMAL * footprint * sqrt(max(squared - along * along, 0.0)));
     let distance = max(length(moved), 1e-30);
-    // Find its texel.
+    // Find the receiver's texel.
     let local = (moved / distance) * map.frame;
     let place = hemisphere_encode(vec3f(local.xy, max(local.z, 0.0)));
     let point = clamp((place * 0.5 + 0.5) * f32(ISM_RESOLUTION), vec2f(0.0), vec2f(f32(ISM_RESOLUTION) - 0.001));
     let stored = textureLoad(ism_atlas, map.corner + vec2u(point)).r;
-    // Compare it, moved towards the VPL, with the texel's plane.
+    // Compare the receiver, moved towards the VPL, with the texel's plane.
     let nearer = max(distance - BIAS_DISTANCE * footprint * sqrt(squared), 0.0);
     let code = distance_code(max(nearer * nearer, 1e-30));
     return select(0.0, 1.0, stored == 0u || code >= texel_code(stored, fract(point) - 0.5));

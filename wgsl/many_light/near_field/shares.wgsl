@@ -13,8 +13,8 @@ struct Params {
     count: u32,  // of VPLs
 }
 
-// A VPL lies on a pixel's surface if it is at most these many pixel widths off the surface's tangent plane and off its
-// point: up to the pixel's footprint at grazing angles. tools/README.md, "Constants".
+// A VPL lies on a pixel's surface if its distances from the surface's tangent plane and point are at most these, in
+// pixel widths: up to the pixel's footprint at grazing angles. tools/README.md, "Constants".
 const MAX_PLANE_DISTANCE: f32 = 1.0;
 const MAX_POINT_DISTANCE: f32 = 16.0;
 // The cosine of both normals must also be at least this: half-way between one wall and two walls at a right angle.

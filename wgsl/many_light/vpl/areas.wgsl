@@ -18,7 +18,7 @@ struct Params {
 }
 
 const GROUP: u32 = 64u;
-// Area of the discs over that of their VPLs. 2 is closer to the true areas than 4, with a thousand VPLs in one place
+// Area of a disc over its VPL's area. 2 is closer to the true areas than 4, with a thousand VPLs in one place
 // (tests/analytic/test_gather.py) and with all bounces in the Cornell box.
 const WIDENED: f32 = 2.0;
 // Least cosine of similar normals: half-way between one wall and two walls at a right angle.

@@ -1,4 +1,4 @@
-// One invocation traces a light path and leaves a candidate for a virtual point light at each vertex (Keller 1997,
+// One invocation traces a light path and stores a candidate for a virtual point light at each vertex (Keller 1997,
 // "Instant Radiosity"): flux = emitted flux / density * product of the reflectances, W.
 //
 // The first `sky_paths` paths carry the environment's light. They start at a point on a surface, with a direction from

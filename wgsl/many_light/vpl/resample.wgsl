@@ -17,7 +17,7 @@
 #import "common/random.wgsl"
 
 @group(1) @binding(11) var<storage, read> cumulative: array<f32>;  // weights within blocks
-@group(1) @binding(12) var<storage, read> totals: array<f32>;      // weights of all blocks up to and with each
+@group(1) @binding(12) var<storage, read> totals: array<f32>;      // cumulative weights of blocks
 @group(1) @binding(15) var vpls: texture_storage_2d<rgba32uint, write>;
 @group(1) @binding(19) var<uniform> params: Params;
 

@@ -17,7 +17,7 @@ struct Params {
 @group(1) @binding(10) var<uniform> params: Params;
 @group(1) @binding(11) var<storage, read> irradiance: array<vec4f>;
 @group(1) @binding(12) var<storage, read> motion: array<vec4f>;
-@group(1) @binding(13) var<storage, read> previous: array<vec4u>;        // history of the frame before
+@group(1) @binding(13) var<storage, read> previous: array<vec4u>;        // the previous frame's history
 @group(1) @binding(14) var<storage, read_write> history: array<vec4u>;
 @group(1) @binding(15) var<storage, read_write> averaged: array<vec4f>;
 @group(1) @binding(16) var<storage, read_write> rejected: array<f32>;
