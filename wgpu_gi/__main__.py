@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Namespace) -> int:
-    """Import only the module of the command, to start fast, and run it."""
+    """Run the command. Imports only the module of this command, to start fast."""
     if arguments.command == "info":
         from .cli.info import info
 

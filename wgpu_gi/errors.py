@@ -18,7 +18,7 @@ class GiError(Exception):
 def known_names(name: str, known: Iterable[str]) -> str:
     """Return the end of a sentence about an unknown name: all known names if they are few, else the nearest three.
 
-    Of a known name with dots or slashes, the last part alone may match, too.
+    If a known name has dots or slashes, its last part is compared as well.
     """
     names = list(known)
     if len(names) <= FEW:

@@ -142,7 +142,7 @@ def test_comparison_with_nothing_in_common_says_so(capsys):
         ("--truth missing.npz", "no such file"),
         ("--truth truth.png", ".npz or .exr"),
         ("--truth small.npz --size 640x360", "small.npz is 16x9, but --size asks for 640x360"),
-        ("cornell corridor --truth small.npz", "has one scene"),
+        ("cornell corridor --truth small.npz", "is for one scene"),
         ("missing.glb", "missing.glb"),
         ("--camera 99", "no camera"),
         ("--light sun", "sun"),

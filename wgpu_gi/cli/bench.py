@@ -132,7 +132,9 @@ def size_from(arguments: Namespace, scenes: list[str]) -> tuple[int, int]:
     size: tuple[int, int] = arguments.size or DEFAULT_SIZE
     if arguments.truth != "path":
         if len(scenes) > 1:
-            raise GiError(f"--truth {arguments.truth} has one scene, but {len(scenes)} are given; bench one at a time")
+            raise GiError(
+                f"--truth {arguments.truth} is for one scene, but {len(scenes)} are given; bench one at a time"
+            )
         stored = truth_from_file(arguments.truth).size
         if arguments.size is not None and arguments.size != stored:
             raise GiError(

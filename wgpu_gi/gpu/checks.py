@@ -154,7 +154,7 @@ def check_hazards(where: str, uses: Iterable[Use]) -> None:
 def check_sampling(
     where: str, source: ShaderSource, uses: Iterable[Use], samplers: Iterable[tuple[Binding, Sampler]]
 ) -> None:
-    """Raise GiError if the shader samples a texture that cannot be filtered with a filtering sampler."""
+    """Raise GiError if the shader uses a filtering sampler on a texture that cannot be filtered."""
     kinds = {binding.name: sampler.kind for binding, sampler in samplers}
     types = {use.name: use.sample_type for use in uses}
     for texture, sampler in sorted(source.module.sampled):

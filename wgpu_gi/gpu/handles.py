@@ -108,7 +108,7 @@ Slot = tuple[Resource, int]
 class Texture(Resource):
     """A texture of `size` (width, height) pixels; `layers` is the depth of a 3d texture.
 
-    `spec` identifies it in a redeclaration: kind, format, size and so on.
+    `spec` identifies the texture in a redeclaration: kind, format, size and so on.
     """
 
     def __init__(

@@ -24,7 +24,9 @@ MAX_DRIFT = 4.0
 # A mesh keeps a grid of its own if the world's grid has fewer steps than this across a triangle. At 4 steps, outward
 # rounding adds 2 * (1 + 1/16) / 4, about half, to the extent of a triangle's box.
 MIN_STEPS = 4.0
-GROWTH = 1.5  # of a grid that an instance has left, so that steady outward motion does not leave it in every frame
+GROWTH = (
+    1.5  # enlarges a grid that an instance has left, so that steady outward motion does not leave it in every frame
+)
 
 
 class TwoLevelBvh:

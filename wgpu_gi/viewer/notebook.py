@@ -57,7 +57,7 @@ def show(
     """Return a live view of a scene; the last line of a cell shows it, as `display` does.
 
     Drag to orbit, shift + drag to pan, right drag to look around, wheel to zoom, double-click to set the pivot; F
-    frames the scene, Home returns to the first camera. Running the cell again closes its earlier view. Raises GiError
+    frames the scene, Home returns to the start camera. Running the cell again closes its earlier view. Raises GiError
     for bad values.
     """
     if not isinstance(scene, Scene):

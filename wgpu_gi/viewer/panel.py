@@ -28,7 +28,7 @@ middle drag          pan; also shift + left drag
 wheel                zoom to the pivot
 right drag           look around; with W A S D Q E held: fly, with shift faster
 F                    frame all
-Home                 return to the first camera
+Home                 return to the camera of the start
 1 ... 9              the scene's cameras
 S                    save the picture as .png and .exr
 C                    copy the command line that renders this view
