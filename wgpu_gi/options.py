@@ -27,7 +27,7 @@ from .techniques.ssil.voxels import VoxelSettings
 from .webgpu_limits import MAX_TEXTURE_SIDE
 
 MAX_PIXELS = 2**25  # each takes 96 bytes of running means and results: 3 GiB
-PIXEL_BYTES = 16  # of the largest buffer per pixel, array<vec4f>
+PIXEL_BYTES = 16  # bytes per pixel of the largest buffer, array<vec4f>
 
 
 # A technique for indirect light has a folder in `techniques/`, an entry here, and a line in `frame.py`. Code for all

@@ -18,7 +18,7 @@ from ..pictures.image import Array, load_image
 from ..version import __version__
 
 LINEAR_FORMATS = (".npy", ".npz", ".exr")
-MAIN_LAYER = "radiance"  # of an .npz; in an .exr, the channels R, G, B are the main layer
+MAIN_LAYER = "radiance"  # main layer of an .npz; that of an .exr is its channels R, G, B
 MISSING = "-"
 
 

@@ -29,7 +29,7 @@ class Use:
     access: str  # read or write
     usage: int
     binding: Binding | None = None
-    dimension: str = ""  # of the view, for textures
+    dimension: str = ""  # dimension of the view, for textures
     sample_type: str = ""
 
     @property
@@ -60,7 +60,7 @@ class PassState:
     """The state of a pass from frame to frame. A redeclaration that changes only its params keeps it."""
 
     seen: tuple | None = None  # `Pass.inputs` at its last run; None: it has not run
-    stamp: int = 0  # of its last run that may have changed its results
+    stamp: int = 0  # number of the last run that may have changed its results
     settle_index: int = 0
     runs: int = 0
     params_buffer: Any = None
@@ -103,13 +103,13 @@ class Pass:
     split: bool = False
     clear: tuple[Resource, ...] = ()
     raster: RasterState | None = None
-    arguments: tuple = ()  # of the declaration, without params and settle
+    arguments: tuple = ()  # arguments of the declaration, without params and settle
     param_arguments: tuple = ()
     shared_bound: tuple[int, ...] = ()  # `bound` of its shared resources when it was checked
     state: PassState = field(default_factory=PassState)
     # Found by Graph.compile.
     pipeline: Any = None
-    layouts: tuple[Any, Any] | None = None  # of bind groups 0 and 1
+    layouts: tuple[Any, Any] | None = None  # layouts of bind groups 0 and 1
     active: bool = False
     producers: dict[Pass, tuple[str, ...]] = field(default_factory=dict)  # earlier passes, and the inputs each writes
     reruns_with: tuple[Pass, ...] = ()  # passes that run whenever this one runs

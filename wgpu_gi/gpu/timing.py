@@ -22,7 +22,7 @@ class Timing:
         self.device = device
         self.samples: dict[str, deque[float]] = {}
         self.frames: deque[float] = deque(maxlen=RING)
-        self._sum = 0.0  # of the passes of this run
+        self._sum = 0.0  # ms of the passes of this run
         self._queries: Any = None
         self._buffer: Any = None
         self._pending: list[str] = []

@@ -11,7 +11,7 @@ from ..errors import GiError
 from .formats import FORMATS, Format
 from .handles import Buffer, Shared, Texture, View
 
-ROW_ALIGNMENT = 256  # of copies between textures and buffers in WebGPU
+ROW_ALIGNMENT = 256  # bytes: WebGPU's row alignment of copies between textures and buffers
 
 
 def read_back(gpu: Any, view: View, mip: int) -> np.ndarray:

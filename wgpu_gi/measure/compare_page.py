@@ -33,7 +33,7 @@ HEAT: Colors = (
 )
 HEAT_DECADES = (-3, 0)  # 0.001 to 1; fixed, so that the maps of two pages can be compared
 DIFFERENCE_EXTENT = 4.0  # end of the scale in mean absolute differences: 98 % of an exponential distribution
-TICKS = (-1.0, -0.5, 0.0, 0.5, 1.0)  # of the scale of the difference
+TICKS = (-1.0, -0.5, 0.0, 0.5, 1.0)  # ticks of the difference scale, relative to its ends
 SMALL_WIDTH = 800  # pixels: narrower pictures are enlarged with visible pixels
 
 

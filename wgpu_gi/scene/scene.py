@@ -116,7 +116,7 @@ class SpotLight:
     """KHR_lights_punctual spot: a point light times saturate((cos - cos_outer)/(cos_inner - cos_outer))^2."""
 
     position: Sequence[float]
-    direction: Sequence[float]  # in which light travels, of any length
+    direction: Sequence[float]  # direction of travel, any length
     inner_cone_angle: float = 0.0  # radians, half angles
     outer_cone_angle: float = np.pi / 4
     intensity: float = 1.0
@@ -129,7 +129,7 @@ class SpotLight:
 class DirectionalLight:
     """KHR_lights_punctual directional: `intensity` in lux (W/m2 on a plane facing the light), times `color`."""
 
-    direction: Sequence[float]  # in which light travels, of any length
+    direction: Sequence[float]  # direction of travel, any length
     intensity: float = 1.0
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     name: str = ""

@@ -31,7 +31,7 @@ class AreaCdf:
         self._areas: dict[tuple[int, bytes], float] = {}
         self.instances: NDArray[np.void] = np.zeros(1, dtype)
         self.cdf: NDArray[np.float32] = np.ones(1, np.float32)
-        self.area = 0.0  # of all instances, m2
+        self.area = 0.0  # area of all instances, m2
 
     def update(self, instances: list[Instance], hierarchy: TwoLevelBvh) -> None:
         """Update the CDFs; `hierarchy` must be up to date with `instances`."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 MAX_BINS = 16  # Wald 2007, section 3
 MIN_BINS = 4  # near the leaves, where nodes hold few items; with 16 everywhere 1 M boxes take 11.7 s instead of 7.4
 MAX_LEAF = 4  # triangles in a leaf; 8 took longer to trace in Sponza on llvmpipe
-NODE_COST = 1.5  # of visiting a node, in triangle tests; from 0.5 to 1.5 it made no difference in time
+NODE_COST = 1.5  # cost of visiting a node, in triangle tests; values from 0.5 to 1.5 made no difference in time
 MAX_DEPTH = 40  # inner nodes on the longest path, for the traversal stack; scenes of a million triangles need 23
 
 LEAF_FLAG = np.uint32(1 << 31)  # child reference: LEAF_FLAG | (count - 1) << 28 | first item

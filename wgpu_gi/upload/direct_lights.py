@@ -30,9 +30,9 @@ POINT = np.dtype(
     [
         ("position", "f8", 3),
         ("local", "f8", 3),  # position in the mesh's space
-        ("normal", "f8", 3),  # of the emitting side
+        ("normal", "f8", 3),  # normal of the emitting side
         ("radiance", "f8", 3),
-        ("area", "f8"),  # that the point represents, m2
+        ("area", "f8"),  # area that the point represents, m2
         ("power", "f8"),  # luminance of radiance times area: the power of one side over pi
     ]
 )
@@ -48,7 +48,7 @@ class _Patch:
     part: EmittingPart
     local: NDArray[np.float64]  # corners in the mesh's space, (n, 3, 3)
     points: NDArray[np.void]
-    power: float  # of the points, over both sides of double-sided emitters
+    power: float  # sum over the points, and over both sides of double-sided emitters
     samples: int = 0
     power_per_sample: float = 0.0
 

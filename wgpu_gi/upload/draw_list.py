@@ -141,7 +141,7 @@ def assign_provoking_vertices(triangles: NDArray[np.uint32], vertex_count: int) 
         open_ = np.flatnonzero(chosen < 0)
         wanted = triangles[open_, corner]
         open_, wanted = open_[owner[wanted] < 0], wanted[owner[wanted] < 0]
-        owner[wanted] = open_  # of several triangles that claim the same vertex, one gets it
+        owner[wanted] = open_  # if several triangles claim a vertex, one of them gets it
         won = open_[owner[wanted] == open_]
         chosen[won] = corner
     # Duplicate the first corner of triangles without a vertex, and rotate each triangle to begin with its vertex.

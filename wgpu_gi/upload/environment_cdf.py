@@ -15,7 +15,7 @@ from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import Environment
 
 CDF_WIDTH = 512  # columns and rows of the table at most; an entry of a larger map covers several texels
-UNIFORM_SHARE = 0.01  # of the probability, spread evenly over the sphere
+UNIFORM_SHARE = 0.01  # share of the probability, spread evenly over the sphere
 
 
 def environment_cdf(environment: Environment) -> NDArray[np.float32] | None:

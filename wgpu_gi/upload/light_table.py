@@ -20,7 +20,7 @@ from .environment_cdf import environment_power
 from .two_level_bvh import TwoLevelBvh
 
 KIND_POINT, KIND_SPOT, KIND_SUN, KIND_TRIANGLE, KIND_ENVIRONMENT = range(5)  # as wgsl/scene/lights.wgsl
-POWER_SHARE = 0.5  # of the probability that goes by power
+POWER_SHARE = 0.5  # share of the probability that goes by power
 
 Group = tuple[NDArray[np.void], NDArray[np.float64]]  # records and the power of each
 

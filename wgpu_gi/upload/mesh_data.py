@@ -49,7 +49,7 @@ class Placement:
     nodes: slice
     triangles: slice
     vertices: slice
-    grid: QuantizationGrid  # of the nodes in local space
+    grid: QuantizationGrid  # grid of the nodes in local space
     baked: int | None = None
     tree: NDArray[np.void] | None = None
     box: NDArray[np.float32] | None = None

@@ -21,7 +21,7 @@ class GpuResources:
         self.gpu = gpu
         self._limit = limit  # bytes of a buffer that the device can bind
         self._known: dict[str, tuple[Any, int]] = {}
-        self._contents: dict[str, bytes] = {}  # of the small buffers, to detect changes
+        self._contents: dict[str, bytes] = {}  # bytes of the small buffers, to detect changes
         self._sent: dict[str, NDArray[np.uint64]] = {}  # the texels of each table on the GPU
 
     def __getitem__(self, name: str) -> tuple[Any, int]:

@@ -16,7 +16,7 @@ from .session import DISPLAY, Interrupted, Session
 
 MODES = ("off", "split", "difference")
 TRUTH = "path"
-SPP = 4096  # of the truth: its noise is 1/64 of that of one sample
+SPP = 4096  # samples per pixel of the truth: its noise is 1/64 of that of one sample
 
 
 class Comparison:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..camera import Camera
 from ..scene.scene import Scene
 
-STEEPEST = math.radians(89.0)  # of looking up or down: at 90 degrees a turn about Y is a roll
+STEEPEST = math.radians(89.0)  # limit on looking up or down: at 90 degrees, a turn about Y is a roll
 NEAREST = 1e-3  # shares of the scene's size to which zooming approaches the pivot
 
 Vector = NDArray[np.float64]
@@ -84,7 +84,7 @@ def frame_all(camera: Camera, scene: Scene, aspect: float) -> Camera:
 def _turned(camera: Camera, centre: Vector, yaw: float, pitch: float) -> Camera:
     """Rotate about `centre`, by `yaw` about world Y and `pitch` about the camera's right, short of the poles."""
     axes = camera.world_from_view[:3, :3]
-    steepness = math.asin(float(np.clip(-axes[1, 2], -1.0, 1.0)))  # of the view: up is positive
+    steepness = math.asin(float(np.clip(-axes[1, 2], -1.0, 1.0)))  # elevation of the view: up is positive
     limited = float(np.clip(steepness + pitch, min(-STEEPEST, steepness), max(STEEPEST, steepness))) - steepness
     turn = _rotation((0.0, 1.0, 0.0), yaw) @ _rotation(axes[:, 0], limited)
     placed = np.eye(4)

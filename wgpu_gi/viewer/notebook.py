@@ -35,13 +35,13 @@ try:
 except ImportError as error:
     raise GiError(f"gi.show needs the extra ({error.name} is missing): pip install 'wgpu_gi[jupyter]'") from None
 
-FIRST_SECONDS = 1.0  # of rendering before a cell returns, so that its still picture is more than noise
+FIRST_SECONDS = 1.0  # render this long before a cell returns, so that its still picture is more than noise
 TELL_SECONDS = 0.25  # between updates of the status line
 FRAMES_PER_SECOND = 60  # upper limit
 LEFT, MIDDLE, RIGHT = 1, 3, 2  # mouse buttons of the canvas
 EVENTS = ("pointer_down", "pointer_move", "pointer_up", "double_click", "wheel", "key_down", "resize")
 
-_views: dict[str, list[weakref.ref[View]]] = {}  # by the cell that shows them
+_views: dict[str, list[weakref.ref[View]]] = {}  # keys: the cells that show the views
 
 
 def show(

@@ -26,7 +26,7 @@ from .dynamic_resolution import DynamicResolution, pixels_at
 from .exposure_meter import ExposureMeter
 from .navigation import pivot_of
 
-REST_SECONDS = 0.25  # after the last move the view is at rest: longer than a hand pauses within a drag
+REST_SECONDS = 0.25  # from the last move to rest: longer than a hand pauses within a drag
 SHARED_FRAMES = 8  # frames of temporal accumulation while the camera moves: a third of a second at 25 per second
 TIMING_SECONDS = 0.25  # between measurements of the passes while moving: measuring costs time, and nobody reads faster
 REFINEMENT = 4  # levels by which each step at rest raises the resolution: from the coarsest to full in three steps
@@ -49,7 +49,7 @@ class Session:
         self.start_camera = renderer.camera
         self.start_lights = light_texts(renderer.scene)
         self.pivot = pivot_of(renderer.camera, renderer.scene)
-        self.size = renderer.size  # of the picture at rest
+        self.size = renderer.size  # size of the picture at rest
         self.shown = DISPLAY
         self.also: tuple[str, ...] = ()  # further buffers that steps at rest compute
         self.made_also = False  # the last step computed them
@@ -63,7 +63,7 @@ class Session:
         self.interrupted = False  # something changed since the last step began
         self.shown_range: tuple[float, float] | None = None  # least and largest value shown
         self._meter = ExposureMeter(renderer)
-        self._watched = time.monotonic()  # of the last check of the shader files
+        self._watched = time.monotonic()  # time of the last check of the shader files
 
     @property
     def settings(self) -> Settings:

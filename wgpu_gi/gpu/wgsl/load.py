@@ -75,7 +75,7 @@ class ShaderSource:
 
 
 _Key = tuple[str, Path | None]
-_loaded: dict[_Key, tuple[ShaderSource, frozenset[Path]]] = {}  # and the files that each shader depends on
+_loaded: dict[_Key, tuple[ShaderSource, frozenset[Path]]] = {}  # shaders, and the files that they depend on
 _outdated: dict[_Key, ShaderSource] = {}  # sources with a changed file
 _times: dict[Path, int] = {}  # modification time of each file when first seen; -1: searched for, but absent
 _changes = 0  # number of calls of `refresh` that found a change

@@ -43,7 +43,7 @@ def decode_image(picture: Pillow.Image | str) -> NDArray[np.uint8] | str:
             grey = (np.asarray(picture).astype(np.int64) >> 8).astype(np.uint8)
             return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
         return np.asarray(picture.convert("RGBA"))
-    except Exception as error:  # as above
+    except Exception as error:  # Pillow raises many kinds here, too
         return _reason(error)
 
 

@@ -83,7 +83,7 @@ def _read_stl(path: Path, notes: list[str]) -> RawMesh:
             arrays = load(BytesIO(data))
             parts = list(arrays["geometry"].values()) if "geometry" in arrays else [arrays]
             meshes = [_raw_mesh(part) for part in parts]
-        except Exception:  # as above
+        except Exception:  # trimesh lets any of numpy's exceptions through
             raise GiError(f"{path} is not a readable STL file: damaged or another format") from None
     if len(meshes) > 1:
         notes.append(f"{path}: its {len(meshes)} solids were joined into one mesh")

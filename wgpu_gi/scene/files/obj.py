@@ -57,7 +57,7 @@ class _Lines:
     rows: dict[str, list[str]] = field(default_factory=lambda: {"v": [], "vt": [], "vn": []})
     corners: list[str] = field(default_factory=list)
     corner_counts: list[int] = field(default_factory=list)
-    material_of_face: list[int] = field(default_factory=list)  # into `materials`; -1: none
+    material_of_face: list[int] = field(default_factory=list)  # index into `materials`; -1: none
     materials: dict[str, int] = field(default_factory=dict)  # used materials, in order
     libraries: list[str] = field(default_factory=list)
 

@@ -42,7 +42,7 @@ def decode_draco(extension: JsonObject, data: memoryview) -> DracoMesh:
         mesh = decoder.decode(bytes(data))
         found = {int(a["unique_id"]): np.asarray(a["data"]) for a in mesh.attributes}
         triangles = np.asarray(mesh.faces, np.uint32).reshape(-1, 3)
-    except Exception as error:  # of the native decoder's own types; all mean that the data is bad
+    except Exception as error:  # the native decoder's own types; all mean bad data
         raise extension.error(f"its Draco data cannot be decoded ({error}); the file is damaged") from error
     names = extension.child("attributes")
     attributes = {}
@@ -80,7 +80,7 @@ def decode_meshopt(extension: JsonObject, data: memoryview) -> tuple[memoryview,
         else:
             decode = decoder.decode_index_buffer if mode == "TRIANGLES" else decoder.decode_index_sequence
             decoded = decode(count, stride, bytes(data))
-    except Exception as error:  # of the native decoder's own types; all mean that the data is bad
+    except Exception as error:  # the native decoder's own types; all mean bad data
         raise extension.error(f"its meshopt data cannot be decoded ({error}); the file is damaged") from error
     return memoryview(decoded.tobytes())[: count * stride], stride
 

@@ -15,7 +15,7 @@ from .accessors import Accessors
 from .document import Document
 from .json_object import JsonObject
 
-_FORMATS = ("PNG", "JPEG", "WEBP")  # of glTF 2.0 and EXT_texture_webp, by Pillow's names
+_FORMATS = ("PNG", "JPEG", "WEBP")  # Pillow's names of the formats of glTF 2.0 and EXT_texture_webp
 
 
 class Images:

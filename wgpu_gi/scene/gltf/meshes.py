@@ -19,7 +19,7 @@ from .json_object import JsonObject
 from .materials import Materials, some
 from .skins import apply_skin
 
-_Vertices = dict[str, NDArray[np.float32]]  # by the attribute names of glTF
+_Vertices = dict[str, NDArray[np.float32]]  # keys: attribute names of glTF
 
 _TRIANGLES = 4  # the lower primitive modes are points and lines
 
