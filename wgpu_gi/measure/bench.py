@@ -31,9 +31,7 @@ from .truth import LAYERS, Progress, Truth
 PACKAGES = ("wgpu", "numpy")
 WARM_UP_FRAMES = 3  # frames per case: the first compiles shaders, the second fills histories, the third is spare
 # The camera moves on a circle that is small against the scene, so that it does not cross a wall.
-ORBIT_RADIUS = (
-    1 / 400
-)  # share of the diagonal of the scene's bounding box: a frame moves by about 1/1000 of the diagonal
+ORBIT_RADIUS = 1 / 400  # share of the diagonal of the scene's bounding box: a step of about 1/1000 of it per frame
 ORBIT_FRAMES = 16  # frames for one turn
 # Samples of the path tracer double until a picture takes PATH_TIMES_SLOWEST times as long as the slowest technique and
 # at least PATH_SECONDS, so that its curve covers the times of all techniques.
