@@ -63,7 +63,7 @@ class Window:
     def __init__(self, title: str, size: tuple[int, int], device: Device, handler: Handler) -> None:
         """Open the window. Raises GiError if that fails."""
         start()
-        self._controllerler = handler
+        self._controller = handler
         self._pointer = (0.0, 0.0)
         self.wanted = SETTLE_FRAMES  # frames still to draw after the last event
         glfw.window_hint(glfw.CLIENT_API, glfw.NO_API)
@@ -188,7 +188,7 @@ class Window:
         before, self._pointer = self._pointer, (x, y)
         imgui.get_io().add_mouse_pos_event(x, y)
         delta = (x - before[0]) / height, (y - before[1]) / height
-        self._controllerler.move((x / width, y / height), delta)
+        self._controller.move((x / width, y / height), delta)
 
     def _on_button(self, _window: object, button: int, action: int, modifiers: int) -> None:
         self.wanted = SETTLE_FRAMES
@@ -197,14 +197,14 @@ class Window:
         width, height = (max(length, 1) for length in glfw.get_window_size(self._window))
         # A release always passes, so that a drag which began outside the panel can end over it.
         if not (down and io.want_capture_mouse):
-            self._controllerler.button(button, down, modifiers, (self._pointer[0] / width, self._pointer[1] / height))
+            self._controller.button(button, down, modifiers, (self._pointer[0] / width, self._pointer[1] / height))
 
     def _on_scroll(self, _window: object, x: float, y: float) -> None:
         self.wanted = SETTLE_FRAMES
         io = imgui.get_io()
         io.add_mouse_wheel_event(x, y)
         if not io.want_capture_mouse:
-            self._controllerler.scroll(y)
+            self._controller.scroll(y)
 
     def _on_key(self, _window: object, key: int, _code: int, action: int, modifiers: int) -> None:
         self.wanted = SETTLE_FRAMES
@@ -212,14 +212,14 @@ class Window:
         for name in _KEYS.get(key, ()):
             io.add_key_event(name, action != glfw.RELEASE)
         if not io.want_capture_keyboard and action != glfw.REPEAT:
-            self._controllerler.key(key, action == glfw.PRESS, modifiers)
+            self._controller.key(key, action == glfw.PRESS, modifiers)
 
     def _on_character(self, _window: object, code: int) -> None:
         self.wanted = SETTLE_FRAMES
         io = imgui.get_io()
         io.add_input_character(code)
         if not io.want_capture_keyboard:
-            self._controllerler.character(chr(code))
+            self._controller.character(chr(code))
 
 
 def start() -> None:
