@@ -6,7 +6,7 @@
 // direction thus replaces the environment's light by the sender's, and near senders need no clamp. With directions
 // drawn by the cosine, cos_r dw is pi / N. Only the fronts of senders count; coats transmit 1 - F. In: hits, radiance
 // of senders, W/(m2 sr). Out: irradiance E, W/m2, and the depth of
-// `shared/denoise/plane.wgsl`. Errs dark where no picture shows the senders.
+// `shared/denoise/plane.wgsl`. Errs dark where the senders are in no view.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
 #import "ssdo/hit_code.wgsl"

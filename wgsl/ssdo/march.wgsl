@@ -5,7 +5,7 @@
 // as inside matter of any thickness, unless another camera or layer shows it in free space: two layers bound matter
 // between the first and the second, four also between the third and the fourth. Behind the last layer a point counts as
 // in free space. Departure: each direction has several points, and the first hidden one counts, so geometry behind the
-// occluder does not matter; with enough points, every crossing is found. Errs bright where no picture shows the
+// occluder does not matter; with enough points, every crossing is found. Errs bright where no view shows the
 // occluder, dark behind occluders thinner than assumed.
 #import "ssdo/depth_test.wgsl"
 

@@ -8,7 +8,7 @@
 // sampling of the environment (balance heuristic, Veach and Guibas 1995), L is unfiltered, and the blur divides the
 // sums with and without V. In: G-buffer, depths of all sources, the prefiltered environment. Out: V, whose mean is 1
 // without occluders, and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; the surface that
-// each direction hits. Errs bright where no picture shows the occluder, dark behind occluders thinner than assumed.
+// each direction hits. Errs bright where the occluder is in no view, dark behind occluders thinner than assumed.
 #import "scene/sequence.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
