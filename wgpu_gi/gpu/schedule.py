@@ -49,7 +49,8 @@ def link(passes: Sequence[Pass], outputs: Iterable[View]) -> None:
         sources = {q for s in reads | writes for q in writers.get(s, ()) if place[q] < place[p]}
         p.producers = {q: _names_from(p, q) for q in passes if q in sources}
         p.stamped = (*(uniform for _, uniform in p.uniforms), *p.resources, *(q.state for q in p.producers))
-        # If a later pass overwrites what it reads, all writers must run whenever it runs.
+        # A later pass may overwrite what this one reads. Then the contents are gone in the next frame, and whenever
+        # this pass runs, all writers must rerun with it.
         overwritten = {s for s in reads if any(q.active and place[q] > place[p] for q in writers.get(s, ()))}
         others = {q for s in writes | overwritten for q in writers.get(s, ()) if q.active and q is not p}
         p.reruns_with = tuple(q for q in passes if q in others)

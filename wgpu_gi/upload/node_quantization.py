@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from .bvh import LEAF_FLAG
 
 LAST_STEP = 65535
-# Grid steps added to a box before it is rounded outwards. Shaders decode q * inverse + offset in float32, which rounds
-# by a few times 2^-24 of 65536 steps, 2^-8 each; 16 of those are a safe bound.
+# Grid steps added to a box before it is rounded outwards. Shaders decode q * inverse + offset in float32, which errs
+# by a few units of 65536 x 2^-24 = 2^-8 steps. 16 units are a safe bound.
 PAD = 1 / 16
 
 

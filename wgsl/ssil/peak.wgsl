@@ -1,5 +1,5 @@
-// The brightest light of a bounce, and the threshold below which light counts as none: bits of positive floats, which
-// have the floats' order.
+// The brightest light of a bounce, and the value below which the bounce is skipped. Both are stored as bits: for
+// positive floats, the order of the bits is that of the floats, so atomicMax works.
 
 @group(1) @binding(13) var<storage, read_write> peak: array<atomic<u32>>;
 

@@ -3,9 +3,9 @@
 //
 // s(i) = sum_j g1(|p_i - p_j|) g2(1 - n_i . n_j) g3(d_ij) over the pixels j at most one step from i (eq. 5). Departure:
 // d_ij is the distance from the tangent plane of i in pixel widths, not a difference of depths, so that floors at a
-// glancing angle are one surface. Ties, common on flat walls, go to one corner, and at the next level to the opposite
-// corner, so that samples stay close to the centre. In: surfels. Out: surfels of the next level. Errs by omitting
-// surfaces thinner than a pixel.
+// glancing angle are one surface. On flat walls all scores tie: one corner wins, and on the next level the opposite
+// one, so that samples do not drift. In: surfels. Out: surfels of the next level. Errs by omitting surfaces thinner
+// than a pixel.
 #import "ssil/surfel.wgsl"
 
 @group(1) @binding(11) var finer: texture_storage_2d<rgba32uint, read>;

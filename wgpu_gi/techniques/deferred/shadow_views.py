@@ -27,7 +27,9 @@ HALF_CUBE, CUBE = 5, 6  # views
 # 1e-6 the Cornell lamp shadows itself, with 1e-5 it does not.
 NEAR = 1e-9
 NEAR_EMITTER = 1e-5
-WIDEST_COSINE = 0.5  # of the widest half angle of a spot with one view: 60 degrees, texels 4 times as dense at the edge
+# Spots with a half angle above 60 degrees, this cosine, get several views: texels of one view would be 4 times as dense
+# at its edge as at its centre.
+WIDEST_COSINE = 0.5
 DIMMEST_SIDE = 1 / 8  # least side over that of the most important light of its kind: tools/README.md, "Constants"
 PROBES = 64  # surface points at which lights are compared: tools/README.md, "Constants"
 ROUNDING = 1e-6  # of cosines: 17 roundings of float32
@@ -71,7 +73,9 @@ class ShadowSettings:
         presets={"low": 64, "high": 256},
     )
     cascades: int | None = setting(
-        None, "Shadow maps of a sun, from near the camera to the whole scene; none: as the view needs.", range=(1, 4)
+        None,
+        "Shadow maps of a sun, from near the camera to the whole scene; none: automatic, by the view.",
+        range=(1, 4),
     )
 
 

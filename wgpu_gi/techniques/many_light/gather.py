@@ -35,7 +35,10 @@ class GatherSettings:
     """Gathering of light from VPLs."""
 
     interleave: int = setting(
-        4, "Side of the squares of pixels that divide the VPLs among them.", "pixels", range=(1, 8)
+        4,
+        "Side n of squares of pixels: each pixel uses 1 / n^2 of the VPLs, a square uses all.",
+        "pixels",
+        range=(1, 8),
     )
     culling: str = setting(
         "tiled",
@@ -50,7 +53,9 @@ class GatherSettings:
     )
     rays: int = setting(1, "Rays per pixel with visibility `sampled`.", "rays", range=(1, 8), presets={"high": 4})
     clamping: str = setting(
-        "disc", "Bound of near VPLs' light: by a disc of the VPL's area, or none.", choices=("disc", "none")
+        "disc",
+        "Bound on the light of near VPLs: that of a disc of the VPL's area (disc), or none.",
+        choices=("disc", "none"),
     )
     compensation: bool = setting(False, "Add the light that the bound removes, from near surfaces in screen space.")
 
@@ -59,7 +64,8 @@ class GatherSettings:
 class NearField:
     """The part of the light that the near field finds in screen space and gathering leaves out.
 
-    shares: of each VPL's light at distance 0, in the rows of the table. radius: r_max, heights of the picture.
+    shares: for each VPL, the share of its light at distance 0, laid out as the VPL table. radius: r_max, heights of the
+    picture.
     """
 
     shares: Texture

@@ -54,7 +54,7 @@ class IsmSettings:
     refine: bool = setting(True, "Trace a ray per 2 x 2 texels in cells with silhouettes of large triangles.")
     points: int | None = setting(
         None,
-        f"Surface points drawn into each map; none: {DEFAULT_POINTS['pull-push']} with pull-push, 0 with splat.",
+        f"Surface points drawn into each map; none: automatic, {DEFAULT_POINTS['pull-push']} with pull-push, else 0.",
         "points",
         range=(0, 65536),
     )

@@ -38,9 +38,9 @@ class SearchResult:
     """Hits of the directions from a grid of pixels, every `stride`-th of every `stride`-th row.
 
     light: unoccluded share of the environment, (r, g, b, depth of `shared/denoise/plane.wgsl`). normals: packed by that
-    file. hits: the surfaces found from the first layer, packed by `ssdo/hit_code.wgsl`. unoccluded: divisor of `light`
-    once both are blurred; None: `light` is already a share. guide: for upsampling the grid. unrepresented_hits: hits of
-    the directions from unrepresented pixels.
+    file. hits: the surfaces found from the first layer, packed by `ssdo/hit_code.wgsl`. unoccluded: the environment's
+    light without occlusion; after the blur of both the share is light / unoccluded. None: `light` is already the share.
+    guide: for upsampling the grid. unrepresented_hits: hits of the directions from unrepresented pixels.
     """
 
     stride: int

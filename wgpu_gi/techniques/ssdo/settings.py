@@ -22,15 +22,15 @@ class SsdoSettings:
     bounce: bool = setting(True, "Add the light that the occluders reflect.")
     sampling: str = setting(
         "cosine",
-        "Sampling of directions: all by the cosine, with a filtered environment, or every other by importance sampling"
-        " of the environment, unfiltered.",
+        "Sampling of directions: by the cosine, with a filtered environment (cosine), or half of them by importance"
+        " sampling of the sharp environment (environment).",
         choices=("cosine", "environment"),
     )
     layers: int = setting(1, "Layers of depth peeling.", "layers", range=(1, MAX_LAYERS), presets={"high": 2})
     cameras: int | None = setting(
         None,
-        "Further cameras that show occluders out of view; none: one, or three if there is an environment, which"
-        " geometry above and behind the camera can hide.",
+        "Further cameras that show occluders out of view; none: automatic, one, or three if there is an environment,"
+        " because geometry above and behind the camera can occlude it.",
         "cameras",
         range=(0, MAX_CAMERAS),
         presets={"low": 0},

@@ -24,7 +24,10 @@ TILE_THREADS = int(load("ssil/light_levels.wgsl").constants["TILE_THREADS"])
 
 @dataclass(frozen=True)
 class SentLight:
-    """codes: light of all levels, W/sr, from the first on. peak: the brightest light, and the threshold of no light."""
+    """codes: light of all levels, W/sr, from the first on.
+
+    peak: two floats, the brightest light of the bounce and the value below which the bounce is skipped.
+    """
 
     codes: Buffer
     peak: Buffer
@@ -33,7 +36,9 @@ class SentLight:
 def declare_sent_light(
     graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, levels: Levels, direct: Buffer, has_reflectors: bool
 ) -> tuple[SentLight, Buffer]:
-    """Declare the light that surfaces send from `direct` light, and the reflectors: light over irradiance, m2/sr.
+    """Declare the light that surfaces send from `direct` light, and the reflectors.
+
+    A reflector is reflectance times area over pi, m2/sr: light = reflector x irradiance.
 
     Without `has_reflectors` the reflectors are empty.
     """

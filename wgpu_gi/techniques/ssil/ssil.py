@@ -43,7 +43,8 @@ class SsilSettings:
     )
     radius: float | None = setting(
         None,
-        "Radius of the disc and rings, in pixels of their level; none: twice the least radius that covers the screen.",
+        "Radius of the disc and rings, in pixels of their level; none: automatic, so that the second-coarsest ring"
+        " spans the picture.",
         "pixels",
         range=(1, 8192),
     )

@@ -36,8 +36,8 @@ class VoxelSettings:
     step: float = setting(1.0, "Step of a march between two surfaces.", "cells", range=(0.25, 8), presets={"low": 2.0})
     coarser: int | None = setting(
         None,
-        "Levels by which the finest grid is coarser than the start level; none: 1, or 0 if 1 would leave fewer"
-        f" than {LEAST_CELLS} cells across the picture.",
+        "Levels by which the finest grid is coarser than the start level; none: automatic, 1, or 0 if 1 would leave"
+        f" fewer than {LEAST_CELLS} cells across the picture.",
         "levels",
         range=(0, 2),
         presets={"low": 1, "high": 0},

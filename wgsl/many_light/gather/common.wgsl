@@ -30,8 +30,8 @@ struct Params {
     near_radius: f32, // r_max of the near field, heights of the picture
 }
 
-// The mean bound of the VPLs that light a pixel is `bounds` / `weights`, m2, weighted by the light that the bound
-// removes.
+// Sums for the compensation: `bounds` / `weights` is the mean bound at a pixel, m2; VPLs that lose more light to the
+// bound count more.
 struct BoundSums {
     bounds: vec4f,   // of four pixels
     weights: vec4f,

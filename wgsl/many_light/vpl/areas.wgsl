@@ -2,10 +2,10 @@
 // the same surface. The area bounds the light of near VPLs, so it must be the VPL's own part of the surface.
 //
 // A'_k = A_k / max(1, sum_j [|x_j - x_k| < sqrt(2) r_j] / 2) over the VPLs j of similar normals, pi r_j^2 = A_j: the
-// density of VPLs, estimated by discs of twice the area that count half. Every n-th VPL represents n. In: resampled
-// VPLs. Out: the same VPLs with areas that cover each surface about once, m2. Errs large: discs that reach over a
-// surface's edge find too few VPLs. In a box lit by 40 lamps the areas sum to twice the walls' area, instead of 40
-// times.
+// VPLs whose doubled discs cover it, halved. To save time only every n-th VPL is tested, and counts n times. In:
+// resampled VPLs. Out: the same VPLs with areas that cover each surface about once, m2. Errs large: discs that reach
+// over a surface's edge find too few VPLs. In a box lit by 40 lamps the areas sum to twice the walls' area, instead of
+// 40 times.
 #import "many_light/vpl/table.wgsl"
 
 @group(1) @binding(11) var resampled: texture_storage_2d<rgba32uint, read>;

@@ -30,7 +30,7 @@ override RATIO: bool = false;  // output light over `glossy`
 // that bend by 14 degrees stay together. Smaller values leave more noise in a single frame of Sponza, larger ones leak
 // at edges. tools/README.md, "Constants".
 const OFF_PLANE: f32 = 0.25;
-// A neighbour has weight 0 if the cosine of the normals is below 1 minus the inverse of this: 37 degrees, as in Linke
+// A neighbour has weight 0 if the cosine of the normals is below 1 - 1 / PER_NORMAL = 0.8, 37 degrees, as in Linke
 // 2016.
 const PER_NORMAL: f32 = 5.0;
 

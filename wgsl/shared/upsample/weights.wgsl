@@ -1,9 +1,9 @@
 // Joint bilateral upsampling (Kopf et al. 2007): the weights of the four coarse pixels around a fine pixel.
 //
-// w_k = (b_k + WEIGHT_FLOOR) (s_k + WEIGHT_FLOOR). b_k is the bilinear weight, s_k the similarity of both surfaces, 0
-// to 1: s_k =
-// max(1 - d_k^2, 0) max(n . n_k, 0), where d_k is the distance of the coarse surface from the tangent plane of the
-// fine one, in widths of a coarse pixel. Errs where no coarse pixel shows the surface: the most similar pixels count.
+// w_k = (b_k + WEIGHT_FLOOR) (s_k + WEIGHT_FLOOR), b_k the bilinear weight, s_k in 0 to 1 the similarity of both
+// surfaces: s_k = max(1 - d_k^2, 0) max(n . n_k, 0), d_k the distance of the coarse surface from the tangent plane of
+// the fine one, in widths of a coarse pixel. Errs where no coarse pixel shows the surface: the most similar pixels
+// count.
 #import "scene/info.wgsl"
 
 override COARSE_STRIDE: u32 = 2u;       // fine pixels along the side of a coarse one
