@@ -54,7 +54,7 @@ LLVM 19 or newer, on Debian apt-get install libllvm19, elsewhere its library nam
 OLDEST_LLVM = 19
 LLVM_PLACES = ("/usr/lib/*/libLLVM*", "/usr/lib64/libLLVM*", "/usr/lib/libLLVM*", "/usr/lib/llvm-*/lib/libLLVM*")
 
-# Paths that are traced together; bounds the memory. Chosen.
+# Paths that are traced together; bounds the memory.
 MOST_PATHS = 1 << 21
 
 # The other samplers have half of its variance, but are biased if a run has few samples: in a closed box, at 64 samples

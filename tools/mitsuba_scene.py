@@ -26,7 +26,7 @@ Words = dict[str, Any]  # what mitsuba.load_dict takes
 WIDEST_SPOT = math.radians(80.0)
 SPOT_PIXELS = 2048
 
-# The mask is cut at up to 8 x 8 points a texel, as long as the picture stays below this side. Chosen.
+# The mask is cut at up to 8 x 8 points a texel, as long as the picture stays below this side.
 MASK_STEPS = 8
 MASK_SIDE = 8192
 

@@ -29,7 +29,7 @@ LAYERS = [
     ("errors", "resources", "version", "webgpu_limits"),
 ]
 LEVEL = {unit: len(LAYERS) - number for number, units in enumerate(LAYERS) for unit in units}
-# Likewise within `techniques`: the systems stand beside one another, on the deferred base and what all share.
+# The layers within `techniques`: the systems stand beside one another, on the deferred base and what all share.
 TECHNIQUE_LAYERS = [("many_light", "ssil", "ssao", "reference"), ("ssdo",), ("deferred",), ("shared",)]
 TECHNIQUE_LEVEL = {name: -number for number, names in enumerate(TECHNIQUE_LAYERS) for name in names}
 MIRRORED = ("deferred", "many_light", "ssdo", "ssil", "reference", "shared")
