@@ -14,6 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import GiError
+from .float_limits import LARGEST_YFOV, MAX_COORDINATE, SMALLEST_YFOV
+
+YFOV_DEG = math.degrees(SMALLEST_YFOV), math.degrees(LARGEST_YFOV)  # range of full vertical angles
 
 
 @dataclass
@@ -41,15 +44,14 @@ class Camera:
         """Return a perspective camera at `position` (metres) that looks at `target`.
 
         An `up` parallel to the view direction is replaced by another axis. Raises GiError if position and target
-        coincide, a value is not finite, or the angle is outside (0, 180) degrees.
+        coincide, a value is not finite or out of range, or the angle is not between 0 and 180 degrees.
         """
         # Check the arguments.
-        eye, aim, upward = (np.asarray(v, np.float64) for v in (position, target, up))
-        for label, value in (("position", eye), ("target", aim), ("up", upward)):
-            if value.shape != (3,) or not np.isfinite(value).all():
-                raise GiError(f"camera {name!r}: {label} must be three finite numbers")
-        if not 0.0 < yfov_deg < 180.0:
-            raise GiError(f"camera {name!r}: yfov_deg must lie between 0 and 180, not {yfov_deg}")
+        eye, aim = _point(name, "position", position), _point(name, "target", target)
+        upward = _point(name, "up", up, math.inf)
+        upward /= max(float(np.abs(upward).max()), 1e-300)
+        if not isinstance(yfov_deg, (int, float, np.number)) or not YFOV_DEG[0] <= yfov_deg <= YFOV_DEG[1]:
+            raise GiError(f"camera {name!r}: yfov_deg must lie between {YFOV_DEG[0]:.4f} and {YFOV_DEG[1]:.4f} degrees")
         # Build the axes: the camera's +Z points away from the target.
         back = eye - aim
         length = float(np.linalg.norm(back))
@@ -57,7 +59,7 @@ class Camera:
             raise GiError(f"camera {name!r}: position and target are the same point; move one of them")
         back /= length
         right = np.cross(upward, back)
-        if np.linalg.norm(right) < 1e-9 * max(float(np.linalg.norm(upward)), 1e-300):
+        if np.linalg.norm(right) < 1e-9:
             # The view is parallel to `up`: use -Z for a vertical view (a camera tilted down from the front), else +Y.
             right = np.cross((0.0, 0.0, -1.0) if abs(back[1]) > 0.5 else (0.0, 1.0, 0.0), back)
         right /= np.linalg.norm(right)
@@ -102,3 +104,15 @@ class Camera:
         clip[0] += (1.0 - 2.0 * offset[0]) / size[0] * clip[3]
         clip[1] -= (1.0 - 2.0 * offset[1]) / size[1] * clip[3]
         return clip
+
+
+def _point(camera: str, label: str, value: Sequence[float], limit: float = MAX_COORDINATE) -> NDArray[np.float64]:
+    """Return three finite numbers of at most `limit`. Raises GiError for anything else."""
+    try:
+        numbers = np.array(value, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        numbers = np.zeros(0)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all() or np.abs(numbers).max() > limit:
+        most = "" if limit == math.inf else f" of at most {limit:g} m"
+        raise GiError(f"camera {camera!r}: {label} must be three finite numbers{most}")
+    return numbers

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from .errors import GiError
 from .gpu.device import Device
+from .scene.rules import is_whole, shown
 from .settings import setting
 from .techniques import deferred, many_light, reference, ssao, ssdo, ssil
 from .techniques.deferred.direct import DirectSettings
@@ -77,7 +78,7 @@ class Settings:
 
 def technique_of(gi: str) -> Technique:
     """Return a technique by its name. Raises GiError if there is none."""
-    if gi not in TECHNIQUES:
+    if not isinstance(gi, str) or gi not in TECHNIQUES:
         raise GiError(f"gi must be one of {', '.join(TECHNIQUES)}, not {gi!r}")
     return TECHNIQUES[gi]
 
@@ -97,8 +98,11 @@ def picture_count(settings: Settings) -> int:
     return settings.camera.frames if varies and not technique.averages_samples else 1
 
 
-def check_size(width: int, height: int, device: Device | None = None) -> None:
-    """Raise GiError if a picture of this size cannot be rendered, in general or on `device`."""
+def check_size(size: tuple[int, int], device: Device | None = None) -> None:
+    """Raise GiError if a picture of this size (width, height) cannot be rendered, in general or on `device`."""
+    if not isinstance(size, (tuple, list)) or len(size) != 2 or not all(map(is_whole, size)):
+        raise GiError(f"size must be (width, height) in whole pixels, not {shown(size)}")
+    width, height = size
     if width < 1 or height < 1:
         raise GiError(f"size {width}x{height}: a picture has at least 1x1 pixels")
     if width > MAX_TEXTURE_SIDE or height > MAX_TEXTURE_SIDE or width * height > MAX_PIXELS:

@@ -23,7 +23,9 @@ from .gpu.wgsl.load import refresh
 from .options import TECHNIQUES, Settings, check_size, picture_count, technique_of
 from .pictures.picture import Picture
 from .pictures.tables import Table
+from .scene.check import check_camera, check_scene, check_structure
 from .scene.files.camera_files import framing_camera
+from .scene.rules import shown
 from .scene.scene import Scene
 from .settings import apply_quality, validate
 from .techniques.shared.composite import MEANS
@@ -53,13 +55,16 @@ class Renderer:
         settings: Settings | None = None,
         adapter: str | None = None,
     ) -> None:
-        """Open the adapter (by part of its name, or the best). Raises GiError for a bad size, or without an adapter."""
+        """Open the adapter (by part of its name, or the best). Raises GiError for bad values, or without an adapter."""
+        check_scene(scene)
         self.scene = scene
         self.size = size
-        self.camera = camera or (scene.cameras[0] if scene.cameras else framing_camera(scene))
-        self.settings = settings or Settings()
+        self.camera = camera if camera is not None else (scene.cameras[0] if scene.cameras else framing_camera(scene))
+        self.settings = Settings() if settings is None else settings
+        self._checked: Settings | None = None  # a copy of the last settings that were valid
+        self._check_values()
         self._device = open_device(adapter, large_buffers=True)
-        check_size(*size, self._device)
+        check_size(size, self._device)
         self._graph = Graph(self._device)
         self._shaders = refresh()  # which version of the shader files is in use
         self._upload: SceneUpload | None = None
@@ -168,6 +173,7 @@ class Renderer:
 
         `force` runs every pass that `show` needs, changed or not.
         """
+        self._check_values()
         shown = self.buffers if show is None else show
         self._check_buffers(shown)
         try:
@@ -255,6 +261,7 @@ class Renderer:
 
     def _prepare(self, show: tuple[str, ...], force: bool) -> None:
         """Upload what changed; redeclare the frame if its passes changed."""
+        check_size(self.size, self._device)
         settings = replace(self.settings, exposure=self.exposure)
         scene = Fingerprint(self.scene)
         camera = self.camera
@@ -269,12 +276,8 @@ class Renderer:
             return
         # One more step after the last change sets all motion to zero.
         self._rested = same
-        check_size(*self.size, self._device)
         known = before[len(seen)] if before else None
-        if settings != known:
-            validate(settings)
-            known = _copy(settings)
-        inputs = (*seen, known)
+        inputs = (*seen, known if settings == known else _copy(settings))
         goes_on, up_to_date = same, None
         if still and not same:
             # Only settings differ: keep the frames averaged so far unless a pass of the mean has become stale.
@@ -329,7 +332,23 @@ class Renderer:
             )
         return self._sources[name]
 
+    def _check_values(self) -> None:
+        """Raise GiError for settings, a size, a camera or a scene that cannot be rendered.
+
+        The values of a scene are checked when it is new, and when it is uploaded.
+        """
+        if not isinstance(self.settings, Settings):
+            raise GiError(f"settings must be Settings(...), not {shown(self.settings)}")
+        if self.settings != self._checked:
+            validate(self.settings)
+            self._checked = _copy(self.settings)
+        check_size(self.size)
+        check_camera(self.camera)
+        check_structure(self.scene)
+
     def _check_buffers(self, names: Iterable[str]) -> None:
+        if not isinstance(names, (tuple, list)):
+            raise GiError(f"show must be a tuple of names, such as ('radiance',), not {shown(names)}")
         for name in names:
             if name not in (*self.buffers, *views_of(self.settings.gi), "display"):
                 raise GiError(f"--gi {self.settings.gi} has no buffer {name!r}; it has {', '.join(self.buffers)}")
@@ -362,7 +381,9 @@ def render(
     Arguments override `settings` where they are given. `quality` (low, medium, high) overrides all settings that have
     presets. Raises GiError for bad values.
     """
-    chosen = deepcopy(settings) or Settings()
+    chosen = Settings() if settings is None else deepcopy(settings)
+    if not isinstance(chosen, Settings):
+        raise GiError(f"settings must be Settings(...), not {shown(chosen)}")
     for name, value in (("gi", gi), ("spp", spp), ("bounces", bounces), ("seed", seed), ("diffuse", diffuse)):
         if value is not None:
             setattr(chosen, name, value)

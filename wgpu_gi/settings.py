@@ -154,13 +154,16 @@ def cells_of(rows: Sequence[Row]) -> list[tuple[str, str, str]]:
 
 
 def _fields(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any, dataclasses.Field]]:
-    """Yield (dotted name, owner, field) of every setting, entering sections."""
+    """Yield (dotted name, owner, field) of every setting, entering sections. Raises GiError for one of a wrong type."""
     for field in dataclasses.fields(settings):
         path = f"{prefix}.{field.name}" if prefix else field.name
         if "sentence" in field.metadata:
             yield path, settings, field
-        elif dataclasses.is_dataclass(getattr(settings, field.name)):
-            yield from _fields(getattr(settings, field.name), path)
+        elif isinstance(kind := _type_of(settings, field), type) and dataclasses.is_dataclass(kind):
+            section = getattr(settings, field.name)
+            if not isinstance(section, kind):
+                raise GiError(f"{path} must be {kind.__name__}(...), not a {type(section).__name__}")
+            yield from _fields(section, path)
 
 
 def _type_of(owner: Any, field: dataclasses.Field) -> Any:

@@ -415,7 +415,7 @@ def test_scene_without_lights_is_black_but_seen():
         (lambda s: setattr(s.instances[0], "world_from_local", np.full((4, 4), np.nan)), "instance 'floor'"),
         (lambda s: setattr(s.lights[0], "intensity", -1.0), "light 'point'"),
         (lambda s: setattr(material(s, "ball"), "roughness", np.nan), "material 'ball'"),
-        (lambda s: setattr(s.instances[0].mesh, "materials", []), "mesh ''"),
+        (lambda s: setattr(s.instances[0].mesh, "materials", []), "mesh.materials"),
     ],
 )
 def test_bad_values_raise_and_the_renderer_recovers(change, message):

@@ -26,7 +26,7 @@ LAYERS = [
     ("upload",),
     ("scene", "gpu"),
     ("settings", "camera", "pictures"),
-    ("errors", "resources", "version", "webgpu_limits"),
+    ("errors", "float_limits", "resources", "version", "webgpu_limits"),
 ]
 LEVEL = {unit: len(LAYERS) - number for number, units in enumerate(LAYERS) for unit in units}
 # The layers within `techniques`: the systems stand beside one another, on the deferred base and what all share.

@@ -309,3 +309,13 @@ def test_truncation_gives_an_error_or_a_mesh(tmp_path, content):
         except GiError:
             continue
         assert np.isfinite(scene.bounds()).all()
+
+
+def test_a_damaged_normal_of_text_stl_is_ignored_silently(tmp_path, capfd):
+    """Normals of STL files are not used; trimesh reports them to its log."""
+    text = "solid a\nfacet normal 0 x 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    path = tmp_path / "a.stl"
+    path.write_text(text + "endsolid a\n")
+    assert load_mesh_file(path).triangle_count == 1
+    captured = capfd.readouterr()
+    assert captured.out == captured.err == ""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from helpers.medley import at
 
-from wgpu_gi.errors import GiError
 from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
 from wgpu_gi.upload import top_level
@@ -378,31 +377,6 @@ def test_vertex_attributes_and_flags(dtypes):
     assert np.array_equal(data.vertices["texcoord1"], mesh.texcoords1)
     (plain,) = prepare_meshes([box((0, 0, 0), (1, 1, 1))], dtypes["vertices"])
     assert not plain.flags.any() and (plain.vertices["color"] == 0xFFFFFFFF).all()
-
-
-@pytest.mark.parametrize(
-    ("broken", "message"),
-    [
-        ({"positions": np.full((4, 3), np.nan, np.float32)}, "positions must be finite"),
-        ({"positions": np.zeros((4, 2), np.float32)}, r"positions must be \(n, 3\)"),
-        ({"triangles": np.array([[0, 1, 4]], np.uint32)}, "vertices that it does not have; it has 4"),
-        ({"triangles": np.array([[0, 1, -1]])}, "vertices that it does not have"),
-        ({"materials": []}, "materials that it does not have; it has 0"),
-        ({"material_of_triangle": np.array([0, 1])}, "materials that it does not have; it has 1"),
-        ({"material_of_triangle": np.array([0])}, "an entry for each triangle"),
-        ({"normals": np.zeros((3, 3))}, r"normals must be finite and \(4, 3\)"),
-        ({"texcoords1": np.full((4, 2), np.inf)}, "texcoords1 must be finite"),
-    ],
-)
-def test_inconsistent_arrays_raise(dtypes, broken, message):
-    mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), name="sail")
-    for name, value in broken.items():
-        setattr(mesh, name, value)
-    hierarchy, good = TwoLevelBvh(dtypes), some_instances()
-    update(hierarchy, good)
-    with pytest.raises(GiError, match=f"^mesh 'sail': .*{message}"):
-        hierarchy.update([*good, Instance(mesh)], material_index([*good, Instance(mesh)]))
-    update(hierarchy, good)
 
 
 def test_the_grid_spans_any_bounds():

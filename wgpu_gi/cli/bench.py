@@ -141,7 +141,7 @@ def size_from(arguments: Namespace, scenes: list[str]) -> tuple[int, int]:
                 f"{arguments.truth} is {stored[0]}x{stored[1]}, but --size asks for {size[0]}x{size[1]}; leave it out"
             )
         size = stored
-    check_size(*size)
+    check_size(size)
     return size
 
 

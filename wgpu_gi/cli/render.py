@@ -24,7 +24,7 @@ def render(arguments: Namespace) -> int:
         return 0
     # Check the arguments before any slow step.
     shown = checked_buffers(arguments.show or ["radiance"], settings.gi)
-    check_size(*arguments.size)
+    check_size(arguments.size)
     say = Messages(arguments.verbose, arguments.quiet)
     if arguments.frames is not None:
         from .frames import render_frames

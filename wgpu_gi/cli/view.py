@@ -17,7 +17,7 @@ def view(arguments: Namespace) -> int:
     if list_names(arguments):
         return 0
     settings = settings_from(arguments, FIRST)
-    check_size(*arguments.size)
+    check_size(arguments.size)
     try:
         from ..viewer import app, window
         from ..viewer.session import Session

@@ -1,99 +1,285 @@
-"""Checks the values of scenes and cameras, since code may set any value; loaders check files earlier."""
+"""Checks every value of scenes and cameras, since code may set any value; loaders check files earlier.
+
+A message names the value as Python does: `scene.lights[2].intensity must be a number from 0 to 1e+20, not -1`.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import GiError
-from .scene import Environment, Instance, Light, Material, Scene, SpotLight
+from ..float_limits import (
+    LARGEST_FACTOR,
+    LARGEST_HEIGHT,
+    LARGEST_LIGHT,
+    LARGEST_YFOV,
+    MAX_COORDINATE,
+    SMALLEST_HEIGHT,
+    SMALLEST_YFOV,
+)
+from ..webgpu_limits import MAX_TEXTURE_SIDE
+from .mesh_check import materials_fault, mesh_fault, reach_of
+from .rules import Rule, array, choice, fault_of, flag, instance_of, items, number, optional, shown, text, vector
+from .scene import (
+    DirectionalLight,
+    Environment,
+    Image,
+    Instance,
+    Light,
+    Material,
+    Mesh,
+    PointLight,
+    Scene,
+    SpotLight,
+    Texture,
+)
 
 # float64 cannot invert a transform whose determinant is below this, with its largest entry scaled to 1.
 SINGULAR = 1e-15
+_LAST_ROW = (0.0, 0.0, 0.0, 1.0)  # of an affine transform
+_NOT_RIGID = 1e-3  # of a camera's axes from unit length and right angles: above the rounding of float32 products
+
+_SCENE = {
+    "instances": items(Instance),
+    "lights": items(PointLight, SpotLight, DirectionalLight),
+    "environment": optional(instance_of(Environment)),
+    "cameras": items(Camera),
+    "name": text,
+    "notes": items(str),
+}
+_COLOR = vector(3, 0, LARGEST_LIGHT)
+_LIGHT = {"intensity": number(0, LARGEST_LIGHT), "color": _COLOR, "name": text}
+_POSITION = vector(3, -MAX_COORDINATE, MAX_COORDINATE)
+_RANGE = Rule(lambda v: v is None or v == math.inf or number(0, MAX_COORDINATE).allows(v), "None or a number of metres")
+_DIRECTION = Rule(lambda v: vector(3).allows(v) and any(v), "3 finite numbers, not all of them zero")
+_ANGLE = number(0, math.pi, "radians")
+_POINT = {"position": _POSITION, "range": _RANGE, **_LIGHT}
+_SPOT = {**_POINT, "direction": _DIRECTION, "inner_cone_angle": _ANGLE, "outer_cone_angle": _ANGLE}
+_SUN = {"direction": _DIRECTION, **_LIGHT}
+_ENVIRONMENT = {
+    "color": _COLOR,
+    "image": optional(array("numbers", None, None, 3)),
+    "rotation": number(unit="radians"),
+    "name": text,
+}
+_TEXTURES = (
+    "base_color_texture",
+    "metallic_roughness_texture",
+    "normal_texture",
+    "occlusion_texture",
+    "emission_texture",
+)
+_MATERIAL = {
+    "name": text,
+    "base_color": vector(4, 0, 1),
+    "metallic": number(0, 1),
+    "roughness": number(0, 1),
+    "emission": _COLOR,
+    "alpha_mode": choice("opaque", "mask"),
+    "alpha_cutoff": number(-LARGEST_FACTOR, LARGEST_FACTOR),
+    "double_sided": flag,
+    "unlit": flag,
+    "normal_scale": number(-LARGEST_FACTOR, LARGEST_FACTOR),
+    **dict.fromkeys(_TEXTURES, optional(instance_of(Texture))),
+}
+_PAIR = vector(2, -LARGEST_FACTOR, LARGEST_FACTOR)
+_WRAP = choice("repeat", "clamp", "mirror")
+_TEXTURE = {
+    "image": instance_of(Image),
+    "wrap_u": _WRAP,
+    "wrap_v": _WRAP,
+    "filter": choice("linear", "nearest"),
+    "texcoord": choice(0, 1),
+    "offset": _PAIR,
+    "scale": _PAIR,
+    "rotation": number(unit="radians"),
+}
+_IMAGE = {"pixels": array("uint8", None, None, 4), "name": text}
+_CAMERA = {
+    "yfov": number(SMALLEST_YFOV, LARGEST_YFOV, "radians"),
+    "orthographic_height": optional(number(SMALLEST_HEIGHT, LARGEST_HEIGHT, "m")),
+    "name": text,
+}
+
+_BRIGHTEST: WeakKeyDictionary[Environment, tuple[Any, float]] = WeakKeyDictionary()  # image, and its largest value
+
+
+def check_structure(scene: Scene) -> None:
+    """Raise GiError unless the scene consists of the right objects; their values are not checked. Takes little time."""
+    if not isinstance(scene, Scene):
+        raise GiError(f"the scene must be a Scene, not {shown(scene)}; gi.load makes one")
+    _raise("scene", scene, fault_of(scene, _SCENE))
+    for name, kind in (("mesh", Mesh), ("name", str)):
+        kinds = [type(getattr(instance, name)) for instance in scene.instances]
+        if not all(issubclass(found, kind) for found in set(kinds)):
+            k = next(k for k, found in enumerate(kinds) if not issubclass(found, kind))
+            wrong = shown(getattr(scene.instances[k], name))
+            raise GiError(f"scene.instances[{k}].{name} must be a {kind.__name__}, not {wrong}")
+    for where, mesh in _meshes(scene):
+        _raise(where, mesh, materials_fault(mesh))
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise GiError for invalid values: singular transforms, negative light, reflectance above 1, NaN."""
+    """Raise GiError for the first value that cannot be rendered: a wrong type, NaN, negative light, out of range."""
+    check_structure(scene)
+    known: set[int] = set()
+    for where, mesh in _meshes(scene):
+        _raise(where, mesh, mesh_fault(mesh))
+        for k, material in enumerate(mesh.materials):
+            if id(material) not in known:
+                known.add(id(material))
+                _raise(f"{where}.materials[{k}]", material, _material_fault(material))
     _check_instances(scene.instances)
-    for light in scene.lights:
-        _check_light(light)
-    for material in scene.materials:
-        _check_material(material)
+    for k, light in enumerate(scene.lights):
+        _raise(f"scene.lights[{k}]", light, _light_fault(light))
     if scene.environment is not None:
-        _check_environment(scene.environment)
+        _raise("scene.environment", scene.environment, _environment_fault(scene.environment))
+
+
+def check_camera(camera: Camera, where: str = "camera") -> None:
+    """Raise GiError for a camera that sees nothing: not finite, not rigid, no angle, no height."""
+    if not isinstance(camera, Camera):
+        raise GiError(f"{where} must be a Camera, not {shown(camera)}")
+    fault = fault_of(camera, _CAMERA)
+    matrix = _matrix(camera.world_from_view)
+    if matrix is None:
+        fault = f"world_from_view must be a finite (4, 4) matrix, not {shown(camera.world_from_view)}"
+    elif not (np.abs(matrix) <= MAX_COORDINATE).all() or not _is_rigid(matrix):
+        fault = f"world_from_view must be a rotation and a translation of at most {MAX_COORDINATE:g} m, without scale"
+    _raise(where, camera, fault)
+
+
+def _is_rigid(matrix: NDArray[np.float64]) -> bool:
+    """Tell whether a matrix keeps lengths; it may mirror."""
+    axes = matrix[:3, :3]
+    return bool(np.abs(axes.T @ axes - np.eye(3)).max() < _NOT_RIGID) and np.allclose(matrix[3], _LAST_ROW, atol=1e-6)
+
+
+def _raise(where: str, owner: Any, fault: str | None) -> None:
+    """Raise GiError for a fault that begins with a field of `owner`, which is at `where`."""
+    if fault is not None:
+        raise GiError(f"{where}.{fault}{_named(owner)}")
+
+
+def _named(owner: Any) -> str:
+    """Return class and name of an object in brackets, nothing without a name."""
+    name = getattr(owner, "name", "")
+    return f" ({type(owner).__name__.lower()} {name[:60]!r})" if isinstance(name, str) and name else ""
+
+
+def _meshes(scene: Scene) -> list[tuple[str, Mesh]]:
+    """Return the distinct meshes, each with the place of its first use."""
+    first: dict[int, int] = {}
+    for k, instance in enumerate(scene.instances):
+        first.setdefault(id(instance.mesh), k)
+    return [(f"scene.instances[{k}].mesh", scene.instances[k].mesh) for k in first.values()]
 
 
 def _check_instances(instances: list[Instance]) -> None:
-    # Check all transforms at once, since this runs whenever one of many instances moves.
-    matrices = [np.asarray(i.world_from_local, np.float64) for i in instances]
-    for instance, matrix in zip(instances, matrices, strict=True):
-        if matrix.shape != (4, 4):
-            raise GiError(f"instance {instance.name!r}: world_from_local must be a (4, 4) matrix")
-    stacked = np.array(matrices).reshape(-1, 4, 4)
+    """Check all transforms at once, since this runs whenever one of many instances moves; meshes must be correct."""
+    if not instances:
+        return
+    # Find a transform that is no matrix.
+    try:
+        given = np.array([i.world_from_local for i in instances])
+    except ValueError:  # of different shapes
+        given = np.zeros(0)
+    stacked = given.astype(np.float64) if given.dtype.kind in "fiu" else np.zeros(0)
+    if stacked.shape != (len(instances), 4, 4) or not np.isfinite(stacked).all():
+        k, wrong = next((k, i) for k, i in enumerate(instances) if _matrix(i.world_from_local) is None)
+        value = shown(wrong.world_from_local)
+        _raise(f"scene.instances[{k}]", wrong, f"world_from_local must be a finite (4, 4) matrix, not {value}")
+    # Find one that projects, flattens its mesh or moves it too far.
     linear = stacked[:, :3, :3]
-    scale = np.abs(linear).max((1, 2), initial=0.0)[:, None, None]
-    with np.errstate(invalid="ignore"):
-        volume = np.abs(np.linalg.det(linear / np.where(scale > 0, scale, 1)))
-    finite: NDArray[np.bool_] = np.asarray(np.isfinite(stacked[:, :3]).all((1, 2)))
-    valid = finite & (volume > SINGULAR)
-    if not valid.all():
-        first = int(np.argmin(valid))
-        reason = "its transform is singular (flattens it); give it a scale above zero"
-        raise GiError(
-            f"instance {instances[first].name!r}: {reason if finite[first] else 'world_from_local must be finite'}"
-        )
+    meshes = {id(i.mesh): i.mesh for i in instances}
+    place = {key: k for k, key in enumerate(meshes)}
+    reach = np.array([reach_of(mesh) for mesh in meshes.values()])[[place[id(i.mesh)] for i in instances]]
+    with np.errstate(over="ignore", invalid="ignore"):
+        scale = np.abs(linear).max((1, 2))[:, None, None]
+        flat = np.abs(np.linalg.det(linear / np.where(scale > 0, scale, 1))) <= SINGULAR
+        extent = np.einsum("nij,nj->ni", np.abs(linear), reach) + np.abs(stacked[:, :3, 3])
+    for wrong_ones, sentence in (
+        (~np.isclose(stacked[:, 3], _LAST_ROW, atol=1e-6).all(1), "must be affine, with the last row 0 0 0 1"),
+        (flat, "must not be singular (it flattens the mesh); give it a scale above zero"),
+        (~(extent <= MAX_COORDINATE).all(1), f"must keep the mesh within {MAX_COORDINATE:g} m of the origin"),
+    ):
+        if wrong_ones.any():
+            k = int(np.argmax(wrong_ones))
+            _raise(f"scene.instances[{k}]", instances[k], f"world_from_local {sentence}")
 
 
-def _check_material(material: Material) -> None:
-    where = f"material {material.name!r}"
-    shares = [*material.base_color, material.metallic, material.roughness]
-    if len(material.base_color) != 4 or not all(0 <= v <= 1 for v in shares):
-        raise GiError(f"{where}: base_color (4 values), metallic and roughness must lie between 0 and 1")
-    _check_color(where, "emission", material.emission)
-    if not math.isfinite(material.alpha_cutoff) or not math.isfinite(material.normal_scale):
-        raise GiError(f"{where}: alpha_cutoff and normal_scale must be finite")
+def _matrix(value: Any) -> NDArray[np.float64] | None:
+    """Return a finite (4, 4) matrix; None for anything else."""
+    try:
+        matrix = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        return None
+    if matrix.dtype.kind not in "fiu" or matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        return None
+    return matrix.astype(np.float64)
 
 
-def _check_environment(environment: Environment) -> None:
-    where = f"environment {environment.name!r}"
-    _check_color(where, "color", environment.color)
-    if not np.isfinite(environment.rotation):
-        raise GiError(f"{where}: rotation must be finite")
-    if environment.image is not None and (np.ndim(environment.image) != 3 or environment.image.shape[2] != 3):
-        raise GiError(f"{where}: image must be (height, width, 3)")
+def _material_fault(material: Material) -> str | None:
+    fault = fault_of(material, _MATERIAL)
+    if fault is not None:
+        return fault
+    for slot in _TEXTURES:
+        texture = getattr(material, slot)
+        if texture is not None and (fault := _texture_fault(texture)) is not None:
+            return f"{slot}.{fault}"
+    return None
 
 
-def check_camera(camera: Camera) -> None:
-    """Raise GiError for a camera that sees nothing: not finite, no angle, no height."""
-    matrix = np.asarray(camera.world_from_view, np.float64)
-    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise GiError(f"camera {camera.name!r}: world_from_view must be a finite (4, 4) matrix")
-    if camera.orthographic_height is None:
-        if not 0 < camera.yfov < np.pi:
-            raise GiError(f"camera {camera.name!r}: yfov must lie between 0 and pi radians, not {camera.yfov}")
-    elif not 0 < camera.orthographic_height < np.inf:
-        raise GiError(
-            f"camera {camera.name!r}: orthographic_height must be above 0 m, not {camera.orthographic_height}"
-        )
+def _texture_fault(texture: Texture) -> str | None:
+    fault = fault_of(texture, _TEXTURE)
+    if fault is not None:
+        return fault
+    image = texture.image
+    fault = fault_of(image, _IMAGE) or size_fault("pixels", image.pixels)
+    return None if fault is None else f"image.{fault}{_named(image)}"
 
 
-def _check_light(light: Light) -> None:
-    where = f"light {light.name!r}"
-    _check_color(where, "color", light.color)
-    if not 0 <= light.intensity < np.inf:
-        raise GiError(f"{where}: intensity must be finite and not negative")
-    for name in ("position", "direction"):
-        place = getattr(light, name, (0.0, 0.0, 0.0))
-        if len(place) != 3 or not np.isfinite(np.asarray(place, np.float64)).all():
-            raise GiError(f"{where}: {name} must be three finite numbers")
-    if isinstance(light, SpotLight) and not 0 <= light.inner_cone_angle <= light.outer_cone_angle <= np.pi:
-        raise GiError(f"{where}: its cone angles must satisfy 0 <= inner <= outer <= pi radians")
+def size_fault(name: str, pixels: NDArray[Any]) -> str | None:
+    """Return what is wrong with the size of an image (height, width, channels); None if nothing is."""
+    height, width = pixels.shape[:2]
+    if min(height, width) >= 1 and max(height, width) <= MAX_TEXTURE_SIDE:
+        return None
+    return f"{name} must have from 1 to {MAX_TEXTURE_SIDE} rows and columns, not {width}x{height}; scale the image"
 
 
-def _check_color(where: str, name: str, color: Sequence[float]) -> None:
-    if len(color) != 3 or not all(0 <= v < np.inf for v in color):
-        raise GiError(f"{where}: {name} must be three numbers, finite and not negative")
+def _light_fault(light: Light) -> str | None:
+    rules = _SUN if isinstance(light, DirectionalLight) else _SPOT if isinstance(light, SpotLight) else _POINT
+    fault = fault_of(light, rules)
+    if fault is not None:
+        return fault
+    if max(light.color) * float(light.intensity) > LARGEST_LIGHT:
+        return f"intensity times its color must be at most {LARGEST_LIGHT:g}"
+    if isinstance(light, SpotLight) and light.inner_cone_angle > light.outer_cone_angle:
+        return f"inner_cone_angle must be at most outer_cone_angle, {light.outer_cone_angle:g}"
+    return None
+
+
+def _environment_fault(environment: Environment) -> str | None:
+    fault = fault_of(environment, _ENVIRONMENT)
+    image = environment.image
+    if fault is not None or image is None:
+        return fault
+    # An image is treated as immutable once in use: check its pixels once.
+    known, brightest = _BRIGHTEST.get(environment, (None, 0.0))
+    if known is not image:
+        fault = size_fault("image", image)
+        if fault is not None:
+            return fault
+        darkest, brightest = float(image.min()), float(image.max())
+        if not 0 <= darkest <= brightest <= LARGEST_LIGHT:
+            return f"image must hold radiance from 0 to {LARGEST_LIGHT:g}, not from {darkest:g} to {brightest:g}"
+        _BRIGHTEST[environment] = image, brightest
+    if brightest * max(environment.color) > LARGEST_LIGHT:
+        return f"color times the brightest pixel of its image must be at most {LARGEST_LIGHT:g}"
+    return None

@@ -7,9 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# Coordinates beyond this, a tenth of a light-year in metres, are damage: squared distances must stay finite in float32.
-MAX_COORDINATE = 1e15
-
 # A triangle is degenerate if its doubled area over its squared longer edge is below this: no ray hits it, and its
 # float32 corners do not define which way it faces. Rounding of the float64 products is 1e-16 in this measure.
 _MIN_AREA_RATIO = 1e-12

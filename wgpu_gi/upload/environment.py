@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import GiError
 from ..scene.scene import Environment
-from ..webgpu_limits import MAX_TEXTURE_SIDE
 from .environment_cdf import environment_cdf
 from .resources import GpuResources
 
@@ -23,7 +21,7 @@ class EnvironmentUpload:
         self.cdf: NDArray[np.float32] | None = None  # None: there is nothing to sample
 
     def send(self, environment: Environment | None) -> None:
-        """Send what changed. Raises GiError for a map that is too large for a texture, or has invalid values.
+        """Send what changed.
 
         The image is compared by identity: it is immutable once in use. The table also depends on the colour.
         """
@@ -31,11 +29,6 @@ class EnvironmentUpload:
         color = tuple(environment.color) if environment else None
         new_image = "environment" not in self._resources or self._sent[0] is not image
         new_table = new_image or self._sent[1] != color
-        if image is not None and max(image.shape[:2]) > MAX_TEXTURE_SIDE:
-            raise GiError(
-                f"the environment map is {image.shape[1]} x {image.shape[0]} pixels; a texture has at most "
-                f"{MAX_TEXTURE_SIDE} a side: scale it down"
-            )
         if new_image:
             pixels = np.zeros((1, 1, 4), np.float32)
             if image is not None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import GiError
 from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import Environment
 
@@ -22,15 +21,11 @@ def environment_cdf(environment: Environment) -> NDArray[np.float32] | None:
     """Return the sampling table of an environment map, (rows, columns + 1) float32, or None without a map.
 
     Row r holds the conditional CDF of its columns; the last column holds the marginal CDF of the rows. Densities are
-    proportional to luminance times solid angle, plus UNIFORM_SHARE. Raises GiError for pixels that are negative or not
-    finite.
+    proportional to luminance times solid angle, plus UNIFORM_SHARE.
     """
     if environment.image is None:
         return None
-    image = np.asarray(environment.image)
-    if not (np.isfinite(image).all() and (image >= 0).all()):
-        raise GiError(f"environment {environment.name!r}: its pixels must be finite and not negative")
-    luminance = image @ (REC709_LUMINANCE * np.asarray(environment.color))
+    luminance = environment.image @ (REC709_LUMINANCE * np.asarray(environment.color))
     rows, columns = (min(n, CDF_WIDTH) for n in luminance.shape)
     # Average as the sampler filters: u wraps around, v is clamped.
     mean = _range_means(np.pad(luminance, ((1, 1), (0, 0)), "edge"), rows)

@@ -73,7 +73,9 @@ def _frozen(value: Any) -> Any:
     """Return a value that in-place changes cannot alter: lists, arrays and textures become tuples."""
     if isinstance(value, Texture):
         return value.image, _all_frozen(_texture_values(value))
-    return tuple(value) if isinstance(value, list | np.ndarray) else value
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return _all_frozen(tuple(value)) if isinstance(value, list) else value
 
 
 def _all_frozen(values: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import GiError
 from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
 from .emitters import EmittingPart, emitting_parts, exitance
@@ -36,10 +35,7 @@ class LightTable:
 
 
 def build_light_table(scene: Scene, hierarchy: TwoLevelBvh, cdf: NDArray | None, dtype: np.dtype) -> LightTable:
-    """Tabulate the lights of a scene whose BVH is up to date; `cdf` is the environment map's, or None.
-
-    Raises GiError for a light without direction.
-    """
+    """Tabulate the lights of a scene whose BVH is up to date; `cdf` is the environment map's, or None."""
     radius = max(hierarchy.radius, 1e-30)
     groups, group_of_material = _groups(scene, hierarchy, radius, dtype)
     if cdf is not None and scene.environment is not None:
@@ -124,12 +120,11 @@ def spot_falloff(light: SpotLight) -> tuple[float, float]:
 
 
 def light_direction(light: DirectionalLight | SpotLight) -> NDArray[np.float64]:
-    """Return the unit direction in which the light travels. Raises GiError if it has none."""
+    """Return the unit direction in which the light travels."""
     v = np.asarray(light.direction, np.float64)
-    length = np.linalg.norm(v)
-    if v.shape != (3,) or not 0 < length < np.inf:
-        raise GiError(f"light {light.name!r}: its direction must be three finite numbers, not all of them zero")
-    return v / length
+    v = v / np.abs(v).max()  # so that squares neither overflow nor vanish
+    direction: NDArray[np.float64] = v / np.linalg.norm(v)
+    return direction
 
 
 def _triangle_records(part: EmittingPart, dtype: np.dtype) -> tuple[NDArray[np.void], NDArray[np.float64]]:

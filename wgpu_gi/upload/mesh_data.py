@@ -13,7 +13,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import GiError
+from ..float_limits import LARGEST_FACTOR
 from ..scene.scene import Mesh
 from .bvh import LEAF_FLAG, Bvh, build_forest
 from .node_quantization import QuantizationGrid
@@ -60,12 +60,7 @@ class Placement:
 
 
 def prepare_meshes(meshes: list[Mesh], vertex_dtype: np.dtype) -> list[MeshData]:
-    """Build the BVHs of meshes with at least one triangle each and put their arrays in leaf order.
-
-    Raises GiError for arrays that do not fit together and positions that are not finite.
-    """
-    for mesh in meshes:
-        _check(mesh)
+    """Build the BVHs of correct meshes with at least one triangle each and put their arrays in leaf order."""
     prepared = []
     batches = np.cumsum([len(mesh.triangles) for mesh in meshes]) // BATCH
     for _, batch in groupby(zip(batches.tolist(), meshes, strict=True), lambda pair: pair[0]):
@@ -102,27 +97,6 @@ def _in_leaf_order(mesh: Mesh, corners: NDArray[np.float32], bvh: Bvh, vertex_dt
     )
 
 
-def _check(mesh: Mesh) -> None:
-    """Raise GiError for arrays of the wrong shape, out-of-range indices and values that are not finite."""
-    where, count = f"mesh {mesh.name!r}", len(mesh.positions)
-    if np.shape(mesh.positions) != (count, 3) or np.shape(mesh.triangles) != (len(mesh.triangles), 3):
-        raise GiError(f"{where}: positions must be (n, 3) and triangles (m, 3)")
-    if not np.isfinite(mesh.positions).all():
-        raise GiError(f"{where}: its positions must be finite")
-    if int(np.min(mesh.triangles)) < 0 or int(np.max(mesh.triangles)) >= count:
-        raise GiError(f"{where}: its triangles refer to vertices that it does not have; it has {count}")
-    used = np.zeros(len(mesh.triangles)) if mesh.material_of_triangle is None else mesh.material_of_triangle
-    if np.shape(used) != (len(mesh.triangles),):
-        raise GiError(f"{where}: material_of_triangle must be ({len(mesh.triangles)},), an entry for each triangle")
-    if int(np.min(used)) < 0 or int(np.max(used)) >= len(mesh.materials):
-        raise GiError(f"{where}: its triangles refer to materials that it does not have; it has {len(mesh.materials)}")
-    attributes = {"normals": 3, "tangents": 4, "texcoords0": 2, "texcoords1": 2, "colors": 4}
-    for name, width in attributes.items():
-        values = getattr(mesh, name)
-        if values is not None and (np.shape(values) != (count, width) or not np.isfinite(values).all()):
-            raise GiError(f"{where}: {name} must be finite and ({count}, {width}), a row for each vertex")
-
-
 def _pack_vertices(mesh: Mesh, dtype: np.dtype) -> NDArray[np.void]:
     """Return the vertex attributes as the shaders' Vertex records."""
     vertices = np.zeros(len(mesh.positions), dtype)
@@ -139,7 +113,7 @@ def _pack_vertices(mesh: Mesh, dtype: np.dtype) -> NDArray[np.void]:
         vertices["color"] = 0xFFFFFFFF
     for name, texcoords in (("texcoord0", mesh.texcoords0), ("texcoord1", mesh.texcoords1)):
         if texcoords is not None:
-            vertices[name] = texcoords
+            vertices[name] = np.clip(texcoords, -LARGEST_FACTOR, LARGEST_FACTOR)
     return vertices
 
 

@@ -236,7 +236,7 @@ class SceneUpload:
         info["root"], info["light_count"] = self._hierarchy.root, table.count
         info["environment_color"] = environment.color if environment else 0.0
         info["environment_pdf"] = table.environment_pdf
-        info["environment_rotation"] = environment.rotation / (2 * np.pi) if environment else 0.0
+        info["environment_rotation"] = environment.rotation / (2 * np.pi) % 1.0 if environment else 0.0
         info["hittable_light"] = self.features["HAS_EMITTERS"] or self.features["HAS_ENVIRONMENT"]
 
 
@@ -270,4 +270,5 @@ def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
 
 def _texture_values(texture: Texture | None) -> tuple[Any, ...]:
     """Return the values of a texture in comparable form."""
-    return () if texture is None else tuple(tuple(v) if isinstance(v, list) else v for v in vars(texture).values())
+    values = () if texture is None else vars(texture).values()
+    return tuple(tuple(v) if isinstance(v, (list, np.ndarray)) else v for v in values)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from ..errors import GiError
 from ..pictures.color import LINEAR_OF_CODE
 from ..scene.scene import Image
-from ..webgpu_limits import MAX_TEXTURE_SIDE
 
 MIN_PAGE = 256  # texels a side: a smaller texture saves no memory worth mentioning
 MAX_LAYERS = 256  # WebGPU's default limit of array layers
@@ -31,20 +30,8 @@ class Atlas:
 
 
 def pack_atlas(images: list[Image]) -> Atlas:
-    """Place `images` on shelves, tallest first.
-
-    Raises GiError for pixels of the wrong shape, and if one image or all together are too large.
-    """
-    # Check the images.
-    for image in images:
-        if image.pixels.ndim != 3 or image.pixels.shape[2] != 4 or image.pixels.dtype != np.uint8:
-            raise GiError(f"image {image.name!r}: pixels must be (height, width, 4) uint8")
+    """Place `images` on shelves, tallest first. Raises GiError if all together are too large."""
     largest = max((max(image.pixels.shape[:2]) for image in images), default=1)
-    if largest > MAX_TEXTURE_SIDE:
-        name = next(i.name for i in images if max(i.pixels.shape[:2]) == largest)
-        raise GiError(
-            f"image {name!r} has a side of {largest} pixels; textures have at most {MAX_TEXTURE_SIDE}: scale it down"
-        )
     area = sum(image.pixels.shape[0] * image.pixels.shape[1] for image in images)
     # Choose a page that holds the largest image and, up to 4096 texels a side, a quarter of the area of all images.
     page = MIN_PAGE

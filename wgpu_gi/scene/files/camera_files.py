@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ...camera import Camera
+from ...camera import YFOV_DEG, Camera
 from ...errors import GiError
+from ...float_limits import LARGEST_HEIGHT, SMALLEST_HEIGHT
 from ..scene import Scene
 from .read import read_file
 
@@ -71,15 +72,16 @@ def camera_from(fields: Any, where: str, name: str = "") -> Camera:
     for field in ("position", "target"):
         if field not in fields:
             raise GiError(f"{where}: the field {field!r} is missing")
-    yfov_deg = fields.get("yfov_deg", 60.0)
-    if not _is_number(yfov_deg) or not 0 < yfov_deg < 180:
-        raise GiError(f"{where}: 'yfov_deg' must be a number between 0 and 180, not {yfov_deg!r}")
+    yfov_deg, (low, high) = fields.get("yfov_deg", 60.0), YFOV_DEG
+    if not _is_number(yfov_deg) or not low <= yfov_deg <= high:
+        raise GiError(f"{where}: 'yfov_deg' must be a number from {low:.4f} to {high:.4f} degrees, not {yfov_deg!r}")
     up = _vector(where, fields, "up") if "up" in fields else [0.0, 1.0, 0.0]
     if not any(up):
         raise GiError(f"{where}: 'up' must have a direction, not [0, 0, 0]")
     height = fields.get("orthographic_height")
-    if height is not None and not (_is_number(height) and height > 0):
-        raise GiError(f"{where}: 'orthographic_height' must be a number of metres above 0, not {height!r}")
+    if height is not None and not (_is_number(height) and SMALLEST_HEIGHT <= height <= LARGEST_HEIGHT):
+        between = f"from {SMALLEST_HEIGHT:g} to {LARGEST_HEIGHT:g}"
+        raise GiError(f"{where}: 'orthographic_height' must be a number of metres {between}, not {height!r}")
     # Make the camera.
     position, target = _vector(where, fields, "position"), _vector(where, fields, "target")
     try:

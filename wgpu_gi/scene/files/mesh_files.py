@@ -117,9 +117,11 @@ def _read_off(path: Path, notes: list[str]) -> RawMesh:
 @contextmanager
 def _silence() -> Iterator[None]:
     """Suppress trimesh's log and numpy's warnings; raise numpy's warnings about text that is not a number."""
-    logger = logging.getLogger("trimesh")
-    before = logger.disabled
-    logger.disabled = True
+    # Its modules log to children of this logger, whose records end here.
+    logger, nowhere = logging.getLogger("trimesh"), logging.NullHandler()
+    before = logger.propagate
+    logger.propagate = False
+    logger.addHandler(nowhere)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -127,7 +129,8 @@ def _silence() -> Iterator[None]:
             warnings.filterwarnings("error", message="invalid value encountered in cast")
             yield
     finally:
-        logger.disabled = before
+        logger.removeHandler(nowhere)
+        logger.propagate = before
 
 
 def _raw_mesh(arrays: dict[str, Any]) -> RawMesh:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
-from ..mesh_cleaning import MAX_COORDINATE, has_area, unit_rows, used_vertices
+from ...float_limits import MAX_COORDINATE
+from ..mesh_cleaning import has_area, unit_rows, used_vertices
 from ..scene import Instance, Material, Mesh, Scene
 
 

@@ -14,11 +14,12 @@ import numpy as np
 
 from ...camera import Camera
 from ...errors import GiError
+from ...float_limits import LARGEST_HEIGHT, LARGEST_LIGHT, LARGEST_YFOV, MAX_COORDINATE, SMALLEST_HEIGHT, SMALLEST_YFOV
 from ..scene import DirectionalLight, Instance, Light, PointLight, Scene, SpotLight
 from .accessors import Accessors
 from .document import Document
 from .json_object import JsonObject
-from .materials import MAX_POWER, Materials, some
+from .materials import Materials, some
 from .meshes import Meshes
 from .nodes import Matrix, Nodes
 from .skins import joint_matrices
@@ -119,10 +120,13 @@ def _lights(document: Document, nodes: Nodes, shown: list[int]) -> list[Light]:
 def _light(source: JsonObject, matrix: Matrix, name: str) -> Light | None:
     """Return the light of a node, which shines along the node's -Z; None if that axis has no length."""
     kind = source.choice("type", {kind: kind for kind in ("point", "spot", "directional")})
-    red, green, blue = source.vector("color", (1.0, 1.0, 1.0), low=0.0, high=MAX_POWER)
-    color, intensity = (red, green, blue), source.number("intensity", 1.0, low=0.0, high=MAX_POWER)
-    # Some exporters write a range of 0 for "no limit"; the extension omits the range instead.
-    reach = source.number("range", 0.0, low=0.0) or None
+    red, green, blue = source.vector("color", (1.0, 1.0, 1.0), low=0.0, high=LARGEST_LIGHT)
+    color, intensity = (red, green, blue), source.number("intensity", 1.0, low=0.0, high=LARGEST_LIGHT)
+    if max(color) * intensity > LARGEST_LIGHT:
+        raise source.error(f"intensity times color must be at most {LARGEST_LIGHT:g}; repair the file")
+    # Some exporters write a range of 0, or a huge one, for "no limit"; the extension omits the range instead.
+    limit = source.number("range", 0.0, low=0.0)
+    reach = limit if 0 < limit <= MAX_COORDINATE else None
     x, y, z = matrix[:3, 3].tolist()
     if kind == "point":
         return PointLight((x, y, z), intensity, color, reach, name)
@@ -154,11 +158,10 @@ def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]
         if pose is None:
             document.note(f"{description.where}: its camera was left out, because its axes are scaled to zero.")
         elif source.choice("type", {"perspective": False, "orthographic": True}):
-            height = 2.0 * source.child("orthographic").number("ymag", low=1e-30, high=1e30)
+            height = 2.0 * source.child("orthographic").number("ymag", low=SMALLEST_HEIGHT / 2, high=LARGEST_HEIGHT / 2)
             cameras.append(Camera(pose, orthographic_height=height, name=name))
         else:
-            # Full angles from a thousandth of a degree to just below 180; beyond, float32 projections degenerate.
-            yfov = source.child("perspective").number("yfov", low=1e-5, high=math.pi - 1e-5)
+            yfov = source.child("perspective").number("yfov", low=SMALLEST_YFOV, high=LARGEST_YFOV)
             cameras.append(Camera(pose, yfov, None, name))
     return cameras
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Literal
 
+from ...float_limits import LARGEST_FACTOR, LARGEST_LIGHT
 from ..scene import Material, Texture, Wrap
 from .accessors import Accessors
 from .document import Document
@@ -15,9 +16,6 @@ _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _MAG_FILTERS: dict[int, Literal["linear", "nearest"]] = {9728: "nearest", 9729: "linear"}
 _ALPHA_MODES = {name: name for name in ("OPAQUE", "MASK", "BLEND")}
 _TEXCOORDS: dict[int, Literal[0, 1]] = {0: 0, 1: 1}
-
-# Largest emission and light intensity: a product of two such numbers is finite in float32.
-MAX_POWER = 1e18
 
 
 class Materials:
@@ -57,10 +55,14 @@ class Materials:
         """Return the material that a glTF material describes."""
         pbr = source.child("pbrMetallicRoughness")
         strength = source.extension("KHR_materials_emissive_strength") or JsonObject({}, source.where)
-        gain = strength.number("emissiveStrength", 1.0, low=0.0, high=MAX_POWER)
-        red, green, blue = source.vector("emissiveFactor", (0.0, 0.0, 0.0), low=0.0, high=MAX_POWER)
+        gain = strength.number("emissiveStrength", 1.0, low=0.0, high=LARGEST_LIGHT)
+        red, green, blue = source.vector("emissiveFactor", (0.0, 0.0, 0.0), low=0.0, high=LARGEST_LIGHT)
+        emission = (red * gain, green * gain, blue * gain)
+        if max(emission) > LARGEST_LIGHT:
+            raise source.error(f"emissiveFactor times emissiveStrength must be at most {LARGEST_LIGHT:g}")
         alpha_mode = source.choice("alphaMode", _ALPHA_MODES, "OPAQUE")
         infos = _texture_infos(source)
+        normal = infos.get("normalTexture", JsonObject({}, source.where))
         textures = {slot: self._texture(info) for slot, info in infos.items()}
         base = self._fractions(pbr, "baseColorFactor", pbr.vector("baseColorFactor", (1.0, 1.0, 1.0, 1.0), low=0.0))
         return Material(
@@ -68,12 +70,12 @@ class Materials:
             base_color=(base[0], base[1], base[2], base[3]),
             metallic=self._fractions(pbr, "metallicFactor", [pbr.number("metallicFactor", 1.0, low=0.0)])[0],
             roughness=self._fractions(pbr, "roughnessFactor", [pbr.number("roughnessFactor", 1.0, low=0.0)])[0],
-            emission=(red * gain, green * gain, blue * gain),
+            emission=emission,
             alpha_mode="opaque" if alpha_mode == "OPAQUE" else "mask",
-            alpha_cutoff=source.number("alphaCutoff", 0.5, low=0.0) if alpha_mode == "MASK" else 0.5,
+            alpha_cutoff=min(source.number("alphaCutoff", 0.5, low=0.0), 2.0) if alpha_mode == "MASK" else 0.5,
             double_sided=source.flag("doubleSided"),
             unlit=source.extension("KHR_materials_unlit") is not None,
-            normal_scale=infos["normalTexture"].number("scale", 1.0) if "normalTexture" in infos else 1.0,
+            normal_scale=normal.number("scale", 1.0, -LARGEST_FACTOR, LARGEST_FACTOR),
             base_color_texture=textures.get("baseColorTexture"),
             metallic_roughness_texture=textures.get("metallicRoughnessTexture"),
             normal_texture=textures.get("normalTexture"),
@@ -100,8 +102,8 @@ class Materials:
             return None
         if image is None:
             return None
-        offset = transform.vector("offset", (0.0, 0.0))
-        scale = transform.vector("scale", (1.0, 1.0))
+        offset = transform.vector("offset", (0.0, 0.0), -LARGEST_FACTOR, LARGEST_FACTOR)
+        scale = transform.vector("scale", (1.0, 1.0), -LARGEST_FACTOR, LARGEST_FACTOR)
         sampler = self._sampler(self._textures[info.index("index", len(self._textures), "textures")])
         return Texture(
             image=image,

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
-from ..mesh_cleaning import MAX_COORDINATE, has_area, used_vertices
+from ...float_limits import MAX_COORDINATE
+from ..mesh_cleaning import has_area, used_vertices
 from ..scene import Material, Mesh
 from . import compression as gltf_compression
 from .accessors import Accessors, Array, dequantise

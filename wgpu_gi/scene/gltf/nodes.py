@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mesh_cleaning import MAX_COORDINATE
+from ...float_limits import MAX_COORDINATE
 from .document import Document
 from .json_object import JsonObject
 

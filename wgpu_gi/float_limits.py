@@ -1,0 +1,19 @@
+"""The largest and smallest values that the shaders' 32-bit floats take, so that squares and products stay finite."""
+
+import math
+
+# Coordinates beyond this, a tenth of a light-year in metres, are damage: squared distances must stay finite.
+MAX_COORDINATE = 1e15
+
+# Radiance, candela or lux, with all factors: a square stays below float32's 3.4e38 after division by a pixel's pdf.
+# The sun's disc has a radiance of 2e7 W/(m2 sr).
+LARGEST_LIGHT = 1e20
+
+# Full vertical angles from half a thousandth of a degree to just below 180 degrees: beyond, projections degenerate.
+SMALLEST_YFOV, LARGEST_YFOV = 1e-5, math.pi - 1e-5
+
+# Heights of orthographic pictures, metres.
+SMALLEST_HEIGHT, LARGEST_HEIGHT = 1e-12, MAX_COORDINATE
+
+# Texture transforms, and scales of normal maps: products with texture coordinates stay finite.
+LARGEST_FACTOR = 1e9
