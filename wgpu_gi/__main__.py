@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import signal
 import sys
-from argparse import Namespace
 from collections.abc import Sequence
+from importlib import import_module
 
-from .cli.arguments import build_parser
 from .errors import GiError
 
 FAILED = 2
@@ -20,46 +21,53 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Return 141 if the reader of the output has closed the pipe (`wgpu-gi render --set help | head`).
     """
+    from .cli import interrupt
+
+    with interrupt.interruptible():
+        try:
+            return _main(argv)
+        except BaseException as error:
+            # The interrupted code may have turned it into another error.
+            if not (interrupt.came() or isinstance(error, KeyboardInterrupt)) or isinstance(error, SystemExit):
+                raise
+            print("wgpu-gi: interrupted; no file was left half-written", file=sys.stderr)
+            return INTERRUPTED
+        finally:
+            # All is written: Ctrl-C during the interpreter's exit must not change the exit code.
+            atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
+
+
+def _main(argv: Sequence[str] | None) -> int:
+    """Run the command line; turn errors into messages."""
+    from .cli import interrupt
+
     try:
         try:
-            return _run(build_parser().parse_args(argv))
+            return _run(argv)
         finally:
             sys.stdout.flush()
     except BrokenPipeError:
         # The interpreter flushes stdout again at exit; /dev/null takes that.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return READER_GONE
-    except GiError as error:
-        print(f"wgpu-gi: error: {error}", file=sys.stderr)
-    except MemoryError:
-        print("wgpu-gi: error: not enough memory; use a smaller --size or a smaller scene", file=sys.stderr)
-    except KeyboardInterrupt:
-        print("wgpu-gi: interrupted; no file was left half-written", file=sys.stderr)
-        return INTERRUPTED
-    return FAILED
+    except (GiError, MemoryError) as error:
+        interrupt.check()
+        short = "not enough memory; use a smaller --size or a smaller scene"
+        print(f"wgpu-gi: error: {error if isinstance(error, GiError) else short}", file=sys.stderr)
+        return FAILED
 
 
-def _run(arguments: Namespace) -> int:
-    """Run the command. Imports only the module of this command, to start fast."""
-    if arguments.command == "info":
-        from .cli.info import info
+def _run(argv: Sequence[str] | None) -> int:
+    """Run the command: a function in the module of `cli` of the same name. No other is imported, to start fast."""
+    from .cli.interrupt import held
 
-        return info()
-    if arguments.command == "compare":
-        from .cli.compare import compare
-
-        return compare(arguments)
-    if arguments.command == "bench":
-        from .cli.bench import bench
-
-        return bench(arguments)
-    if arguments.command == "view":
-        from .cli.view import view
-
-        return view(arguments)
-    from .cli.render import render
-
-    return render(arguments)
+    with held():
+        from .cli.arguments import build_parser
+    arguments = build_parser().parse_args(argv)
+    with held():
+        module = import_module(f".cli.{arguments.command}", __package__)
+    code: int = getattr(module, arguments.command)(arguments)
+    return code
 
 
 if __name__ == "__main__":

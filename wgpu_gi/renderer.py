@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from copy import copy, deepcopy
 from dataclasses import is_dataclass, replace
 from typing import Any
@@ -44,6 +46,9 @@ class Renderer:
     Change `scene`, `camera`, `settings` or `size` between frames; the next `run` uploads what changed and runs the
     passes that depend on it. A new exposure keeps the frames averaged so far. A new `spp` keeps the samples if the
     result is bit for bit that of a new renderer. Pictures are (height, width, 3) float32 linear radiance, row 0 on top.
+
+    A Renderer serves one thread at a time; a second thread gets a GiError while the first renders. Renderers in
+    several threads take turns at the GPU, frame by frame. A new process must be spawned, not forked.
     """
 
     def __init__(
@@ -65,8 +70,10 @@ class Renderer:
         self._check_values()
         self._device = open_device(adapter, large_buffers=True)
         check_size(size, self._device)
-        self._graph = Graph(self._device)
-        self._shaders = refresh()  # which version of the shader files is in use
+        self._lock = threading.RLock()
+        with self._device.use():
+            self._graph = Graph(self._device)
+            self._shaders = refresh()  # which version of the shader files is in use
         self._upload: SceneUpload | None = None
         self._kept = Kept()
         self.automatic_exposure = 0.0  # EV of `display` while `settings.exposure` is None; a viewer sets it
@@ -106,24 +113,27 @@ class Renderer:
 
     def release(self) -> None:
         """Free all GPU memory of this renderer; it can render again, from scratch."""
-        self.forget()
-        if self._upload is not None:
-            self._upload.release()
-            self._upload = None
+        with self._alone():
+            self.forget()
+            if self._upload is not None:
+                self._upload.release()
+                self._upload = None
 
     def forget(self) -> None:
         """Drop all state of earlier frames; the next frame is that of a new renderer. The scene stays on the GPU."""
-        self._graph.release()
-        self._graph, self._declared, self._inputs = Graph(self._device), None, None
-        self._sources = {}
-        self._kept = Kept()
+        with self._alone():
+            self._graph.release()
+            self._graph, self._declared, self._inputs = Graph(self._device), None, None
+            self._sources = {}
+            self._kept = Kept()
 
     def reload(self) -> bool:
         """Return True if shader files have changed; the next step then loads them.
 
         Steps do not read shader files otherwise.
         """
-        before, self._shaders = self._shaders, refresh()
+        with self._alone():
+            before, self._shaders = self._shaders, refresh()
         if self._shaders == before:
             return False
         self._declared = self._inputs = None
@@ -137,9 +147,25 @@ class Renderer:
     def __del__(self) -> None:
         """Free GPU memory; wgpu keeps textures and buffers until they are destroyed."""
         if hasattr(self, "_graph"):
-            self._graph.release()
-            if self._upload is not None:
-                self._upload.release()
+            uploads = [] if self._upload is None else [self._upload.release]
+            self._device.discard(self._graph.release, *uploads)
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Use the device and this renderer. Raises GiError if another thread uses this renderer."""
+        with self._reserved(), self._device.use():
+            yield
+
+    @contextmanager
+    def _reserved(self) -> Iterator[None]:
+        """Keep other threads from using this renderer, but not from using others. Raises GiError if one uses it."""
+        self._device.check()
+        if not self._lock.acquire(blocking=False):
+            raise GiError("another thread is using this Renderer; make a Renderer for each thread")
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def run(
         self,
@@ -155,8 +181,9 @@ class Renderer:
         `check` raises GiError at the first NaN, infinite or negative value that a pass writes; `timings` measures each
         pass.
         """
-        while self.step(progress, show=show, check=check, timings=timings):
-            pass
+        with self._reserved():
+            while self.step(progress, show=show, check=check, timings=timings):
+                pass
         if progress is not None:
             progress(1.0)
 
@@ -176,12 +203,13 @@ class Renderer:
         self._check_values()
         shown = self.buffers if show is None else show
         self._check_buffers(shown)
-        try:
-            return self._step(shown, progress, check, timings, force)
-        except BaseException:
-            # The frame is incomplete: the next step uploads everything again and restarts its average.
-            self._inputs = None
-            raise
+        with self._alone():
+            try:
+                return self._step(shown, progress, check, timings, force)
+            except BaseException:
+                # The frame is incomplete: the next step uploads everything again and restarts its average.
+                self._inputs = None
+                raise
 
     def _step(
         self,
@@ -223,6 +251,10 @@ class Renderer:
         an unknown buffer.
         """
         self._check_buffers((name,))
+        with self._alone():
+            return self._read_back(name)
+
+    def _read_back(self, name: str) -> Picture:
         source = self._source(name)
         width, height = self._graph.size
         if source.handle is None:

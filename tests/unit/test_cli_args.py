@@ -17,6 +17,7 @@ from wgpu_gi.__main__ import main
 from wgpu_gi.cli import common as cli_common
 from wgpu_gi.cli import info as cli_info
 from wgpu_gi.cli import messages as cli_messages
+from wgpu_gi.cli.interrupt import held, interruptible
 from wgpu_gi.cli.messages import Messages
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.image import load_image
@@ -291,13 +292,39 @@ def test_closed_pipe_ends_the_command_quietly():
     assert process.stderr.read() == b""
 
 
-def test_interrupt_swallowed_by_a_callback_is_raised_again(monkeypatch):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    with pytest.raises(KeyboardInterrupt), Messages().progress("rendering") as report:
+@pytest.mark.parametrize("terminal", [True, False])
+@pytest.mark.parametrize("quiet", [True, False])
+def test_interrupt_swallowed_by_a_callback_is_raised_again(terminal, quiet, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
+    with pytest.raises(KeyboardInterrupt), interruptible(), Messages(quiet=quiet).progress("rendering") as report:
         with suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         report(0.5)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with Messages(quiet=quiet).progress("rendering") as report:
+        report(0.5)
+
+
+def test_interrupt_waits_for_imports():
+    with interruptible():
+        with pytest.raises(KeyboardInterrupt), held():
+            signal.raise_signal(signal.SIGINT)
+            finished = True
+        assert finished
+
+
+@pytest.mark.parametrize("error", [ImportError("a C module"), GiError("a file"), MemoryError(), ZeroDivisionError()])
+def test_error_that_an_interrupt_became_is_an_interrupt(error, monkeypatch, capsys):
+    """numpy's import, for example, ends with ImportError."""
+
+    def fail(_):
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise error
+
+    monkeypatch.setattr(cli_info, "info", fail)
+    assert main(["info"]) == 130
+    assert capsys.readouterr().err == "wgpu-gi: interrupted; no file was left half-written\n"
 
 
 def adapter(**changes):
@@ -331,7 +358,7 @@ def test_info_without_adapter_says_what_to_install(adapters, monkeypatch, capsys
 
 def test_import_and_help_load_no_heavy_module():
     code = (
-        "import sys, wgpu_gi, wgpu_gi.__main__ as m\n"
+        "import sys, wgpu_gi.__main__, wgpu_gi.cli.arguments as m\n"
         "m.build_parser().format_help()\n"
         "print(*[n for n in ('numpy', 'wgpu', 'trimesh', 'PIL', 'OpenEXR', 'rich') if n in sys.modules])"
     )

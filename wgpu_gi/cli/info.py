@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import textwrap
+from argparse import Namespace
 from importlib import metadata
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,7 @@ NO_ADAPTER = (
 )
 
 
-def info() -> int:
+def info(_arguments: Namespace) -> int:
     """Print what this machine offers; return 0 if an adapter can be used, else 2."""
     adapters = list_adapters()
     usable = [adapter for adapter in adapters if adapter.usable]

@@ -5,14 +5,14 @@ They go to stderr; only the line of a result goes to stdout. rich respects NO_CO
 
 from __future__ import annotations
 
-import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from types import FrameType
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import Any, Protocol
+
+from .interrupt import check
 
 BAR_SECONDS = 1.0  # delay of the bar: a step of two seconds shows it for one second
 LINE_SECONDS = 30.0  # between lines if stderr is no terminal: 120 lines per hour
@@ -63,21 +63,17 @@ class Messages:
     def progress(self, what: str, known: bool = True) -> Iterator[Report]:
         """Yield a function that takes the fraction done and shows it: a bar on a terminal, else a line at intervals.
 
-        If `known` is False, the bar shows only the elapsed time. C code drops exceptions of its callbacks, so the
-        function raises KeyboardInterrupt if Ctrl+C came during one.
+        If `known` is False, the bar shows only the elapsed time. The function raises KeyboardInterrupt if Ctrl-C came
+        where it could not be raised.
         """
-        if self.quiet:
-            yield _nothing
-        elif sys.stderr.isatty():
-            with _interruptible() as check, _bar(what, known) as show:
+        bar = nullcontext(_nothing if self.quiet else _lines(what))
+        with _bar(what, known) if sys.stderr.isatty() and not self.quiet else bar as show:
 
-                def report(fraction: float, now: str | None = None) -> None:
-                    check()
-                    show(fraction, now)
+            def report(fraction: float, now: str | None = None) -> None:
+                check()
+                show(fraction, now)
 
-                yield report
-        else:
-            yield _lines(what)
+            yield report
 
 
 def _nothing(fraction: float, what: str | None = None) -> None:
@@ -126,27 +122,6 @@ def _bar(what: str, known: bool) -> Iterator[Report]:
             state["ended"] = True
         if "bar" in state:
             state["bar"][0].stop()
-
-
-@contextmanager
-def _interruptible() -> Iterator[Callable[[], None]]:
-    """Record Ctrl+C; yield a function that raises KeyboardInterrupt if it was pressed."""
-    came = False
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal came
-        came = True
-        raise KeyboardInterrupt
-
-    def check() -> None:
-        if came:
-            raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield check
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _lines(what: str) -> Report:

@@ -6,9 +6,14 @@ wrong data without an error. Once a device exists, spawn new processes: a forked
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import tempfile
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -66,6 +71,8 @@ DEFAULT_LIMITS = {
 
 
 read_types_quickly(ffi)
+# wgpu also logs a lost device; the GiError of `Device.use` says it.
+logging.getLogger("wgpu").addFilter(lambda record: "device lost" not in record.getMessage().lower())
 
 
 @dataclass(frozen=True)
@@ -83,7 +90,10 @@ class AdapterInfo:
 
 
 class Device:
-    """An open adapter. `gpu` is the wgpu device; there is one per adapter and process, since wgpu leaks devices."""
+    """An open adapter. `gpu` is the wgpu device; there is one per adapter and process, since wgpu leaks devices.
+
+    All work on the GPU happens in a `with device.use():` block.
+    """
 
     def __init__(self, adapter: Any, large_buffers: bool = False) -> None:
         info = adapter.info
@@ -108,6 +118,73 @@ class Device:
         # Nanoseconds per tick of a timestamp; wgpu-py has no name for it.
         self.timestamp_period: float = lib.wgpuQueueGetTimestampPeriod(self.gpu.queue._internal)
         self._wait_buffer = self.gpu.create_buffer(label="wait", size=4, usage=wgpu.BufferUsage.COPY_SRC)
+        self._process = os.getpid()
+        self._lost = False
+        self._lock = threading.RLock()
+        self._uses = 0  # nested `use` blocks of the thread that holds the lock
+        self._discarded: deque[Callable[[], None]] = deque()
+
+    def check(self) -> None:
+        """Raise GiError in a fork of the process that opened the device."""
+        if os.getpid() != self._process:
+            raise GiError(
+                "this process was forked from one that uses the GPU, where a GPU does not work; start processes with"
+                ' multiprocessing.get_context("spawn")'
+            )
+
+    @contextmanager
+    def use(self) -> Iterator[None]:
+        """Wait until no other thread uses the device, and keep others waiting during the block.
+
+        Raises GiError as `check` does, and in place of any error of wgpu within the block.
+        """
+        self.check()
+        with self._lock:
+            self._uses += 1
+            try:
+                yield
+            except (wgpu.GPUError, GiError) as error:
+                cause = error if isinstance(error, wgpu.GPUError) else error.__cause__
+                if cause is error or _is_loss(cause):
+                    raise self._explained(cause) from cause
+                raise
+            finally:
+                self._uses -= 1
+                self._release_discarded()
+
+    def discard(self, *releases: Callable[[], None]) -> None:
+        """Call `releases`, which free memory on the GPU: now, or when the current `use` of any thread ends.
+
+        For `__del__`, which can interrupt any other code.
+        """
+        if os.getpid() != self._process:
+            return
+        self._discarded.extend(releases)
+        if self._lock.acquire(blocking=False):
+            try:
+                self._release_discarded()
+            finally:
+                self._lock.release()
+
+    def _release_discarded(self) -> None:
+        while self._discarded and not self._uses:
+            self._discarded.popleft()()
+
+    def _explained(self, error: Any) -> GiError:
+        """Return the error as a sentence. After the loss of the device, the next `open_device` opens another."""
+        if _is_loss(error):
+            if not self._lost:
+                _open.cache_clear()
+            self._lost = True
+            return GiError(
+                f"the driver of {self.adapter_name!r} has lost the device, as after a crash or a reset of the GPU;"
+                " start again with a new Renderer"
+            )
+        if isinstance(error, wgpu.GPUOutOfMemoryError):
+            return GiError(
+                f"{self.adapter_name!r} has not enough memory ({reason(error)}); use a smaller picture or scene"
+            )
+        return GiError(f"the GPU refused the frame: {reason(error)}")
 
     def wait(self) -> None:
         """Block until all submitted work is done."""
@@ -123,7 +200,8 @@ def open_device(adapter: str | None = None, large_buffers: bool = False) -> Devi
     """Return the device of the best adapter, or of the first whose name contains `adapter` (case-insensitive).
 
     Limits are WebGPU's defaults. `large_buffers` raises the limits of buffer size and storage binding size to the
-    adapter's, at most 2 GiB. Raises GiError if there is no adapter, or none of that name.
+    adapter's, at most 2 GiB. Raises GiError if there is no adapter, or none of that name, and in the fork of a process
+    that has opened it.
     """
     found = _adapters()
     usable = [a for a in found if not _why_not(a)]
@@ -138,7 +216,9 @@ def open_device(adapter: str | None = None, large_buffers: bool = False) -> Devi
         names = ", ".join(repr(_name(a)) for a in usable)
         raise GiError(f"no adapter is called {adapter!r}; available: {names}")
     best = min(matching, key=_rank)
-    return _open(_name(best), best.info["backend_type"], large_buffers)
+    device = _open(_name(best), best.info["backend_type"], large_buffers)
+    device.check()
+    return device
 
 
 def list_adapters() -> list[AdapterInfo]:
@@ -171,6 +251,10 @@ def _adapters() -> list[Any]:
 def _open(name: str, backend: str, large_buffers: bool) -> Device:
     adapter = next(a for a in _adapters() if (_name(a), a.info["backend_type"]) == (name, backend))
     return Device(adapter, large_buffers)
+
+
+def _is_loss(error: object) -> bool:
+    return isinstance(error, wgpu.GPUError) and "device is lost" in str(error).lower()
 
 
 def _name(adapter: Any) -> str:

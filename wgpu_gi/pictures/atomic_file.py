@@ -38,8 +38,10 @@ def check_writable(path: str | Path) -> None:
             raise GiError(f"{path} is a folder; give a file name")
         # Try it: names may be too long, file systems full or read-only.
         temporary = _temporary_name(Path(os.path.realpath(path)))
-        temporary.touch(exist_ok=False)
-        temporary.unlink()
+        try:
+            temporary.touch(exist_ok=False)
+        finally:
+            temporary.unlink(missing_ok=True)
 
 
 def _temporary_name(final: Path) -> Path:

@@ -1,0 +1,81 @@
+"""Ctrl-C at many moments of every command: one sentence, exit code 130, whole files, nothing left over."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from wgpu_gi.pictures.image import load_image
+
+SMALL = ["--size", "32x18"]
+MOVING = ["--frames", "0:400", "--turntable", "--gi", "none", *SMALL]
+COMMANDS = {
+    "render": ["render", "cornell", "-o", "a.exr", "--size", "64x36", "--show", "radiance", "--show", "depth"],
+    "path": ["render", "cornell", "-o", "a.png", "--size", "160x90", "--gi", "path", "--spp", "1000"],
+    "sequence": ["render", "cornell", "-o", "f_{frame}.png", "--layers", "depth", *MOVING],
+    "video": ["render", "cornell", "-o", "a.mp4", *MOVING],
+    "bench": ["bench", "cornell", "--gi", "none,ssao", *SMALL, "--frames", "50", "--json", "a.json"],
+    "compare": ["compare", "x.npy", "y.npy", "--html", "a.html", "--json", "a.json"],
+}
+# Before it is ready, the interpreter starts, and takes Ctrl-C.
+START = "import sys; from wgpu_gi.__main__ import main; print('ready', flush=True); sys.exit(main(sys.argv[1:]))"
+QUICK = [("render", 0.3), ("path", 0.9), ("sequence", 1.2), ("compare", 0.1)]
+DELAYS = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.3, 1.5, 1.8, 2.1, 2.5, 3.0]
+SLOW = [pytest.param(*case, marks=pytest.mark.slow) for case in ((name, d) for name in COMMANDS for d in DELAYS)]
+MOST_SECONDS = 20  # from Ctrl-C to the end; on a quiet machine it is less than one
+
+
+@pytest.mark.parametrize(("name", "delay"), QUICK + SLOW)
+def test_interrupt_at_any_moment_ends_cleanly(name, delay, tmp_path):
+    for file in ("x", "y"):
+        np.save(tmp_path / f"{file}.npy", np.random.default_rng(0).random((300, 400, 3)).astype(np.float32))
+    process = subprocess.Popen(
+        [sys.executable, "-c", START, *COMMANDS[name]],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    try:
+        _, error = process.communicate(timeout=MOST_SECONDS)
+    finally:
+        process.kill()
+    said = [line for line in error.splitlines() if not line.startswith(("note:", "warning:"))]
+    # Where code within an import was interrupted, Python ends itself by the signal: for a shell, 130 as well.
+    if process.returncode in (130, -signal.SIGINT):
+        assert said == ["wgpu-gi: interrupted; no file was left half-written"]
+    else:
+        assert process.returncode == 0 and not said
+    check_files(tmp_path)
+
+
+def check_files(folder):
+    """Check that each file can be read, and that none is a temporary one."""
+    for file in folder.iterdir():
+        if file.suffix in (".npy", ".npz", ".exr"):
+            assert load_image(file, "depth" if file.suffix == ".npz" else None).size
+        elif file.suffix == ".json":
+            assert json.loads(file.read_text())
+        elif file.suffix == ".png":
+            Image.open(file).load()
+        elif file.suffix == ".html":
+            assert "</html>" in file.read_text()
+        else:
+            assert file.suffix == ".mp4" and frames_of(file) > 0
+
+
+def frames_of(file):
+    """Return the number of frames of a video."""
+    av = pytest.importorskip("av")
+    with av.open(str(file)) as container:
+        return sum(1 for _ in container.decode(video=0))
