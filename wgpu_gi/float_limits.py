@@ -5,9 +5,10 @@ import math
 # Coordinates beyond this, a tenth of a light-year in metres, are damage: squared distances must stay finite.
 MAX_COORDINATE = 1e15
 
-# Radiance, candela or lux, with all factors: a square stays below float32's 3.4e38 after division by a pixel's pdf.
-# The sun's disc has a radiance of 2e7 W/(m2 sr).
+# Radiance, candela or lux, with all factors: its irradiance at a micrometre stays below float32's 3.4e38. The sun's
+# disc has a radiance of 2e7 W/(m2 sr).
 LARGEST_LIGHT = 1e20
+SMALLEST_LIGHT = 1e-30  # any less counts as none
 
 # Full vertical angles from half a thousandth of a degree to just below 180 degrees: beyond, projections degenerate.
 SMALLEST_YFOV, LARGEST_YFOV = 1e-5, math.pi - 1e-5

@@ -191,7 +191,8 @@ def _transform() -> tuple[list[Any], list[Any]]:
 
 def _pose() -> tuple[list[Any], list[Any]]:
     wrong, extreme = _matrix()
-    return [*wrong, np.diag([2.0, 2, 2, 1]), np.diag([1e-3, 1, 1, 1])], [*extreme, np.diag([-1.0, 1, 1, 1])]
+    wrong += [np.eye(4).tolist(), np.diag([2.0, 2, 2, 1]), np.diag([1e-3, 1, 1, 1])]
+    return wrong, [*extreme[1:], np.diag([-1.0, 1, 1, 1])]
 
 
 def _names() -> tuple[list[Any], list[Any]]:

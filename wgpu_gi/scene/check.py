@@ -148,8 +148,8 @@ def check_camera(camera: Camera, where: str = "camera") -> None:
         raise GiError(f"{where} must be a Camera, not {shown(camera)}")
     fault = fault_of(camera, _CAMERA)
     matrix = _matrix(camera.world_from_view)
-    if matrix is None:
-        fault = f"world_from_view must be a finite (4, 4) matrix, not {shown(camera.world_from_view)}"
+    if matrix is None or not isinstance(camera.world_from_view, np.ndarray):
+        fault = f"world_from_view must be a finite (4, 4) numpy array, not {shown(camera.world_from_view)}"
     elif not (np.abs(matrix) <= MAX_COORDINATE).all() or not _is_rigid(matrix):
         fault = f"world_from_view must be a rotation and a translation of at most {MAX_COORDINATE:g} m, without scale"
     _raise(where, camera, fault)

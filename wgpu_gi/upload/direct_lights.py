@@ -16,6 +16,7 @@ from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
 from .emitters import EmittingPart, emitting_parts
 from .light_table import join_records, light_direction, spot_falloff
+from .light_values import emitted_radiance, punctual_light
 from .surface_samples import GOLDEN, R2
 from .texture_sampling import sample_texture
 from .two_level_bvh import TwoLevelBvh
@@ -76,7 +77,7 @@ def build_direct_lights(
 def _punctual(light: Light, origin: NDArray[np.float64], dtype: np.dtype, use_range: bool) -> NDArray[np.void]:
     """Return the record of a punctual light, or none if it has no power."""
     record = np.zeros(1, dtype)
-    record["color"] = np.asarray(light.color, np.float64) * light.intensity
+    record["color"] = punctual_light(light)
     dark = isinstance(light, SpotLight) and light.outer_cone_angle == 0
     if dark or not record["color"].any():
         return record[:0]
@@ -163,7 +164,7 @@ def _triangle_weights(u: NDArray[np.float64]) -> NDArray[np.float64]:
 def _radiance(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the emitted radiance of points, (n, 3); zero where the alpha mask removes the surface."""
     material = part.material
-    radiance = np.broadcast_to(np.asarray(material.emission, np.float64), (len(vertices), 3))
+    radiance = np.broadcast_to(emitted_radiance(material), (len(vertices), 3))
     if material.emission_texture is not None:
         radiance = radiance * sample_texture(material.emission_texture, part.mesh, vertices, weights)[:, :3]
     if material.alpha_mode == "mask":
@@ -269,6 +270,8 @@ def _restore_power(records: NDArray[np.void], patches: list[_Patch]) -> NDArray[
     """Scale a material's samples so that their radiance times area adds up, per channel, to that of all its patches."""
     wanted = sum(patch.points["area"] @ patch.points["radiance"] for patch in patches)
     there = records["area"].astype(np.float64) @ records["color"]
+    if not there.any():
+        return records[:0]  # the areas vanish in float32
     scale = float(wanted @ REC709_LUMINANCE / (there @ REC709_LUMINANCE))
     records["area"] *= scale
     records["color"] *= np.where(there > 0, wanted / np.where(there > 0, there * scale, 1.0), 1.0)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import Instance, Material, Mesh
+from .light_values import emitted_radiance
 from .texture_atlas import mean_linear_color
 from .two_level_bvh import TwoLevelBvh
 
@@ -35,7 +36,7 @@ def emitting_parts(instances: list[Instance], hierarchy: TwoLevelBvh) -> Iterato
     for instance in instances:
         place = hierarchy.placement(instance.mesh)
         for m, material in enumerate(instance.mesh.materials):
-            if max(material.emission) <= 0 or material.unlit:
+            if material.unlit or not emitted_radiance(material).any():
                 continue
             chosen = np.flatnonzero(place.data.material == m)
             matrix = np.asarray(instance.world_from_local, np.float64)
@@ -52,7 +53,7 @@ def emitting_parts(instances: list[Instance], hierarchy: TwoLevelBvh) -> Iterato
 
 def exitance(material: Material) -> float:
     """Return the radiant exitance of an emitter as luminance, averaged over its texture and summed over sides, W/m2."""
-    color = np.asarray(material.emission, np.float64)
+    color = emitted_radiance(material)
     if material.emission_texture is not None:
         color = color * mean_linear_color(material.emission_texture.image)
     return float(color @ REC709_LUMINANCE) * np.pi * (2 if material.double_sided else 1)

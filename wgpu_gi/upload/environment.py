@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..scene.scene import Environment
 from .environment_cdf import environment_cdf
+from .light_values import environment_radiance
 from .resources import GpuResources
 
 
@@ -36,7 +37,7 @@ class EnvironmentUpload:
                 pixels[..., :3] = image
             self._resources.texture("environment", "rgba32float", pixels)
         if new_table:
-            self.cdf = environment_cdf(environment) if environment and max(environment.color) > 0 else None
+            self.cdf = environment_cdf(environment) if environment and environment_radiance(environment).any() else None
             table = self.cdf if self.cdf is not None else np.ones((1, 2), np.float32)
             self._resources.texture("environment_cdf", "r32float", table[..., None])
         self._sent = (image, color)

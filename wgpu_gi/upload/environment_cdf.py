@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import Environment
+from .light_values import environment_radiance
 
 CDF_WIDTH = 512  # columns and rows of the table at most; an entry of a larger map covers several texels
 UNIFORM_SHARE = 0.01  # share of the probability, spread evenly over the sphere
@@ -25,7 +26,7 @@ def environment_cdf(environment: Environment) -> NDArray[np.float32] | None:
     """
     if environment.image is None:
         return None
-    luminance = environment.image @ (REC709_LUMINANCE * np.asarray(environment.color))
+    luminance = environment.image @ (REC709_LUMINANCE * environment_radiance(environment))
     rows, columns = (min(n, CDF_WIDTH) for n in luminance.shape)
     # Average as the sampler filters: u wraps around, v is clamped.
     mean = _range_means(np.pad(luminance, ((1, 1), (0, 0)), "edge"), rows)
@@ -62,7 +63,7 @@ def _range_means(values: NDArray[np.float64], count: int) -> NDArray[np.float64]
 
 def environment_power(environment: Environment, radius: float) -> float:
     """Return the power of an environment map that reaches a sphere of `radius` metres, as luminance in W."""
-    luminance = np.asarray(environment.image, np.float64) @ (REC709_LUMINANCE * np.asarray(environment.color))
+    luminance = np.asarray(environment.image, np.float64) @ (REC709_LUMINANCE * environment_radiance(environment))
     sine = np.sin((np.arange(len(luminance)) + 0.5) / len(luminance) * np.pi)
     mean = float(luminance.mean(1) @ sine / sine.sum())
     return mean * 4 * np.pi * np.pi * radius**2

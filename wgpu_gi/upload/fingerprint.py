@@ -50,7 +50,7 @@ def _transforms(instances: list[Instance]) -> bytes:
     """Return the bytes of all transforms."""
     try:
         return b"".join([i.world_from_local.data for i in instances])
-    except (AttributeError, BufferError):  # lists, or arrays that are not contiguous
+    except (AttributeError, BufferError, TypeError):  # lists, or arrays that are not contiguous
         return b"".join([np.asarray(i.world_from_local).tobytes() for i in instances])
 
 

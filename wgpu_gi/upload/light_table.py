@@ -16,6 +16,7 @@ from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
 from .emitters import EmittingPart, emitting_parts, exitance
 from .environment_cdf import environment_power
+from .light_values import emitted_radiance, punctual_light
 from .two_level_bvh import TwoLevelBvh
 
 KIND_POINT, KIND_SPOT, KIND_SUN, KIND_TRIANGLE, KIND_ENVIRONMENT = range(5)  # as wgsl/scene/lights.wgsl
@@ -95,8 +96,8 @@ def join_records(parts: list[NDArray[np.void]], dtype: np.dtype) -> NDArray[np.v
 def _punctual(light: Light, origin: NDArray, radius: float, dtype: np.dtype) -> tuple[NDArray[np.void], float]:
     """Return a light's record and its power in W; the power of a sun is that on a disc of the scene's `radius`."""
     record = np.zeros(1, dtype)
-    record["color"] = np.asarray(light.color, np.float64) * light.intensity
-    luminance = float(np.asarray(light.color, np.float64) @ REC709_LUMINANCE * light.intensity)
+    record["color"] = punctual_light(light)
+    luminance = float(punctual_light(light) @ REC709_LUMINANCE)
     if isinstance(light, DirectionalLight):
         record["kind"], record["edge1"] = KIND_SUN, light_direction(light)
         return record, luminance * np.pi * radius**2
@@ -133,5 +134,9 @@ def _triangle_records(part: EmittingPart, dtype: np.dtype) -> tuple[NDArray[np.v
     records = np.zeros(len(part.triangles), dtype)
     records["kind"] = KIND_TRIANGLE
     records["position"], records["edge1"], records["edge2"] = part.corners[:, 0], edge1, edge2
-    records["triangle"], records["color"], records["sides"] = part.triangles, part.material.emission, part.sides
+    records["triangle"], records["color"], records["sides"] = (
+        part.triangles,
+        emitted_radiance(part.material),
+        part.sides,
+    )
     return records, np.linalg.norm(np.cross(edge1, edge2), axis=1) / 2

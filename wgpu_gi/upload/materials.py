@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..gpu.wgsl.load import load
 from ..scene.scene import Image, Material, Texture
+from .light_values import emitted_radiance
 from .resources import GpuResources
 from .texture_atlas import Atlas, pack_atlas
 
@@ -70,7 +71,7 @@ class MaterialUpload:
         """
         packed = np.zeros(max(len(materials), 1), self._dtype)
         for record, m in zip(packed, materials, strict=False):
-            record["base_color"], record["emission"] = m.base_color, m.emission
+            record["base_color"], record["emission"] = m.base_color, emitted_radiance(m)
             record["metallic"], record["roughness"], record["normal_scale"] = m.metallic, m.roughness, m.normal_scale
             record["alpha_cutoff"] = m.alpha_cutoff if m.alpha_mode == "mask" else 0.0
             record["emitter_pdf"] = pdf.get(id(m), 0.0)

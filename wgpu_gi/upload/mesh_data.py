@@ -107,13 +107,13 @@ def _pack_vertices(mesh: Mesh, dtype: np.dtype) -> NDArray[np.void]:
         code = octahedral_encode(mesh.tangents[:, :3]) & np.uint32(0xFFFFFFFE)
         vertices["tangent"] = code | (np.asarray(mesh.tangents)[:, 3] < 0)
     if mesh.colors is not None:
-        bits = np.round(np.clip(mesh.colors, 0, 1) * 65535).astype(np.uint32)
+        bits = np.round(np.clip(mesh.colors.astype(np.float64), 0, 1) * 65535).astype(np.uint32)
         vertices["color"] = np.stack([bits[:, 0] | bits[:, 1] << 16, bits[:, 2] | bits[:, 3] << 16], 1)
     else:
         vertices["color"] = 0xFFFFFFFF
     for name, texcoords in (("texcoord0", mesh.texcoords0), ("texcoord1", mesh.texcoords1)):
         if texcoords is not None:
-            vertices[name] = np.clip(texcoords, -LARGEST_FACTOR, LARGEST_FACTOR)
+            vertices[name] = np.clip(texcoords.astype(np.float64), -LARGEST_FACTOR, LARGEST_FACTOR)
     return vertices
 
 

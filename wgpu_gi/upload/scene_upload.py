@@ -23,6 +23,7 @@ from .draw_list import DrawList, RasterMesh, build_draw_list
 from .environment import EnvironmentUpload
 from .instance_motion import InstanceMotion
 from .light_table import LightTable, build_light_table
+from .light_values import emitted_radiance, environment_radiance, light_unit
 from .materials import MaterialUpload
 from .mesh_data import MeshData
 from .resources import GpuResources
@@ -211,7 +212,7 @@ class SceneUpload:
 
     def _find_features(self, scene: Scene, materials: list[Material]) -> dict[str, bool]:
         """Return the HAS_ constants of shaders; pipelines leave out what the scene does not have."""
-        emissive = any(max(m.emission) > 0 for m in materials)
+        emissive = any(emitted_radiance(m).any() for m in materials)
         environment = scene.environment
         return {
             "HAS_INSTANCES": self._hierarchy.has_instances,
@@ -224,7 +225,7 @@ class SceneUpload:
             "HAS_COATS": not self.diffuse,
             "HAS_EMISSION": emissive or any(m.unlit for m in materials),
             "HAS_EMITTERS": emissive,
-            "HAS_ENVIRONMENT": bool(environment and max(environment.color) > 0),
+            "HAS_ENVIRONMENT": bool(environment_radiance(environment).any()),
             "HAS_PICTURED_ENVIRONMENT": bool(environment and environment.image is not None),
         }
 
@@ -234,9 +235,10 @@ class SceneUpload:
         info["frame_low"], info["frame_scale"] = self._hierarchy.world.low, self._hierarchy.world.scale
         info["centre"], info["radius"] = self._hierarchy.centre, self._hierarchy.radius
         info["root"], info["light_count"] = self._hierarchy.root, table.count
-        info["environment_color"] = environment.color if environment else 0.0
+        info["environment_color"] = environment_radiance(environment)
         info["environment_pdf"] = table.environment_pdf
         info["environment_rotation"] = environment.rotation / (2 * np.pi) % 1.0 if environment else 0.0
+        info["light_unit"] = light_unit(scene)
         info["hittable_light"] = self.features["HAS_EMITTERS"] or self.features["HAS_ENVIRONMENT"]
 
 
@@ -263,7 +265,7 @@ def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
     cut = [
         (tuple(m.base_color), m.alpha_mode, m.alpha_cutoff, _texture_values(m.base_color_texture))
         for m in materials
-        if max(m.emission) > 0
+        if emitted_radiance(m).any()
     ]
     return [*shared, *cut]
 

@@ -2,7 +2,8 @@
 //
 // standard_error = sqrt(sum (x - mean)^2 / ((n - 1) n)) per channel; with one sample, the value itself. Errs high:
 // stratification makes the true error smaller. In: means and squared deviations. Out: radiance and its error. All W/(m2
-// sr).
+// sr), squared deviations in squares of `scene.light_unit`, with which they neither overflow nor vanish.
+#import "scene/info.wgsl"
 
 struct Params {
     size: vec2u,  // pixels
@@ -27,7 +28,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let n = emitted.a;
     var error = total;
     if (n > 1.5) {
-        error = sqrt(deviation[index].rgb / ((n - 1.0) * n));
+        error = sqrt(deviation[index].rgb / ((n - 1.0) * n)) * scene.light_unit;
     }
     radiance[index] = vec4f(total, 1.0);
     standard_error[index] = vec4f(error, 1.0);

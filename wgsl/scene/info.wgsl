@@ -23,6 +23,7 @@ struct SceneInfo {
     environment_pdf: f32,     // chance that a light sample picks the environment
     environment_rotation: f32,// in turns about +Y
     hittable_light: u32,      // 1: a ray can hit an emitter or environment
+    light_unit: f32,          // a power of two near the brightest light: squares of light in this unit stay in range
     centre: vec3f,            // of a sphere around the scene, metres
     radius: f32,
 }

@@ -1,0 +1,51 @@
+"""The light that a scene's values stand for, with all factors: candela, lux and radiance, (3,) float64.
+
+Channels below SMALLEST_LIGHT are zero, so that no power, area or square of light vanishes in float32 where its factors
+do not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..float_limits import SMALLEST_LIGHT
+from ..scene.scene import Environment, Light, Material, Scene
+
+Color = NDArray[np.float64]
+
+
+def punctual_light(light: Light) -> Color:
+    """Return candela of a point or spot light, lux of a directional one."""
+    return _or_none(np.asarray(light.color, np.float64) * light.intensity)
+
+
+def emitted_radiance(material: Material) -> Color:
+    """Return the radiance of an emitter without its texture, W/(m2 sr)."""
+    return _or_none(material.emission)
+
+
+def environment_radiance(environment: Environment | None) -> Color:
+    """Return the radiance of an environment, or the factor of its picture."""
+    return np.zeros(3) if environment is None else _or_none(environment.color)
+
+
+def light_unit(scene: Scene) -> float:
+    """Return a power of two from one to two times the brightest light; 1 without light."""
+    materials = scene.materials
+    lights = [punctual_light(light) for light in scene.lights] + [emitted_radiance(m) for m in materials]
+    lights += [np.asarray(m.base_color[:3], np.float64) for m in materials if m.unlit]
+    environment = scene.environment
+    if environment is not None:
+        lights.append(environment_radiance(environment) * (1 if environment.image is None else environment.image.max()))
+    brightest = float(max((light.max() for light in lights), default=0.0))
+    return 2.0 ** math.frexp(max(brightest, SMALLEST_LIGHT))[1] if brightest > 0 else 1.0
+
+
+def _or_none(values: Sequence[float] | Color) -> Color:
+    """Return the values, zero where they are below SMALLEST_LIGHT."""
+    color = np.asarray(values, np.float64)
+    return np.where(color < SMALLEST_LIGHT, 0.0, color)
