@@ -14,9 +14,10 @@ from wgpu_gi.scene.load import load
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_saved_scene_gives_the_same_picture(tmp_path, kind):
-    """Bit for bit, but for a few pixels at edges, since loading normalises the camera's axes: its last bits differ."""
+    """Bit for bit; if the sky was turned, a few paths in a hundred meet another texel, since the file holds no turn."""
     scene = make_scene(kind, 1)
     env = save_glb(tmp_path / "scene.glb", scene)
     loaded = load(tmp_path / "scene.glb", environment=None if env is None else load_environment(env))
     pictures = [shoot(s, (32, 18), show=("radiance",), spp=2, bounces=2)["radiance"] for s in (scene, loaded)]
-    assert np.mean(np.any(pictures[0] != pictures[1], axis=-1)) <= 0.02
+    turned = scene.environment is not None and scene.environment.rotation != 0
+    assert np.mean(np.any(pictures[0] != pictures[1], axis=-1)) <= (0.05 if turned else 0)

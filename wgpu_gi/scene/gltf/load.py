@@ -25,6 +25,7 @@ from .nodes import Matrix, Nodes
 from .skins import joint_matrices
 
 _FLAT = 1e-7  # ratio of a matrix's singular values below which float32 cannot invert it
+_RIGID = 1e-14  # error of the products of a rotation's axes: some roundings of float64
 _NOTHING = 1e-18  # scale at which anything is invisible
 
 
@@ -167,7 +168,13 @@ def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]
 
 
 def _rigid(matrix: Matrix) -> Matrix | None:
-    """Return `matrix` with orthonormal axes of the same view direction and up; None if those have no length."""
+    """Return `matrix` with orthonormal axes of the same view direction and up; None if those have no length.
+
+    A rotation stays as it is, to the last bit, so that a saved camera gives the same picture.
+    """
+    axes = matrix[:3, :3]
+    if np.abs(axes.T @ axes - np.eye(3)).max() < _RIGID and np.linalg.det(axes) > 0:
+        return matrix
     back = matrix[:3, 2]
     right = np.cross(matrix[:3, 1], back)
     if not np.linalg.norm(right) > _FLAT * np.linalg.norm(matrix[:3, 1]) * np.linalg.norm(back):

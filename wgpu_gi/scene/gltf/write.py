@@ -9,7 +9,7 @@ cannot express:
   rotation and scale;
 - vertex colours outside [0, 1], alpha cutoffs below 0 and a light's range of 0 or infinity: loaders set them to 0 or 1,
   to 0, and to none;
-- axes of cameras and lengths of directions: loaders normalise them, which can change the last bit.
+- lengths of directions: loaders normalise them, which can change the last bit.
 """
 
 from __future__ import annotations
