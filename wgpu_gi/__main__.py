@@ -1,4 +1,4 @@
-"""The command line: `wgpu-gi render` makes pictures, `view` shows them live, `compare` and `bench` measure them."""
+"""The command line: `wgpu-gi render` makes pictures, `view` shows them live, the others measure and test them."""
 
 from __future__ import annotations
 

@@ -10,7 +10,15 @@ from typing import NoReturn
 from ..errors import GiError
 from ..settings import QUALITIES
 from ..version import __version__
-from .epilogs import BENCH_EPILOG, COMPARE_EPILOG, INFO_EPILOG, MAIN_EPILOG, RENDER_EPILOG, VIEW_EPILOG
+from .epilogs import (
+    BENCH_EPILOG,
+    COMPARE_EPILOG,
+    INFO_EPILOG,
+    MAIN_EPILOG,
+    RENDER_EPILOG,
+    STRESS_EPILOG,
+    VIEW_EPILOG,
+)
 
 
 class Parser(argparse.ArgumentParser):
@@ -60,6 +68,9 @@ def build_parser() -> Parser:
     bench = command("bench", "measure error and time of techniques", BENCH_EPILOG, "[OPTIONS] [SCENE ...]")
     _add_bench_arguments(bench)
     _add_messages(bench, "the tables")
+    stress = command("stress", "test techniques on random scenes", STRESS_EPILOG, "[OPTIONS]")
+    _add_stress_arguments(stress)
+    _add_messages(stress, "failures")
     command("info", "list adapters, drivers and versions, and what is missing", INFO_EPILOG)
     return parser
 
@@ -218,6 +229,34 @@ def _add_bench_arguments(parser: Parser) -> None:
     add("--json", metavar="OUT", help="write all numbers to this .json")
     add("--plot", metavar="OUT", help="plot error against time to this .png, .svg or .pdf")
     add("--compare", metavar="OLD", help="print the ratios to this .json of an earlier run")
+
+
+def _add_stress_arguments(parser: Parser) -> None:
+    # Scenes.
+    scene = parser.add_argument_group("scenes")
+    add = scene.add_argument
+    add("--kinds", metavar="A,B,C", help="kinds of random scenes, default all")
+    add("--seeds", type=parse_frames, default=range(0, 100), metavar="A:B", help="seeds A to B-1, default 0:100")
+    add("--scene", metavar="FILE", help="a file or a built-in scene instead of random ones")
+    add("--env", metavar="ENV", help="with --scene: an .hdr or .exr file, or a constant radiance R,G,B")
+    add("--size", type=parse_size, default=(64, 36), metavar="WxH", help="pixels, default 64x36")
+
+    # Techniques, checks and budget.
+    what = parser.add_argument_group("what to check")
+    add = what.add_argument
+    add("--gi", metavar="A,B,C", help="techniques, default all")
+    add("--quality", default="medium", metavar="A,B,C", help="some of low,medium,high; default medium")
+    add("--checks", default="turns", metavar="A,B,C", help="checks, or 'all'; default: in turns; 'help' lists them")
+    add("--set", action="append", default=[], metavar="NAME=VALUE", help="change a setting, repeatable")
+    add("--minutes", type=float, metavar="M", help="stop after M minutes")
+    add("--reduce", type=float, default=60.0, metavar="S", help="seconds to reduce a failing scene, default 60; 0: not")
+    add("--adapter", metavar="NAME", help=ADAPTER_HELP)
+
+    # Reports.
+    output = parser.add_argument_group("output")
+    add = output.add_argument
+    add("-o", "--output", metavar="FOLDER", help="write index.html and the scenes of failures to this folder")
+    add("--json", metavar="OUT", help="write all numbers to this .json")
 
 
 def parse_size(text: str) -> tuple[int, int]:

@@ -78,4 +78,20 @@ Truth: --truth path renders it, which may take minutes, and caches it in ~/.cach
 WGPU_GI_CACHE move it). The folder may be deleted at any time.
 """
 
+STRESS_EPILOG = """\
+examples:
+  wgpu-gi stress --minutes 10 -o report             every technique, seeds from 0, as far as ten minutes reach
+  wgpu-gi stress --kinds room,glossy --seeds 0:50 --gi many-light,ssil --json now.json
+  wgpu-gi stress --checks truth --seeds 100:130     errors against the path tracer on 330 scenes
+  wgpu-gi stress --checks help                      the checks, a sentence each
+  wgpu-gi stress --scene report/room-7-ssil-cut.glb --gi ssil --checks cut --seeds 7:8
+
+Kinds: room, street, foliage, glossy, textured, many, tiny, huge, far, degenerate, extreme.
+Each scene and technique is checked for bad values and for repetition, then for one relation in its turn; comparisons
+with the path tracer, white furnaces, new renderers and leaks come every few seeds. A relation promises equal bits, or
+equal means: these are tested over blocks with several seeds, and a suspicion is confirmed with 24, then 96 new seeds.
+A failing scene is reduced while it fails in the same way, and saved as .glb with the command that shows it again.
+The exit code is 0 without failures, 1 with failures, 2 for bad arguments.
+"""
+
 INFO_EPILOG = "The exit code is 0 if an adapter can be used, else 2."

@@ -17,6 +17,7 @@ TECHNIQUE = Technique(
     bounces=0,
     most_bounces=0,
     is_random=False,
+    occludes_sky=False,
     options=DeferredOptions,
     inputs=deferred_inputs,
 )

@@ -83,6 +83,8 @@ class Technique:
     inputs: updates its scene inputs on the GPU once per frame, and returns them.
     extra: buffers that it can show besides those of all techniques.
     views: debug views, each with the reason why a frame may lack it.
+    screen_space: True if only surfaces in the picture can occlude or send light.
+    occludes_sky: False if the environment lights every surface as if nothing were in the way.
     averages_samples: True if it averages samples itself; a still picture is then one frame.
     warm_up: returns the number of frames before the first one that a still picture averages.
     refine: plans more runs for a picture that lacks samples after all its runs; returns whether it did.
@@ -97,6 +99,8 @@ class Technique:
     most_bounces: int | None = None
     extra: tuple[str, ...] = ("motion",)
     views: Mapping[str, str] = field(default_factory=dict)
+    screen_space: bool = False
+    occludes_sky: bool = True
     averages_samples: bool = False
     warm_up: Callable[[Any], int] = _no_warm_up
     refine: Callable[[Graph, Kept, Any], bool] | None = None

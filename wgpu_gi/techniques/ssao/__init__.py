@@ -20,6 +20,7 @@ TECHNIQUE = Technique(
     bounces=0,
     most_bounces=0,
     is_random=True,
+    screen_space=True,
     options=OcclusionOptions,
     inputs=ssdo_inputs,
 )

@@ -21,6 +21,7 @@ TECHNIQUE = Technique(
     bounces=1,
     most_bounces=1,
     is_random=True,
+    screen_space=True,
     options=SsdoOptions,
     inputs=ssdo_inputs,
 )

@@ -25,6 +25,7 @@ TECHNIQUE = Technique(
     bounces=None,
     most_bounces=MOST_BOUNCES,
     is_random=True,
+    screen_space=True,
     options=SsilOptions,
     inputs=ssil_inputs,
     warm_up=_warm_up,
