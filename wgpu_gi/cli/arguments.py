@@ -236,7 +236,7 @@ def _add_stress_arguments(parser: Parser) -> None:
     scene = parser.add_argument_group("scenes")
     add = scene.add_argument
     add("--kinds", metavar="A,B,C", help="kinds of random scenes, default all")
-    add("--seeds", type=parse_frames, default=range(0, 100), metavar="A:B", help="seeds A to B-1, default 0:100")
+    add("--seeds", type=parse_seeds, default=range(0, 100), metavar="A:B", help="seeds A to B-1, default 0:100")
     add("--scene", metavar="FILE", help="a file or a built-in scene instead of random ones")
     add("--env", metavar="ENV", help="with --scene: an .hdr or .exr file, or a constant radiance R,G,B")
     add("--size", type=parse_size, default=(64, 36), metavar="WxH", help="pixels, default 64x36")
@@ -274,6 +274,15 @@ def parse_frames(text: str) -> range:
     if not frames:
         raise argparse.ArgumentTypeError(f"frames are FIRST:END or FIRST:END:STEP, such as 0:240, not {text!r}")
     return frames
+
+
+def parse_seeds(text: str) -> range:
+    """Parse text such as 0:100 as seeds."""
+    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text)
+    seeds = range(int(match[1]), int(match[2])) if match else range(0)
+    if not seeds:
+        raise argparse.ArgumentTypeError(f"seeds are FIRST:END, such as 0:100, not {text!r}")
+    return seeds
 
 
 def parse_shard(text: str) -> tuple[int, int]:

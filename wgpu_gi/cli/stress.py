@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
@@ -23,7 +24,7 @@ from .common import load_scene, warn_of_cpu
 from .messages import Messages
 
 FOUND, INTERRUPTED = 1, 130
-MOST_MINUTES = 100_000.0
+MOST_MINUTES, MOST_SECONDS = 100_000.0, 1e6
 FILE = "file"  # the kind of a scene from --scene
 OWN_SETTINGS = ("gi", "seed", "spp", "bounces", "camera.jitter", "camera.frames")
 
@@ -71,6 +72,8 @@ def plan_from(arguments: Namespace) -> Plan:
     check_size(arguments.size)
     if arguments.minutes is not None and not 0 < arguments.minutes <= MOST_MINUTES:
         raise GiError(f"--minutes must lie between 0 and {MOST_MINUTES:g}, not {arguments.minutes:g}")
+    if not 0 <= arguments.reduce <= MOST_SECONDS:
+        raise GiError(f"--reduce must lie between 0 and {MOST_SECONDS:g} seconds, not {arguments.reduce:g}")
     if arguments.json is not None:
         check_writable(arguments.json)
     folder = None if arguments.output is None else Path(arguments.output)
@@ -91,7 +94,7 @@ def plan_from(arguments: Namespace) -> Plan:
     )
 
 
-def _scenes(arguments: Namespace):  # type: ignore[no-untyped-def]
+def _scenes(arguments: Namespace) -> tuple[Callable[[str, int], Scene], tuple[str, ...], list[str]]:
     """Return the function that makes a scene, the kinds, and the arguments that name a file."""
     if arguments.scene is None:
         if arguments.env is not None:

@@ -20,7 +20,7 @@ from .relations import RELATIONS
 from .results import Failure, Record, Report
 from .studio import Studio
 
-ALWAYS = ("finite", "repeated")  # checks of every scene and technique
+ALWAYS = ("repeated",)  # of every scene and technique
 SELDOM = {"renewed": 8, "leaks": 16, "truth": 4, "furnace": 4}  # every so many seeds
 MOST_PICTURES = 200  # failures that are reduced and shown; the others are only counted
 MOST_OF_CLASS = 3  # ... of one class, check and technique
