@@ -86,8 +86,15 @@ def test_meshopt_exponential_filter(tmp_path):
 def test_damaged_streams(tmp_path):
     pytest.importorskip("DracoPy")
     pytest.importorskip("meshoptimizer")
-    with pytest.raises(GiError, match="Draco data cannot be decoded"):
-        load_gltf(draco_builder(b"DRACO nonsense", {"POSITION": 0}, 3).glb(tmp_path))
+    header = b"DRACO\2\2\1\1\0\0\0\3\1"  # version 2.2, a mesh by edgebreaker, 3 vertices, 1 face
+    for data, problem in (
+        (b"DRACO nonsense", "not a Draco mesh"),
+        (b"DRACO\2\1\1\1\0\0\0\3\1", "not of version 2.2"),
+        (b"DRACO\2\2\1\1\0\0\0" + b"\xff" * 20, "header of its Draco data is damaged"),
+        (header + b"nonsense", "cannot be decoded"),
+    ):
+        with pytest.raises(GiError, match=problem):
+            load_gltf(draco_builder(data, {"POSITION": 0}, 3).glb(tmp_path))
     for count, problem in ((3, "cannot be decoded"), (10**10, "announces")):
         builder = meshopt_builder()
         view = compressed_view(builder, b"nonsense", count, 12, "ATTRIBUTES")

@@ -9,8 +9,9 @@ from PIL import Image
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.color import linear_from_srgb
+from wgpu_gi.scene.files.memory import MemoryBudget
 from wgpu_gi.scene.files.mesh_files import load_mesh_file
-from wgpu_gi.scene.files.obj import read_mtl
+from wgpu_gi.scene.files.obj import Textures, read_mtl
 
 SQUARE = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
 STL = """solid s
@@ -176,7 +177,7 @@ def test_unusable_mtl_rows_become_notes(tmp_path, row, sentence):
     ihdr_chunk = bytes([0, 0, 0, 13]) + ihdr + zlib.crc32(ihdr).to_bytes(4, "big")
     write(tmp_path, "huge.png", b"\x89PNG\r\n\x1a\n" + ihdr_chunk + bytes(4) + b"IDAT" + bytes(4))
     notes = []
-    material = read_mtl(f"newmtl m\n{row}\n", tmp_path, notes)["m"]
+    material = read_mtl(f"newmtl m\n{row}\n", ["m"], Textures(tmp_path, notes, MemoryBudget()))["m"]
     assert len(notes) == 1 and sentence in notes[0]
     assert max(material.base_color) <= 1 and min(material.emission) >= 0 and np.isfinite(material.emission).all()
 

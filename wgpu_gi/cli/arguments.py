@@ -8,6 +8,7 @@ import re
 from typing import NoReturn
 
 from ..errors import GiError
+from ..scene.files.memory import GIB, MAX_MEMORY
 from ..settings import QUALITIES
 from ..version import __version__
 from .epilogs import (
@@ -90,7 +91,7 @@ def _add_picture_arguments(parser: Parser, size: str) -> None:
         "--camera", metavar="CAMERA", help="a camera of the scene by name or index, a .json file, or the text of one"
     )
     _add_light_arguments(scene)
-    scene.add_argument("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+    _add_loading_arguments(scene)
 
     # How to light it.
     technique = parser.add_argument_group("technique")
@@ -133,6 +134,18 @@ def _add_light_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="LIGHT=R,G,B",
         help="change a light of the scene, by name or index, in candela or lux, repeatable; for a sun also the"
         ' direction, "LIGHT=r,g,b dx,dy,dz"; "env=r,g,b degrees" tints and rotates the environment',
+    )
+
+
+def _add_loading_arguments(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+    add(
+        "--max-memory",
+        type=parse_memory,
+        default=MAX_MEMORY,
+        metavar="GIB",
+        help=f"the most that a file may unpack to, default {MAX_MEMORY / GIB:g} GiB",
     )
 
 
@@ -203,7 +216,7 @@ def _add_bench_arguments(parser: Parser) -> None:
     )
     scene.add_argument("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")
     _add_light_arguments(scene)
-    scene.add_argument("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
+    _add_loading_arguments(scene)
 
     # Techniques and settings.
     technique = parser.add_argument_group("what to measure")
@@ -291,6 +304,17 @@ def parse_shard(text: str) -> tuple[int, int]:
     if match is None or not 1 <= int(match[1]) <= int(match[2]):
         raise argparse.ArgumentTypeError(f"a shard is I/N from 1/N to N/N, such as 2/8, not {text!r}")
     return int(match[1]), int(match[2])
+
+
+def parse_memory(text: str) -> int:
+    """Parse a number of GiB as bytes."""
+    try:
+        size = float(text) * GIB
+    except ValueError:
+        size = math.nan
+    if not 1 <= size <= 2**60:
+        raise argparse.ArgumentTypeError(f"memory is a number of GiB above 0, such as 8, not {text!r}")
+    return int(size)
 
 
 def parse_bounces(text: str) -> int | None:

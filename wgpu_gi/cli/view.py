@@ -6,6 +6,7 @@ from argparse import Namespace
 
 from ..errors import GiError
 from ..options import check_size
+from ..scene.files.memory import GIB, MAX_MEMORY
 from .common import list_names, renderer_from, settings_from
 from .messages import Messages
 
@@ -30,6 +31,8 @@ def view(arguments: Namespace) -> int:
     for name in ("env", "adapter"):
         if getattr(arguments, name) is not None:
             source += [f"--{name}", getattr(arguments, name)]
+    if arguments.max_memory != MAX_MEMORY:
+        source += ["--max-memory", f"{arguments.max_memory / GIB:g}"]
     for light in arguments.light:
         source += ["--light", light]
     for change in arguments.relight:

@@ -8,9 +8,12 @@ from pathlib import Path
 
 from ..errors import GiError, known_names
 from .built_in.scenes import BUILTIN_SCENES, builtin_scene
+from .check import check_scene
 from .files.camera_files import framing_camera
+from .files.memory import MAX_MEMORY, MemoryBudget
 from .files.mesh_files import MESH_EXTENSIONS, load_mesh_file
 from .files.read import read_file
+from .rules import shown
 from .scene import Environment, Light, Scene
 
 GLTF_EXTENSIONS = (".glb", ".gltf")
@@ -21,29 +24,41 @@ NO_CAMERA_NOTE = "the scene has no camera: one that frames it was added (--camer
 DEFAULT_SKY = (1.0, 1.0, 1.0)
 
 
-def load(source: str | Path, *, environment: Environment | None = None, lights: Sequence[Light] = ()) -> Scene:
+def load(
+    source: str | Path,
+    *,
+    environment: Environment | None = None,
+    lights: Sequence[Light] = (),
+    max_memory: int = MAX_MEMORY,
+) -> Scene:
     """Load a scene: a built-in name ("cornell") or a .glb, .gltf, .obj, .ply, .stl or .off file.
 
     `environment` replaces the scene's, `lights` are added to its own. A scene that then has no source of light gets a
     white sky of radiance 1, and one without a camera gets a camera that frames it; `Scene.notes` says so. A bare name
     is a built-in scene, even if a file has that name; files need their extension. Raises GiError for unknown names and
-    extensions, with a list of the known ones, and for missing, empty and damaged files.
+    extensions, with a list of the known ones, for missing, empty and damaged files, and for a file that unpacks to more
+    than `max_memory` bytes (decoded textures, decompressed geometry).
     """
-    path = Path(source)
+    if not isinstance(source, (str, os.PathLike)):
+        raise GiError(f"a scene is loaded from a name or a path, not from {shown(source)}")
+    path, budget = Path(source), MemoryBudget(max_memory)
     extension = path.suffix.lower()
     if str(source) in BUILTIN_SCENES:
         scene = builtin_scene(str(source))
     elif extension in GLTF_EXTENSIONS:
         from .gltf.load import load_gltf
 
-        scene = load_gltf(path)
+        scene = load_gltf(path, budget)
     elif extension in MESH_EXTENSIONS:
-        scene = load_mesh_file(path)
+        scene = load_mesh_file(path, budget)
     else:
         raise _unknown(path)
     if environment is not None:
         scene.environment = environment
+    if not isinstance(lights, (list, tuple)):
+        raise GiError(f"lights must be a list of lights, not {shown(lights)}")
     scene.lights.extend(lights)
+    check_scene(scene)
     add_defaults(scene)
     return scene
 

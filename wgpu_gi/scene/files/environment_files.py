@@ -19,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
+from ...float_limits import LARGEST_LIGHT
 from ...webgpu_limits import MAX_TEXTURE_SIDE
 from ..scene import Environment
+from .memory import MAX_MEMORY, MemoryBudget
 from .read import read_file
 
 ENVIRONMENT_EXTENSIONS = (".hdr", ".pic", ".exr")
@@ -34,19 +36,22 @@ MOST_PIXELS = 16384 * 8192
 LARGEST_RADIANCE = 1e10
 
 
-def load_environment(text: str | Path, notes: list[str] | None = None) -> Environment:
+def load_environment(text: str | Path, notes: list[str] | None = None, *, max_memory: int = MAX_MEMORY) -> Environment:
     """Return the environment that `text` names: "R,G,B" (constant radiance, W/(m2 sr)) or a .hdr, .pic or .exr file.
 
     Maps are equirectangular with -Z at the left edge, +X at a quarter of the width and +Y on top. Negative, NaN and
     infinite pixels become 0, and radiance is limited to 1e10; `notes` receives a sentence that says so. Raises GiError
-    for negative or non-finite colours and for missing, foreign, damaged or oversized files.
+    for negative, non-finite or too large colours, for missing, foreign, damaged or oversized files, and for a map that
+    unpacks to more than `max_memory` bytes.
     """
     extension = Path(text).suffix.lower()
     if extension not in ENVIRONMENT_EXTENSIONS:
         return Environment(color=_constant_color(str(text)), name="constant")
-    path = Path(text)
-    image = _read_exr(path) if extension == ".exr" else read_hdr(read_file(path, "environment map"), str(path))
-    return Environment(image=_reduced(_sanitised(image, path, notes), path, notes), name=path.stem)
+    path, budget = Path(text), MemoryBudget(max_memory)
+    data = read_file(path, "environment map")
+    image = _read_exr(path, data[:4], budget) if extension == ".exr" else read_hdr(data, str(path), budget)
+    _sanitise(image, path, notes)
+    return Environment(image=_reduced(image, path, notes), name=path.stem)
 
 
 def _constant_color(text: str) -> tuple[float, float, float]:
@@ -59,25 +64,26 @@ def _constant_color(text: str) -> tuple[float, float, float]:
     if len(values) not in (1, 3):
         formats = " ".join(ENVIRONMENT_EXTENSIONS)
         raise GiError(f"environment {text!r} is neither a file ({formats}) nor a radiance R,G,B such as 0.5,0.7,1")
-    if not all(math.isfinite(value) and value >= 0 for value in values):
-        raise GiError(f"environment {text!r}: radiance must be finite and not negative")
+    if not all(0 <= value <= LARGEST_LIGHT for value in values):
+        raise GiError(f"environment {text!r}: radiance must be finite and not negative, and at most {LARGEST_LIGHT:g}")
     red, green, blue = values if len(values) == 3 else values * 3
     return red, green, blue
 
 
-def _sanitised(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> NDArray[np.float32]:
-    """Replace values that cannot be radiance by 0, and limit others to LARGEST_RADIANCE."""
-    with np.errstate(invalid="ignore"):
-        bad = ~(np.isfinite(image) & (image >= 0))
-        absurd = image > LARGEST_RADIANCE
-    if bad.any() or (absurd & ~bad).any():
-        image = np.where(bad, np.float32(0), np.minimum(image, np.float32(LARGEST_RADIANCE)))
-        if notes is not None:
-            notes.append(
-                f"environment {path}: {np.count_nonzero(bad)} negative, NaN or infinite values were set to 0, "
-                f"{np.count_nonzero(absurd & ~bad)} limited to {LARGEST_RADIANCE:g}"
-            )
-    return np.ascontiguousarray(image, np.float32)
+def _sanitise(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> None:
+    """Replace values that cannot be radiance by 0, and limit others to LARGEST_RADIANCE, in place."""
+    bad = absurd = 0
+    for row in image:
+        wrong = ~(np.isfinite(row) & (row >= 0))
+        bad += int(np.count_nonzero(wrong))
+        row[wrong] = 0
+        absurd += int(np.count_nonzero(row > LARGEST_RADIANCE))
+        np.minimum(row, np.float32(LARGEST_RADIANCE), out=row)
+    if (bad or absurd) and notes is not None:
+        notes.append(
+            f"environment {path}: {bad} negative, NaN or infinite values were set to 0, "
+            f"{absurd} limited to {LARGEST_RADIANCE:g}"
+        )
 
 
 def _reduced(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> NDArray[np.float32]:
@@ -89,8 +95,12 @@ def _reduced(image: NDArray[np.float32], path: Path, notes: list[str] | None) ->
     rows, columns = height // step, width // step
     if notes is not None:
         notes.append(f"environment {path}: {width}x{height} pixels were averaged to {columns}x{rows}")
-    blocks = image[: rows * step, : columns * step].reshape(rows, step, columns, step, 3)
-    return np.ascontiguousarray(blocks.mean((1, 3), dtype=np.float32))
+    total = np.zeros((rows, columns, 3), np.float32)
+    for y in range(step):
+        for x in range(step):
+            total += image[y : rows * step : step, x : columns * step : step]
+    total /= np.float32(step * step)
+    return total
 
 
 def _check_size(width: int, height: int, source: str) -> None:
@@ -101,11 +111,11 @@ def _check_size(width: int, height: int, source: str) -> None:
         raise GiError(f"environment map {source} is {width}x{height}; use at most {LARGEST_SIDE}x{LARGEST_SIDE // 2}")
 
 
-def read_hdr(data: bytes, source: str) -> NDArray[np.float32]:
+def read_hdr(data: bytes, source: str, budget: MemoryBudget | None = None) -> NDArray[np.float32]:
     """Decode a Radiance RGBE picture to (height, width, 3) float32 linear radiance; `source` names it in messages.
 
     EXPOSURE lines are divided out, as the format requires. Raises GiError for XYZE data, for other orientations than
-    `-Y height +X width`, and for truncated or damaged data.
+    `-Y height +X width`, for truncated or damaged data, and for pixels beyond the `budget`.
     """
     # Read the header: format, orientation and size.
     header, separator, body = data.partition(b"\n\n")
@@ -126,15 +136,20 @@ def read_hdr(data: bytes, source: str) -> NDArray[np.float32]:
     # Refuse files that are too short for their size before allocating it; the best compression leaves 8 bytes a row.
     if len(body) < 8 * height and len(body) < 4 * width * height:
         raise GiError(f"{source} is truncated: {len(body)} bytes cannot hold {width}x{height} pixels")
+    (budget or MemoryBudget()).take(16 * width * height, f"environment map {source}")
     try:
         rgbe = _decode_rows(body, width, height)
     except IndexError:
         raise GiError(f"{source} is truncated or damaged: its run lengths do not fit {width}x{height} pixels") from None
     # Decode: mantissas are 8-bit fractions, the exponent is biased by 128, and exponent 0 means black. No half step is
     # added, so that round values stay exact and maps agree with other renderers (writers truncate: up to 0.8 % dark).
-    exponent = rgbe[..., 3:].astype(np.int32)
-    scale = np.where(exponent > 0, np.ldexp(np.float32(1), exponent - 136), np.float32(0)).astype(np.float32)
-    return rgbe[..., :3].astype(np.float32) * (scale / np.float32(_exposure(header, source)))
+    with np.errstate(over="ignore"):  # infinite radiance counts as damage
+        scale = (np.ldexp(1.0, np.arange(256) - 136) / _exposure(header, source)).astype(np.float32)
+    scale[0] = 0.0
+    image = np.empty((height, width, 3), np.float32)
+    for row, codes in zip(image, rgbe, strict=True):
+        np.multiply(codes[:, :3], scale[codes[:, 3:]], out=row)
+    return image
 
 
 def _exposure(header: bytes, source: str) -> float:
@@ -207,18 +222,20 @@ def _decode_old_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
     return at
 
 
-def _read_exr(path: Path) -> NDArray[np.float32]:
+def _read_exr(path: Path, magic: bytes, budget: MemoryBudget) -> NDArray[np.float32]:
     """Read the channels R, G, B (or Y for all three) of the first part of an OpenEXR file."""
     import OpenEXR
 
-    if read_file(path, "environment map")[:4] != b"\x76\x2f\x31\x01":
+    if magic != b"\x76\x2f\x31\x01":
         raise GiError(f"{path} is not an OpenEXR file: its first bytes are wrong")
     # Check the size before reading the pixels.
     try:
         with _silent_c_library():
-            low, high = OpenEXR.File(str(path), header_only=True).header()["dataWindow"]
+            found = OpenEXR.File(str(path), header_only=True)
+            low, high = found.header()["dataWindow"]
             width, height = (int(b) - int(a) + 1 for a, b in zip(low, high, strict=True))
             _check_size(width, height, str(path))
+            budget.take(_exr_bytes(found) + 12 * width * height, f"environment map {path}")
             if not OpenEXR.InputFile(str(path)).isComplete():
                 raise GiError(f"environment map {path} is truncated; download or export it again")
             channels: dict[str, Any] = OpenEXR.File(str(path), separate_channels=True).channels()
@@ -232,6 +249,17 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
     if len(planes) < 3 or any(plane is None or plane.shape != (height, width) for plane in planes):
         raise GiError(f"{path} has no full-size channels R, G, B or Y, but {', '.join(sorted(channels)) or 'none'}")
     return np.stack(planes, axis=-1).astype(np.float32)
+
+
+def _exr_bytes(file: Any) -> int:
+    """Return how many bytes the channels of all parts of an OpenEXR file take: the library reads them all."""
+    size = 0
+    for part in file.parts:
+        low, high = part.header["dataWindow"]
+        size += (
+            4 * len(part.header["channels"]) * math.prod(int(b) - int(a) + 1 for a, b in zip(low, high, strict=True))
+        )
+    return size
 
 
 @contextmanager

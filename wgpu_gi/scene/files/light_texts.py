@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 
 from ...errors import GiError
+from ...float_limits import LARGEST_LIGHT, MAX_COORDINATE
 from ..scene import DirectionalLight, Light, PointLight, Scene
 
 ENVIRONMENT = "env"  # names the environment among the lights
@@ -27,6 +28,8 @@ def parse_light(text: str) -> Light:
         raise GiError(f"light {text!r} needs three numbers for its {place} and three for its colour")
     color = _color(text, words[2])
     if words[0] == "point":
+        if max(map(abs, where)) > MAX_COORDINATE:
+            raise GiError(f"light {text!r}: its position must lie within {MAX_COORDINATE:g} m")
         return PointLight(where, 1.0, color, name="point")
     return DirectionalLight(_direction(text, where), 1.0, color, name="sun")
 
@@ -92,8 +95,8 @@ def _color(text: str, word: str) -> tuple[float, float, float]:
     color = color * 3 if len(color) == 1 else color
     if len(color) != 3:
         raise GiError(f"light {text!r} needs one number or three for its colour")
-    if min(color) < 0:
-        raise GiError(f"light {text!r}: a light cannot be negative")
+    if not all(0 <= part <= LARGEST_LIGHT for part in color):
+        raise GiError(f"light {text!r}: a light cannot be negative or above {LARGEST_LIGHT:g}")
     return color[0], color[1], color[2]
 
 

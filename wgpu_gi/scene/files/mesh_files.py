@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ...errors import GiError
 from ...pictures.color import linear_from_srgb
 from ..scene import Scene
+from .memory import MemoryBudget
 from .obj import read_obj
 from .raw_mesh import RawMesh, fans, scene_from_raw
 from .read import read_file
@@ -31,23 +32,24 @@ from .read import read_file
 MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off")
 
 
-def load_mesh_file(path: str | Path) -> Scene:
+def load_mesh_file(path: str | Path, budget: MemoryBudget | None = None) -> Scene:
     """Load an OBJ, PLY, STL or OFF file as a scene of one mesh, without lights and cameras.
 
     Positions are stored relative to the box centre, which is the instance's translation (float64). `Scene.notes` says
     what was left out (degenerate triangles, missing textures, transparency). Raises GiError for a missing, empty,
-    damaged or foreign file, for indices out of range, NaN or infinite vertices, and for a file without faces.
+    damaged or foreign file, for indices out of range, NaN or infinite vertices, for a file without faces, and for
+    textures beyond the `budget`.
     """
     path = Path(path)
     extension = path.suffix.lower()
     if extension not in MESH_EXTENSIONS:
         raise GiError(f"{path}: {extension or 'no extension'} is not a mesh format; use {' '.join(MESH_EXTENSIONS)}")
     notes: list[str] = []
-    raw = _READERS[extension](path, notes)
+    raw = _READERS[extension](path, notes, budget or MemoryBudget())
     return scene_from_raw(raw, path.stem, str(path), notes)
 
 
-def _read_ply(path: Path, notes: list[str]) -> RawMesh:
+def _read_ply(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
     from trimesh.exchange.ply import load_ply
 
     data = read_file(path, "PLY file")
@@ -62,7 +64,7 @@ def _read_ply(path: Path, notes: list[str]) -> RawMesh:
             raise GiError(f"{path} is not a readable PLY file: {reason}") from None
 
 
-def _read_stl(path: Path, notes: list[str]) -> RawMesh:
+def _read_stl(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
     from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
 
     data = read_file(path, "STL file")
@@ -90,7 +92,7 @@ def _read_stl(path: Path, notes: list[str]) -> RawMesh:
     return _join(meshes)
 
 
-def _read_off(path: Path, notes: list[str]) -> RawMesh:
+def _read_off(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
     """Read a text OFF file; skip colours and normals. trimesh cannot read its polygons of five corners."""
     text = read_file(path, "OFF file").decode("utf-8-sig", errors="replace")
     lines = [words for line in text.splitlines() if (words := line.split("#")[0].split())]
@@ -174,7 +176,7 @@ def _join(meshes: list[RawMesh]) -> RawMesh:
     )
 
 
-_READERS: dict[str, Callable[[Path, list[str]], RawMesh]] = {
+_READERS: dict[str, Callable[[Path, list[str], MemoryBudget], RawMesh]] = {
     ".obj": read_obj,
     ".ply": _read_ply,
     ".stl": _read_stl,

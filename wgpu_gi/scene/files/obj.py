@@ -7,6 +7,7 @@ report missing textures.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
+from ...float_limits import LARGEST_LIGHT
 from ...pictures.color import linear_from_srgb
 from ..scene import Image, Material, Texture
+from .memory import MemoryBudget
 from .raw_mesh import RawMesh, clay, default_material, fans
 from .read import path_inside, read_file
 
@@ -23,17 +26,17 @@ from .read import path_inside, read_file
 TEXTURE_OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
 
 
-def read_obj(path: Path, notes: list[str]) -> RawMesh:
+def read_obj(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
     """Read polygons, normals, texture coordinates, vertex colours and materials of an OBJ file.
 
     There is one vertex for each distinct `v/vt/vn`. Vertex colours (`v x y z r g b`) are sRGB, as Blender and MeshLab
-    write them. Smoothing groups, lines, points, curves and surfaces are skipped. Raises GiError for malformed numbers
-    and indices out of range.
+    write them. Smoothing groups, lines, points, curves and surfaces are skipped. Raises GiError for malformed numbers,
+    indices out of range and textures beyond the budget.
     """
     lines = _read_lines(path)
     index, ids = _unique_corners(path, lines.corners, {key: len(rows) for key, rows in lines.rows.items()})
     triangles, face = fans(ids, np.array(lines.corner_counts, np.int64))
-    materials = _materials(path, lines.libraries, list(lines.materials), notes)
+    materials = _materials(path, lines.libraries, list(lines.materials), notes, budget)
     positions, colors = _positions(path, lines.rows["v"])
     if -1 in lines.material_of_face:
         materials.append(default_material(colors))
@@ -146,11 +149,14 @@ def _flip_v(texcoords: NDArray[np.float64] | None) -> NDArray[np.float64] | None
     return None if texcoords is None else texcoords * (1.0, -1.0) + (0.0, 1.0)
 
 
-def _materials(path: Path, libraries: list[str], names: list[str], notes: list[str]) -> list[Material]:
+def _materials(
+    path: Path, libraries: list[str], names: list[str], notes: list[str], budget: MemoryBudget
+) -> list[Material]:
     """Return a material for each name in use; a missing one becomes grey, with a note."""
     known: dict[str, Material] = {}
+    textures = Textures(path.parent, notes, budget)
     unread = 0
-    for library in libraries:
+    for library in dict.fromkeys(libraries):
         file = path_inside(path.parent, library)
         if file is None:
             notes.append(f"material library {library!r} lies outside the scene's folder; its materials become grey")
@@ -162,15 +168,15 @@ def _materials(path: Path, libraries: list[str], names: list[str], notes: list[s
             notes.append(f"{error}; its materials become grey")
             unread += 1
             continue
-        known |= read_mtl(text, path.parent, notes)
+        known |= read_mtl(text, names, textures)
     missing = [name for name in names if name not in known]
     if missing and not unread:
         notes.append(f"{path}: no material library defines {', '.join(map(repr, missing[:5]))}; they become grey")
     return [known.get(name) or clay() for name in names]
 
 
-def read_mtl(text: str, folder: Path, notes: list[str]) -> dict[str, Material]:
-    """Read the materials of an MTL text; textures are looked up below `folder`.
+def read_mtl(text: str, names: Iterable[str], textures: Textures) -> dict[str, Material]:
+    """Read those materials of an MTL text that have one of the `names`.
 
     `Kd` is linear reflectance, as in the published Cornell boxes, and `Ke` radiance in W/(m2 sr). `map_Kd` and `map_Ke`
     are sRGB and multiply them; a zero or missing factor beside a map counts as one, since exporters write it so.
@@ -184,19 +190,17 @@ def read_mtl(text: str, folder: Path, notes: list[str]) -> dict[str, Material]:
             block = blocks.setdefault(rest.strip(), {})
         elif key:
             block[key.lower()] = rest.strip()
-    images: dict[str, Texture | None] = {}
-    return {name: _material(name, block, folder, images, notes) for name, block in blocks.items()}
+    return {name: _material(name, blocks[name], textures) for name in names if name in blocks}
 
 
-def _material(
-    name: str, block: dict[str, str], folder: Path, images: dict[str, Texture | None], notes: list[str]
-) -> Material:
-    """Return a material from the rows of its MTL block by key; `images` caches textures by name."""
+def _material(name: str, block: dict[str, str], textures: Textures) -> Material:
+    """Return a material from the rows of its MTL block by key."""
+    notes = textures.notes
     material = clay()
     material.name = name
     # Reflectance.
     diffuse = _color(name, "Kd", block, notes)
-    material.base_color_texture = _texture(block.get("map_kd"), folder, images, notes)
+    material.base_color_texture = textures.of_row(block.get("map_kd"))
     if diffuse is not None:
         if max(diffuse) > 1:
             notes.append(f"material {name!r}: Kd is above 1, more than a surface can reflect; it was limited to 1")
@@ -206,7 +210,7 @@ def _material(
     # Emission.
     emission = _color(name, "Ke", block, notes)
     material.emission = emission or (0.0, 0.0, 0.0)
-    material.emission_texture = _texture(block.get("map_ke"), folder, images, notes)
+    material.emission_texture = textures.of_row(block.get("map_ke"))
     if material.emission_texture and max(material.emission) == 0:
         material.emission = (1.0, 1.0, 1.0)
     # Transparency.
@@ -230,48 +234,58 @@ def _color(name: str, key: str, block: dict[str, str], notes: list[str]) -> tupl
         return None
     values = _values(block, key.lower())
     values = values * 3 if len(values) == 1 else values
-    if len(values) != 3 or not all(0.0 <= value < 1e30 for value in values):
+    if len(values) != 3 or not all(0.0 <= value <= LARGEST_LIGHT for value in values):
         notes.append(f"material {name!r}: {key} {block[key.lower()]!r} is not a colour; it was ignored")
         return None
     return values[0], values[1], values[2]
 
 
-def _texture(row: str | None, folder: Path, cache: dict[str, Texture | None], notes: list[str]) -> Texture | None:
-    """Return the texture that a `map_` row names after its options; None, with a note, if it cannot be loaded."""
-    if not row:
-        return None
-    words = row.split()
-    while words and words[0].startswith("-"):
-        option = words.pop(0)
-        limit = TEXTURE_OPTIONS.get(option, 1)
-        while limit and len(words) > 1 and (option not in TEXTURE_OPTIONS or _is_number(words[0])):
-            words.pop(0)
-            limit -= 1
-    name = " ".join(words)
-    if name not in cache:
-        cache[name] = _load_texture(name, folder, notes)
-    return cache[name]
+class Textures:
+    """The textures in the files below `folder`, each decoded once; `notes` receives what cannot be shown."""
+
+    def __init__(self, folder: Path, notes: list[str], budget: MemoryBudget) -> None:
+        self.notes = notes
+        self._folder = folder
+        self._budget = budget
+        self._known: dict[Path | str, Texture | None] = {}
+
+    def of_row(self, row: str | None) -> Texture | None:
+        """Return the texture that a `map_` row names after its options; None, with a note, if it cannot be loaded."""
+        if not row:
+            return None
+        words = row.split()
+        while words and words[0].startswith("-"):
+            option = words.pop(0)
+            limit = TEXTURE_OPTIONS.get(option, 1)
+            while limit and len(words) > 1 and (option not in TEXTURE_OPTIONS or _is_number(words[0])):
+                words.pop(0)
+                limit -= 1
+        name = " ".join(words)
+        file = path_inside(self._folder, name)
+        key = file or name
+        if key not in self._known:
+            self._known[key] = self._load(name, file)
+        return self._known[key]
+
+    def _load(self, name: str, file: Path | None) -> Texture | None:
+        """Return the texture in a file, or None with a note why it cannot be shown."""
+        from .image_files import decode_image, open_image  # imports Pillow, which few scenes here need
+
+        if file is None:
+            self.notes.append(f"texture {name!r} lies outside the scene's folder; the plain colour is used")
+            return None
+        try:
+            encoded = read_file(file, "texture")
+        except GiError as error:
+            self.notes.append(f"{error}; the plain colour is used")
+            return None
+        pixels = decode_image(open_image(encoded, self._budget, f"texture {file}"))
+        if isinstance(pixels, str):
+            self.notes.append(f"texture {file} cannot be used: {pixels}; the plain colour is used")
+            return None
+        return Texture(Image(pixels, name))
 
 
 def _is_number(word: str) -> bool:
     """Tell whether a word of an MTL row is a decimal number, without exponent."""
     return word.lstrip("+-").replace(".", "", 1).isdigit()
-
-
-def _load_texture(name: str, folder: Path, notes: list[str]) -> Texture | None:
-    """Return the texture in a file below `folder`, or None with a note why it cannot be shown."""
-    from .image_files import decode_image, open_image  # imports Pillow, which few scenes here need
-
-    file = path_inside(folder, name)
-    if file is None:
-        notes.append(f"texture {name!r} lies outside the scene's folder; the plain colour is used")
-        return None
-    try:
-        pixels = decode_image(open_image(read_file(file, "texture")))
-    except GiError as error:
-        notes.append(f"{error}; the plain colour is used")
-        return None
-    if isinstance(pixels, str):
-        notes.append(f"texture {file} cannot be used: {pixels}; the plain colour is used")
-        return None
-    return Texture(Image(pixels, name))

@@ -27,6 +27,7 @@ class Accessors:
 
     def __init__(self, document: Document) -> None:
         self._document = document
+        self._budget = document.budget
         self._accessors = document.array("accessors")
         self._views = document.array("bufferViews")
         self._buffers = document.array("buffers")
@@ -48,7 +49,10 @@ class Accessors:
         """
         if index not in self._array_of_accessor:
             accessor = self._accessors[index]
-            self._array_of_accessor[index] = dequantise(accessor, self._raw(accessor))
+            values = self._raw(accessor)
+            if accessor.flag("normalized") and values.dtype.kind != "f":
+                self._budget.take(4 * values.size, accessor.where)
+            self._array_of_accessor[index] = dequantise(accessor, values)
         return self._array_of_accessor[index]
 
     def view(self, index: int) -> tuple[memoryview, int]:
@@ -57,7 +61,7 @@ class Accessors:
             view = self._views[index]
             meshopt = view.extension("EXT_meshopt_compression") or view.extension("KHR_meshopt_compression")
             if meshopt and (gltf_compression.has_meshopt() or not self._has_plain_data(view)):
-                data, stride = gltf_compression.decode_meshopt(meshopt, self._slice(meshopt))
+                data, stride = gltf_compression.decode_meshopt(meshopt, self._slice(meshopt), self._budget)
             else:
                 data, stride = self._slice(view), view.integer("byteStride", 0, high=1 << 16)
             self._data_of_view[index] = data, stride
@@ -65,7 +69,7 @@ class Accessors:
 
     def draco_mesh(self, extension: JsonObject) -> gltf_compression.DracoMesh:
         """Return the decoded mesh that a KHR_draco_mesh_compression extension points to."""
-        return gltf_compression.decode_draco(extension, self.view(self.view_index(extension))[0])
+        return gltf_compression.decode_draco(extension, self.view(self.view_index(extension))[0], self._budget)
 
     def view_index(self, owner: JsonObject) -> int:
         """Return the index under `owner`'s key bufferView."""
@@ -77,7 +81,8 @@ class Accessors:
         dtype = accessor.choice("componentType", _COMPONENT_TYPES)
         if "bufferView" in accessor:
             values = self._elements(accessor, accessor, shape, dtype)
-        elif shape[0] * shape[1] * dtype.itemsize <= _MAX_ZERO_BYTES:
+        elif (size := shape[0] * shape[1] * dtype.itemsize) <= _MAX_ZERO_BYTES:
+            self._budget.take(size, accessor.where)
             values = np.zeros(shape, dtype)
         else:
             raise accessor.error(f"count {shape[0]} is not backed by any data; the file is damaged")
@@ -92,6 +97,7 @@ class Accessors:
         indices = self._elements(accessor, places, (count, 1), dtype)[:, 0]
         if int(indices.max()) >= len(base):
             raise places.error(f"index {indices.max()} is beyond the {len(base)} elements; the file is damaged")
+        self._budget.take(base.nbytes, accessor.where)
         values = base.copy()
         values[indices] = self._elements(accessor, replacements, (count, base.shape[1]), base.dtype)
         return values

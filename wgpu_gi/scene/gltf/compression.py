@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files.memory import MemoryBudget
 from .json_object import JsonObject
+
+_DRACO_VERTEX_BYTES = 48  # position, normal, tangent and texture coordinates as floats
 
 # The highest compression of the meshopt vertex codec: one control byte for 4 byte channels of 256 vertices. A higher
 # ratio means that the announced size is wrong.
@@ -35,9 +38,12 @@ def has_meshopt() -> bool:
     return importlib.util.find_spec("meshoptimizer") is not None
 
 
-def decode_draco(extension: JsonObject, data: memoryview) -> DracoMesh:
+def decode_draco(extension: JsonObject, data: memoryview, budget: MemoryBudget) -> DracoMesh:
     """Return the mesh in `data`; `extension` maps attribute names to ids in the stream. Raises GiError."""
     decoder = _import("DracoPy", "Draco", extension)
+    # Compression has no bound: a flat grid of 90,000 vertices takes 453 bytes.
+    vertices, faces = _draco_counts(extension, bytes(data[:32]))
+    budget.take(_DRACO_VERTEX_BYTES * vertices + 12 * faces, extension.where)
     try:
         mesh = decoder.decode(bytes(data))
         found = {int(a["unique_id"]): np.asarray(a["data"]) for a in mesh.attributes}
@@ -54,7 +60,27 @@ def decode_draco(extension: JsonObject, data: memoryview) -> DracoMesh:
     return DracoMesh(triangles, attributes)
 
 
-def decode_meshopt(extension: JsonObject, data: memoryview) -> tuple[memoryview, int]:
+def _draco_counts(extension: JsonObject, data: bytes) -> tuple[int, int]:
+    """Return the numbers of vertices and faces in the header of a Draco mesh. Raises GiError.
+
+    Google, "Draco Bitstream Specification" 2.2, sections 2 to 4: DRACO, version, encoder, method, flags; then for
+    sequential connectivity (method 0) faces and points, for edgebreaker (1) its type, vertices and faces, all varints.
+    """
+    if len(data) < 12 or data[:5] != b"DRACO" or data[7] != 1 or data[8] > 1:
+        raise extension.error("its data is not a Draco mesh; the file is damaged")
+    if data[5:7] != b"\2\2" or int.from_bytes(data[9:11], "little") & 0x8000:
+        raise extension.error("its Draco data is not of version 2.2 without metadata; compress the file again")
+    at, counts = 11 + data[8], []
+    for _ in range(2):
+        length = next((k for k, byte in enumerate(data[at : at + 5], 1) if byte < 128), 0)
+        if length == 0:
+            raise extension.error("the header of its Draco data is damaged")
+        counts.append(sum((byte & 127) << 7 * k for k, byte in enumerate(data[at : at + length])))
+        at += length
+    return (counts[0], counts[1]) if data[8] else (counts[1], counts[0])
+
+
+def decode_meshopt(extension: JsonObject, data: memoryview, budget: MemoryBudget) -> tuple[memoryview, int]:
     """Return the decoded bytes of a view with EXT_meshopt_compression, and their stride. Raises GiError."""
     # Check what the extension announces.
     decoder = _import("meshoptimizer", "meshopt", extension)
@@ -70,6 +96,7 @@ def decode_meshopt(extension: JsonObject, data: memoryview) -> tuple[memoryview,
         raise extension.error(f"count {count} is not a multiple of three; the file is damaged")
     if count * stride > len(data) * _MESHOPT_MAX_RATIO:
         raise extension.error(f"announces {count * stride} bytes from {len(data)}; the file is damaged")
+    budget.take(count * stride, extension.where)
     # Decode it.
     try:
         if mode == "ATTRIBUTES":

@@ -13,6 +13,7 @@ from typing import Any
 from urllib.parse import unquote, unquote_to_bytes
 
 from ...errors import GiError
+from ..files.memory import MemoryBudget
 from ..files.read import path_inside, read_file
 from .json_object import JsonObject
 
@@ -37,10 +38,11 @@ SUPPORTED_EXTENSIONS = {
 
 
 class Document:
-    """The JSON of a glTF file (`root`), its binary chunk or None, and the notes collected while reading it."""
+    """The JSON of a glTF file (`root`), its binary chunk or None, its budget, and the notes collected while reading."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, budget: MemoryBudget) -> None:
         self.path = path
+        self.budget = budget
         self._notes: dict[str, None] = {}  # an ordered set
         self._arrays: dict[str, list[JsonObject]] = {}
         data = read_file(path, "scene file")

@@ -7,9 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Pillow
 
-from ..files.image_files import decode_image, open_image
+from ..files.image_files import Picture, decode_image, open_image
 from ..scene import Image
 from .accessors import Accessors
 from .document import Document
@@ -26,23 +25,32 @@ class Images:
         self._accessors = accessors
         self._descriptions = document.array("images")
         self._images: dict[int, Image | None] = {}
+        self._first: dict[str, int] = {}  # the first image of each source
 
     def __len__(self) -> int:
         return len(self._descriptions)
 
     def load(self, indices: Iterable[int]) -> None:
-        """Decode the images in parallel threads; Pillow releases the interpreter lock while it decodes."""
-        new = sorted(set(indices) - self._images.keys())
+        """Decode the images in parallel threads, each source once; Pillow releases the interpreter lock meanwhile."""
+        wanted = sorted(set(indices) - self._images.keys())
+        first = {index: self._first.setdefault(self._source(index), index) for index in wanted}
+        new = [index for index in wanted if first[index] == index]
         opened = [self._open(self._descriptions[index]) for index in new]
         with ThreadPoolExecutor() as pool:
             for index, pixels in zip(new, pool.map(decode_image, opened), strict=True):
                 self._images[index] = self._finish(self._descriptions[index], pixels)
+        self._images |= {index: self._images[first[index]] for index in wanted}
 
     def get(self, index: int) -> Image | None:
         """Return image `index`, which must have been loaded."""
         return self._images[index]
 
-    def _open(self, image: JsonObject) -> Pillow.Image | str:
+    def _source(self, index: int) -> str:
+        """Return a text that is equal for images with the same bytes."""
+        image = self._descriptions[index]
+        return f"uri {image.text('uri')}" if "uri" in image else f"view {self._accessors.view_index(image)}"
+
+    def _open(self, image: JsonObject) -> Picture:
         """Return the image with only its header read, or the reason why there is none."""
         try:
             if "uri" in image:
@@ -51,7 +59,7 @@ class Images:
                 encoded = bytes(self._accessors.view(self._accessors.view_index(image))[0])
         except FileNotFoundError as error:
             return str(error)
-        return open_image(encoded, _FORMATS)
+        return open_image(encoded, self._document.budget, image.where, _FORMATS)
 
     def _finish(self, image: JsonObject, pixels: NDArray[np.uint8] | str) -> Image | None:
         """Return the image, or None with a note why there is none."""

@@ -15,6 +15,7 @@ import numpy as np
 from ...camera import Camera
 from ...errors import GiError
 from ...float_limits import LARGEST_HEIGHT, LARGEST_LIGHT, LARGEST_YFOV, MAX_COORDINATE, SMALLEST_HEIGHT, SMALLEST_YFOV
+from ..files.memory import MemoryBudget
 from ..scene import DirectionalLight, Instance, Light, PointLight, Scene, SpotLight
 from .accessors import Accessors
 from .document import Document
@@ -29,14 +30,14 @@ _RIGID = 1e-14  # error of the products of a rotation's axes: some roundings of 
 _NOTHING = 1e-18  # scale at which anything is invisible
 
 
-def load_gltf(path: Path) -> Scene:
-    """Return the default scene of a .gltf or .glb file.
+def load_gltf(path: Path, budget: MemoryBudget | None = None) -> Scene:
+    """Return the default scene of a .gltf or .glb file, which may unpack to the bytes of `budget`.
 
     Each glTF mesh becomes one Mesh, shared by the instances of all nodes that refer to it. Lights and cameras have the
     name of their node, or else their own. Raises GiError if the file is damaged, needs an extension that is not
     supported or a decoder that is not installed, refers to files outside its folder, or has no triangles.
     """
-    document = Document(path)
+    document = Document(path, budget or MemoryBudget())
     nodes = Nodes(document)
     shown = nodes.shown()
     scene = Scene(name=nodes.scene_name() or path.stem)
@@ -63,12 +64,15 @@ def _instances(document: Document, nodes: Nodes, shown: list[int]) -> list[Insta
     # Read the meshes, in the pose of their skins, and place them.
     instances: list[Instance] = []
     flat: list[str] = []
+    posed: dict[int, tuple[Matrix, Matrix]] = {}  # the joint matrices and the frame of each skin
     for node, mesh_index in mesh_of_node.items():
         description, matrix, joints, skin = descriptions[node], nodes.world[node], None, None
         if "skin" in description:
             # A skinned mesh ignores the transform of its own node (glTF 2.0, 3.7.3.2).
             skin = description.index("skin", skin_count, "skins")
-            joints, matrix = joint_matrices(document, accessors, skin, nodes.world)
+            if skin not in posed:
+                posed[skin] = joint_matrices(document, accessors, skin, nodes.world)
+            joints, matrix = posed[skin]
         mesh = meshes.get(mesh_index, skin, joints)
         name = description.text("name") or meshes.name(mesh_index)
         placed = _invertible(matrix)

@@ -22,6 +22,7 @@ from .skins import apply_skin
 
 _Vertices = dict[str, NDArray[np.float32]]  # keys: attribute names of glTF
 
+_SKIN_BYTES = 12 * 8  # of the blended matrix of a vertex
 _TRIANGLES = 4  # the lower primitive modes are points and lines
 
 # The vertex attributes of a Mesh, each with the component counts that glTF allows and a neutral value. Primitives that
@@ -169,6 +170,9 @@ class Meshes:
                 raise primitive.error(f"{name} must have {widths[-1]} components, not {values.shape[1]}")
             if len(values) != count:
                 raise primitive.error(f"{name} has {len(values)} elements for {count} positions; the file is damaged")
+        # Most attributes become float32 arrays of their own; four bytes a component bound them all.
+        size = sum(4 * values.size for values in arrays.values())
+        self._document.budget.take(size if joints is None else size + _SKIN_BYTES * count, primitive.where)
         vertices = {name: self._cleaned(primitive, name, values) for name, values in arrays.items()}
         if joints is not None:
             # Absurd weights give positions that are not finite; _finish raises an error for them.
@@ -201,6 +205,7 @@ class Meshes:
             raise primitive.error(f"the file has more than {_MAX_TRIANGLES} triangles; split it into smaller files")
         if len(indices) and int(indices.max()) >= vertex_count:
             raise primitive.error(f"index {indices.max()} is beyond its {vertex_count} vertices; the file is damaged")
+        self._document.budget.take(4 * len(indices) * (1 if mode == _TRIANGLES else 3), primitive.where)
         if mode == _TRIANGLES and len(indices) % 3:
             self._document.note(
                 f"{primitive.where}: {len(indices)} is not a multiple of 3; {len(indices) % 3} indices were left out."
@@ -239,6 +244,9 @@ class Meshes:
     def _merge(self, index: int, parts: list[_Part], materials: list[Material]) -> Mesh:
         """Return one mesh of all parts; parts without an attribute that others have get its neutral value."""
         counts = [len(part.vertices["POSITION"]) for part in parts]
+        rows = sum(len(neutral) for name, (_, neutral) in _ATTRIBUTES.items() if any(name in p.vertices for p in parts))
+        triangles = sum(len(part.triangles[0]) for part in parts)
+        self._document.budget.take(4 * rows * sum(counts) + 16 * triangles, self._descriptions[index].where)
         starts = np.cumsum([0, *counts[:-1]]).astype(np.uint32)
         arrays: dict[str, NDArray[np.float32]] = {}
         for name, (_, neutral) in _ATTRIBUTES.items():
