@@ -228,7 +228,7 @@ def test_sunlight_is_reflected_by_the_gltf_brdf(metallic, roughness):
     got = shoot(scene, (3, 3), camera=looking(-w_o, 3 * w_o, 0.1), spp=1, diffuse=False)["radiance"]
     half = 128 / 255
     f = gltf_brdf(np.array(base), metallic * half, (roughness * half) ** 2, np.array([0, 1.0, 0]), w_o, w_i)
-    assert np.allclose(got, 2.0 * 0.8 * f, rtol=1e-4)
+    assert np.allclose(got, 2.0 * 0.8 * f, rtol=4e-3)  # the fits of the coat's albedo
 
 
 def test_diffuse_ignores_coats_and_normal_maps():
@@ -291,12 +291,41 @@ def test_emission_texture_multiplies_the_factor():
     assert_mean(got, 0.5 * np.array([4.0, 2.0, 1.0]) / 2 * plates_form_factor())
 
 
-def test_white_coat_in_a_furnace_loses_little():
-    """Rough white metal keeps at least 40 % of the light, and never gains any (the model scatters only once)."""
-    for roughness in (0.0, 0.3, 1.0):
-        metal = Material("metal", metallic=1.0, roughness=roughness)
-        scene = Scene([Instance(sphere(material=metal))], environment=Environment())
-        show = ("radiance", "depth")
-        got = shoot(scene, (16, 16), camera=looking((0, 0, -1), (0, 0, 4), 2.0), spp=64, diffuse=False, show=show)
-        mean = got["radiance"][got["depth"] > 0].mean()
-        assert 0.4 < mean <= 1.001
+def white_ball():
+    """A sphere seen along -Z: roughness by the angle about its middle, metalness from cell to cell of a fine grid."""
+    x, y = np.meshgrid(np.arange(64) - 31.5, np.arange(64) - 31.5)
+    roughness = (np.arctan2(y, x) / (2 * np.pi) % 1) ** 2
+    metallic = np.random.default_rng(0).choice([0.0, 0.3, 1.0], (64, 64))
+    pixels = np.stack([0 * x, roughness * 255, metallic * 255, 255 + 0 * x], -1).round()
+    ball = sphere(subdivisions=4)
+    ball.texcoords0 = (ball.positions[:, :2] / 2 + 0.5).astype(np.float32)
+    texture = Texture(picture_of(pixels), filter="nearest", wrap_u="clamp", wrap_v="clamp")
+    ball.materials = [Material("white", metallic=1.0, roughness=1.0, metallic_roughness_texture=texture)]
+    return Scene([Instance(ball)], environment=Environment())
+
+
+@pytest.mark.parametrize("gi", ["none", "many-light", "ssil"])
+def test_white_ball_in_a_white_sky_is_white(gi):
+    """1.000 +- 0.5 % at every roughness, metalness and angle: at every pixel."""
+    got = shoot_ball(gi, diffuse=False)
+    assert np.abs(got[got > 0] - 1).max() < 0.005
+
+
+def test_ssdo_shows_a_white_ball_as_it_shows_a_matte_one():
+    """SSDO takes some neighbouring pixels of a ball for occluders, whatever its material."""
+    matte, coated = shoot_ball("ssdo", diffuse=True), shoot_ball("ssdo", diffuse=False)
+    assert np.abs(coated - matte).max() < 0.005
+
+
+def shoot_ball(gi, diffuse):
+    camera, show = looking((0, 0, -1), (0, 0, 4), 2.0), ("radiance", "depth")
+    got = shoot(white_ball(), (48, 48), camera=camera, gi=gi, diffuse=diffuse, show=show)
+    return np.where(got["depth"] > 0, got["radiance"][..., 0], 0.0)
+
+
+def test_path_tracer_keeps_a_white_ball_white():
+    """The mean over parts of the picture, which differ in roughness, is 1 within 0.5 %."""
+    got = shoot(white_ball(), (32, 32), spp=1024, camera=looking((0, 0, -1), (0, 0, 4), 1.9), diffuse=False)
+    for rows in (slice(0, 16), slice(16, 32)):
+        for columns in (slice(0, 16), slice(16, 32)):
+            assert_mean({k: v[rows, columns] for k, v in got.items()}, 1.0)

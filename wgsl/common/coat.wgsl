@@ -1,37 +1,46 @@
-// The response of a surface's coat to a source, such as a VPL: the GGX lobe, widened by the angle that the source's
-// disc subtends. The widened lobe mirrors a source as bright as its disc, without a spike. Errs blurry, by less than
-// the distance between sources.
+// The response of a coated surface to a source, such as a VPL: what its coat reflects, with the GGX lobe widened by the
+// angle that the source's disc subtends, and what it transmits to its base. The widened lobe mirrors a source as bright
+// as its disc, without a spike. Errs blurry, by less than the distance between sources.
 #import "common/brdf.wgsl"
 
 struct Shine {
-    fresnel: vec3f,
-    lobe: f32,       // D V, 1/sr
+    coat: vec3f,       // f_r of the coat, 1/sr
+    transmitted: f32,  // share of the light that the base gets
 }
 
-// Returns the coat's response to a source. `to_source`: metres; `squared`: its squared length plus the geometry term's
-// bound, m2; `area`: of the source's disc, m2.
-fn shine_of(brdf: Brdf, normal: vec3f, to_eye: vec3f, to_source: vec3f, squared: f32, area: f32) -> Shine {
+// Returns the coat's loss towards the eye; 0 and 1 for pure Lambert.
+fn loss_to_eye(brdf: Brdf, normal: vec3f, to_eye: vec3f) -> CoatLoss {
+    let loss = coat_loss(brdf.fit, brdf.alpha, dot(normal, to_eye));
+    return CoatLoss(loss.missing, select(1.0, loss.transmitted, brdf.glossy));
+}
+
+// Returns the response to a source. `eye`: of loss_to_eye(); `to_source`: metres; `squared`: its squared length plus the
+// geometry term's bound, m2; `area`: of the source's disc, m2.
+fn shine_of(
+    brdf: Brdf, eye: CoatLoss, normal: vec3f, to_eye: vec3f, to_source: vec3f, squared: f32, area: f32
+) -> Shine {
     let w_i = to_source * inverseSqrt(max(dot(to_source, to_source), 1e-30));
     let sum = w_i + to_eye;
     let h = sum * inverseSqrt(max(dot(sum, sum), 1e-30));
-    let cos_i = max(dot(normal, w_i), 0.0);
+    let cos_i = saturate(dot(normal, w_i));
     let cos_o = dot(normal, to_eye);
     // The widened lobe of a mirror has D = 1 / (pi alpha^2) = 4 d^2 cos_o / area, and D V E cos_i is the disc's
     // radiance.
     let spanned = 0.25 * INV_PI * area / max(squared * cos_o, 1e-30);
     let alpha = sqrt(min(brdf.alpha * brdf.alpha + spanned, 1.0));
     let lobe = ggx_distribution(alpha, max(dot(normal, h), 0.0)) * smith_visibility(alpha, cos_i, max(cos_o, 0.0));
-    let lit = brdf.glossy && cos_o > 0.0;
+    let loss = coat_loss(brdf.fit, brdf.alpha, cos_i);
+    let coat = fresnel_schlick(brdf.f0, dot(w_i, h)) * lobe + multiple_scattering(brdf, loss, eye);
     return Shine(
-        select(vec3f(0.0), fresnel_schlick(brdf.f0, dot(w_i, h)), brdf.glossy), select(0.0, lobe, lit));
+        select(vec3f(0.0), coat, brdf.glossy && cos_o > 0.0),
+        select(1.0, transmitted_share(brdf, loss, eye), brdf.glossy));
 }
 
-// Returns the share of light that the coat transmits to the base; `to_light` has any length.
-fn passed_share(brdf: Brdf, to_light: vec3f, to_eye: vec3f) -> vec3f {
-    let w_i = to_light * inverseSqrt(max(dot(to_light, to_light), 1e-30));
-    let sum = w_i + to_eye;
-    let h = sum * inverseSqrt(max(dot(sum, sum), 1e-30));
-    return select(vec3f(1.0), 1.0 - fresnel_schlick(brdf.f0, dot(w_i, h)), brdf.glossy);
+// Returns the share of light from a direction of any length that the coat transmits to the base and back to the eye.
+fn transmitted_from(brdf: Brdf, normal: vec3f, to_light: vec3f, to_eye: vec3f) -> f32 {
+    let cosine = dot(normal, to_light) * inverseSqrt(max(dot(to_light, to_light), 1e-30));
+    let loss = coat_loss(brdf.fit, brdf.alpha, cosine);
+    return select(1.0, transmitted_share(brdf, loss, loss_to_eye(brdf, normal, to_eye)), brdf.glossy);
 }
 
 // Returns the coat's reflectance: glossy light is divided by it before a blur and multiplied after (demodulation).

@@ -4,7 +4,7 @@
 // Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departure: A is the area that the direction's solid
 // angle dw cuts out of the sender, A = dw d^2 / cos_s; the paper uses pi r_max^2 / N times a strength set by hand. A
 // direction thus replaces the environment's light by the sender's, and near senders need no clamp. With directions
-// drawn by the cosine, cos_r dw is pi / N. Only the fronts of senders count; coats transmit 1 - F. In: hits, radiance
+// drawn by the cosine, cos_r dw is pi / N. Only the fronts of senders count; the base gets what coats transmit. In: hits, radiance
 // of senders, W/(m2 sr). Out: irradiance E, W/m2, and the depth of
 // `shared/denoise/plane.wgsl`. Errs dark where the senders are in no view.
 #import "shared/gbuffer/load.wgsl"
@@ -38,6 +38,9 @@ fn sender_index(hit: u32) -> u32 {
 
 // Returns the irradiance of a pixel, W/m2; `slot`: where its hits are stored.
 fn gather(pixel: vec2u, slot: u32) -> vec3f {
+    let surface = load_surface(pixel);
+    let brdf = gbuffer_brdf(surface);
+    let to_eye = -pixel_ray(pixel).direction;
     var sum = vec3f(0.0);
     for (var k = 0u; k < DIRECTIONS; k += 1u) {
         let hit = hits[slot * DIRECTIONS + k];
@@ -51,7 +54,7 @@ fn gather(pixel: vec2u, slot: u32) -> vec3f {
         let is_facing = sender_cosine > LEAST_SINE || (sender_cosine > 0.0 && arrival.is_steep);
         var radiance = bitcast<vec3f>(sender.rgb) * select(0.0, arrival.weight, is_facing);
         if (HAS_COATS) {
-            radiance *= passed_share(gbuffer_brdf(load_surface(pixel)), arrival.direction, -pixel_ray(pixel).direction);
+            radiance *= transmitted_from(brdf, surface.normal, arrival.direction, to_eye);
         }
         sum += radiance;
     }

@@ -2,7 +2,7 @@
 // The importing shader defines fn prepare(start: Endpoint) and fn visibility(start: Endpoint, end: Endpoint, number:
 // u32) -> f32.
 //
-// L = sum_i Phi_i cos_i cos'_i F D V_i / (d_i^2 + R_i^2) / p_i. Samples lie in the same disc or ring as in
+// L = sum_i Phi_i cos_i cos'_i f_i V_i / (d_i^2 + R_i^2) / p_i, f the coat's part of the BRDF. Samples lie in the same disc or ring as in
 // `gather.wgsl`; their angles about the pixel follow the projected lobe, f = 0.1 + exp(-s x^2 / 2 pi), where x is the
 // angle from the projected mirror direction (section 4). Departures: s = 2 / alpha^2 - 2, the Phong exponent of a GGX
 // lobe of the same width at its peak (Walter et al. 2007); lobes are widened by the solid angle of samples. In:
@@ -112,6 +112,7 @@ fn gather_glossy(id: vec3u) {
     prepare(start);
     let normal = surface.normal;
     let to_eye = -ray.direction;
+    let eye_loss = loss_to_eye(brdf, normal, to_eye);
     let mirrored = project_direction(start.position, reflect(ray.direction, normal));
     let forward = mirrored * inverseSqrt(max(dot(mirrored, mirrored), 1e-30));
     let pixel_seed = hash2(id.x, hash2(id.y, params.seed ^ params.shift));
@@ -140,9 +141,9 @@ fn gather_glossy(id: vec3u) {
         // Add the sample's light, with the form factor of a disc and the widened lobe.
         let facing = leaving * inverseSqrt(squared) * chosen.count * surfel_area(texel, pixel_side);
         let reach = squared + facing * INV_PI;
-        let shine = shine_of(brdf, normal, to_eye, way, reach, facing);
-        let term = chosen.count * arriving * leaving / max(squared * reach, 1e-37) * shine.lobe;
-        sum += unpack_light(code) * shine.fresnel * (term * visibility(start, end, number));
+        let shine = shine_of(brdf, eye_loss, normal, to_eye, way, reach, facing);
+        let term = chosen.count * arriving * leaving / max(squared * reach, 1e-37);
+        sum += unpack_light(code) * shine.coat * (term * visibility(start, end, number));
     }
     let added = select(glossy[index].rgb, vec3f(0.0), FINEST);
     glossy[index] = vec4f(added + sum / coat_tint(brdf, normal, to_eye), 1.0);

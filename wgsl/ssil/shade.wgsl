@@ -1,5 +1,5 @@
 // One invocation computes the irradiance of a pixel of the picture, or with REFLECTED the indirect radiance,
-// L = rho / pi E (1 - F) + L_coat, W/(m2 sr).
+// L = rho / pi E T(w_o) + L_coat, W/(m2 sr).
 //
 // In: G-buffer; irradiance of the first level and its upsampling guide, or with UPSAMPLED irradiance of the picture;
 // irradiance of unrepresented pixels; reflections of coats over their tint. Errs as `shared/upsample/weights.wgsl`
@@ -36,9 +36,10 @@ fn lit(pixel: vec2u, surface: GbufferSurface, irradiance: vec3f, glossy: vec3f) 
         let brdf = gbuffer_brdf(surface);
         light *= brdf.diffuse * INV_PI;
         if (HAS_COATS) {
-            // The coat transmits 1 - F. Schlick's (1 - cos)^5 has a cosine-weighted hemispherical mean of 1 / 21.
-            light *= select(vec3f(1.0), (1.0 - brdf.f0) * (20.0 / 21.0), brdf.glossy);
-            let tint = coat_tint(brdf, surface.normal, -pixel_ray(pixel).direction);
+            // The base gets what the coat transmits, in the mean over the hemisphere: T(w_o).
+            let to_eye = -pixel_ray(pixel).direction;
+            light *= loss_to_eye(brdf, surface.normal, to_eye).transmitted;
+            let tint = coat_tint(brdf, surface.normal, to_eye);
             light += select(vec3f(0.0), glossy * tint, brdf.glossy);
         }
     }

@@ -1,10 +1,9 @@
-// One invocation integrates one entry of the table of directional albedos of a coat and of the base under it.
+// One invocation integrates one entry of the table of directional albedos of a coat, for light scattered once.
 //
 // Along x: cos_o = (x / (W - 1))^3; along y: GGX alpha from MIN_ALPHA to 1 by its fourth root. Of the lobe D V cos_i:
 //   r  R = integral D V cos_i dw, the coat's directional albedo without Fresnel's factor
 //   g  the cosine c at which Fresnel's factor equals its mean: integral (1 - v.h)^5 D V cos_i dw = R (1 - c)^5
 //   b  sine of the lobe's mean direction to the normal, over the sine of w_o: 1 for a mirror
-//   a  C = 1/pi integral (1 - (1 - v.h)^5) cos_i dw, so that the base reflects diffuse (1 - F0) C
 // by the midpoint rule over visible normals (Dupuy and Benyoub 2023), denser towards both ends of their range, where
 // the shadowing term has kinks. Errs only by the rule: 2048 points.
 #import "common/brdf.wgsl"
@@ -36,7 +35,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var reflected = 0.0;
     var by_fresnel = 0.0;
     var direction = vec2f(0.0);  // across, up
-    var base = 0.0;
     for (var i = 0u; i < HEIGHTS; i += 1u) {
         // The smoothest step q and its slope.
         let u = (f32(i) + 0.5) / f32(HEIGHTS);
@@ -59,13 +57,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
                 by_fresnel += weight * fresnel_schlick(vec3f(0.0), v_h).x;
                 direction += weight * vec2f(-w_i.x, w_i.z);
             }
-            let cos_i = sqrt(1.0 - u);
-            let w_base = vec3f(sqrt(u) * cos(phi), sqrt(u) * sin(phi), cos_i);
-            base += 1.0 - fresnel_schlick(vec3f(0.0), sqrt(0.5 + 0.5 * dot(w_base, w_o))).x;
         }
     }
     let count = f32(HEIGHTS * TURNS);
     let mean_cosine = 1.0 - pow(max(by_fresnel / reflected, 1e-30), 0.2);
     let lean = normalize(direction).x / w_o.x;
-    textureStore(table, id.xy, vec4f(reflected / count, mean_cosine, max(lean, 0.0), base / count));
+    textureStore(table, id.xy, vec4f(reflected / count, mean_cosine, max(lean, 0.0), 1.0));
 }

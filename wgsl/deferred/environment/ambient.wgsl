@@ -1,8 +1,8 @@
 // The environment's light reflected by a surface, unoccluded.
 //
 // L_o = integral f_r L cos dw over the hemisphere of the normal. Under a constant environment the result is exact but
-// for the table's interpolation. Under a picture the base adds diffuse (1 - F0) C E / pi, with the Fresnel factor's
-// mean over the hemisphere, and the coat the split sum R F mean(L) of Karis 2013. Departure: mean(L) is looked up
+// for the table's interpolation and the fits. Under a picture the base and the coat's second scattering add (diffuse T +
+// F_ms M) E / pi, as if all directions sent alike, and the lobe the split sum R F mean(L) of Karis 2013. Departure: mean(L) is looked up
 // around the lobe's mean direction, since grazing and rough lobes lean away from the mirror direction. Errs at glancing
 // angles, where lobes are longer than wide, and includes light from below the surface's horizon. Without the occlusion
 // of `deferred/sky` or `ssdo` it errs bright.
@@ -71,15 +71,15 @@ fn ambient_radiance(brdf: Brdf, normal: vec3f, w_o: vec3f) -> vec3f {
     if (!HAS_ENVIRONMENT) {
         return vec3f(0.0);
     }
-    let base = brdf.diffuse * INV_PI * ambient_irradiance(normal);
+    let mean = INV_PI * ambient_irradiance(normal);
     if (!brdf.glossy) {
-        return base;
+        return brdf.diffuse * mean;
     }
     let cos_o = clamp(dot(normal, w_o), 0.0, 1.0);
     let entry = load_ambient_albedo(cos_o, brdf.alpha);
-    let fresnel = fresnel_schlick(brdf.f0, entry.g);
+    let fresnel = fresnel_schlick(brdf.f0, entry.y);
     // The lobe's mean direction along the surface, away from the viewer.
-    let across = entry.b * (normal * cos_o - w_o);
+    let across = entry.z * (normal * cos_o - w_o);
     let lobe = across + normal * sqrt(max(1.0 - dot(across, across), 0.0));
-    return base * (1.0 - brdf.f0) * entry.a + fresnel * entry.r * ambient_lobe(normalize(lobe), brdf.alpha);
+    return wide_reflectance(brdf, cos_o) * mean + fresnel * entry.x * ambient_lobe(normalize(lobe), brdf.alpha);
 }

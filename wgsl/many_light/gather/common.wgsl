@@ -66,6 +66,11 @@ fn lists_of(place: Place) -> vec4u {
         list_of(place.pixel + 2u * step, place.class_number), list_of(place.pixel + 3u * step, place.class_number));
 }
 
+// Returns the response of a receiver's coat to a VPL; `reach`: the bounded squared distance, m2.
+fn shine_at(r: Receiver, vpl: Vpl, reach: f32) -> Shine {
+    return shine_of(r.brdf, r.eye_loss, r.normal, r.to_eye, vpl.position - r.position, reach, vpl.area);
+}
+
 fn load_receivers(pixel: vec2u) -> Receivers {
     let step = vec2u(0u, INTERLEAVE);
     return Receivers(

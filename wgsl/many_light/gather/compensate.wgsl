@@ -85,7 +85,7 @@ fn lost_light(at: PixelSurface, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
     }
     if (HAS_COATS) {
         let to_eye = select(-normalize(at.position), vec3f(0.0, 0.0, -1.0), view.orthographic != 0u);
-        reflected *= passed_share(brdf, way, to_eye);
+        reflected *= transmitted_from(brdf, at.normal, way, to_eye);
     }
     // Leave out the light that the near field finds.
     if (NEAR_FIELD) {

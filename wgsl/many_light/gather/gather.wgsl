@@ -3,8 +3,8 @@
 //
 // E = n^2 sum_i Phi_i / pi cos_i cos_x V_i / (d_i^2 + s A_i / pi) over the VPLs i of the pixel's class, n^2 classes,
 // with the bound of a disc of area A (Wallace et al. 1989, "A Ray Tracing Algorithm for Progressive Radiosity", eq. 5)
-// and s = BOUND_SHARE. A coat with Fresnel factor F passes 1 - F of each VPL's light; its own radiance is summed
-// separately, over coat_tint(). Errs dark in corners, where VPLs are near.
+// and s = BOUND_SHARE. The base gets the share of each VPL's light that the coat transmits; the coat's own radiance is
+// summed separately, over coat_tint(). Errs dark in corners, where VPLs are near.
 //
 // The four pixels of a thread are the components of vec4f, so that they share the loads of VPLs, which limit such loops
 // on CPUs. There, workgroup memory and its barriers would cost more than they save (llvmpipe: 39 ms against 25).
@@ -28,19 +28,20 @@ fn geometry_terms(vpl: Vpl, bound: f32, position: mat3x4f, normal: mat3x4f) -> T
     return Terms(squared, leaving * arriving / max(squared * (squared + bound), vec4f(1e-37)));
 }
 
-// Fresnel factors and lobes of the coats of the four pixels for a VPL; `reach` are the bounded squared distances, m2.
+// The response of the coats of the four pixels to a VPL; `reach` are the bounded squared distances, m2.
 struct Shines {
-    fresnel: mat3x4f,
-    lobe: vec4f,
+    coat: mat3x4f,       // f_r, 1/sr
+    transmitted: vec4f,
 }
 
 fn shines_of(vpl: Vpl, reach: vec4f, at: Receivers) -> Shines {
-    let a = shine_of(at.a.brdf, at.a.normal, at.a.to_eye, vpl.position - at.a.position, reach.x, vpl.area);
-    let b = shine_of(at.b.brdf, at.b.normal, at.b.to_eye, vpl.position - at.b.position, reach.y, vpl.area);
-    let c = shine_of(at.c.brdf, at.c.normal, at.c.to_eye, vpl.position - at.c.position, reach.z, vpl.area);
-    let d = shine_of(at.d.brdf, at.d.normal, at.d.to_eye, vpl.position - at.d.position, reach.w, vpl.area);
+    let a = shine_at(at.a, vpl, reach.x);
+    let b = shine_at(at.b, vpl, reach.y);
+    let c = shine_at(at.c, vpl, reach.z);
+    let d = shine_at(at.d, vpl, reach.w);
     return Shines(
-        transpose(mat4x3f(a.fresnel, b.fresnel, c.fresnel, d.fresnel)), vec4f(a.lobe, b.lobe, c.lobe, d.lobe));
+        transpose(mat4x3f(a.coat, b.coat, c.coat, d.coat)),
+        vec4f(a.transmitted, b.transmitted, c.transmitted, d.transmitted));
 }
 
 // Gathers from the VPLs of some words of the pixels' class and stores the results.
@@ -84,12 +85,13 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
             let blue = vpl.flux.b * term;
             if (HAS_COATS) {
                 let coats = shines_of(vpl, geometry.squared + bound, at);
-                sum[0] += far * red * (1.0 - coats.fresnel[0]);
-                sum[1] += far * green * (1.0 - coats.fresnel[1]);
-                sum[2] += far * blue * (1.0 - coats.fresnel[2]);
-                shine[0] += red * coats.fresnel[0] * coats.lobe;
-                shine[1] += green * coats.fresnel[1] * coats.lobe;
-                shine[2] += blue * coats.fresnel[2] * coats.lobe;
+                let transmitted = far * coats.transmitted;
+                sum[0] += transmitted * red;
+                sum[1] += transmitted * green;
+                sum[2] += transmitted * blue;
+                shine[0] += red * coats.coat[0];
+                shine[1] += green * coats.coat[1];
+                shine[2] += blue * coats.coat[2];
             } else {
                 sum[0] += far * red;
                 sum[1] += far * green;

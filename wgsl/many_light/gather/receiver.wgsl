@@ -1,6 +1,7 @@
 // A pixel's surface, as a receiver of light from VPLs.
 #import "shared/gbuffer/read.wgsl"
 #import "shared/denoise/plane.wgsl"
+#import "common/coat.wgsl"
 #import "many_light/gather/near_field.wgsl"
 
 struct Receiver {
@@ -10,6 +11,7 @@ struct Receiver {
     depth: f32,               // of `shared/denoise/plane.wgsl`; 0 where the pixel shows no lit surface
     brdf: Brdf,
     to_eye: vec3f,
+    eye_loss: CoatLoss,       // of the coat, towards the eye
     near_radius: f32,         // r_max of the near field, metres
 }
 
@@ -29,8 +31,9 @@ fn load_receiver(pixel: vec2u, near_radius: f32) -> Receiver {
     let seen = load_distance(inside);
     let lit = seen > 0.0 && (surface.flags & GBUFFER_UNLIT) == 0u;
     let ray = pixel_ray(inside);
+    let brdf = gbuffer_brdf(surface);
     return Receiver(
         ray.origin + ray.direction * seen, select(vec3f(0.0), surface.normal, lit), surface.geometric_normal,
-        select(0.0, plane_depth(ray, seen), lit), gbuffer_brdf(surface), -ray.direction,
-        search_radius(ray, seen, near_radius));
+        select(0.0, plane_depth(ray, seen), lit), brdf, -ray.direction,
+        loss_to_eye(brdf, surface.normal, -ray.direction), search_radius(ray, seen, near_radius));
 }

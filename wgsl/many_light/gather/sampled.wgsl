@@ -47,9 +47,9 @@ fn light_of(vpl: Vpl, near: f32, at: Receiver) -> VplLight {
         return VplLight(flux * far, vec3f(0.0), luminance(flux) * far, squared);
     }
     // Split the light between the coat and the base.
-    let shine = shine_of(at.brdf, at.normal, at.to_eye, -way, reach, vpl.area);
-    let passed = flux * (1.0 - shine.fresnel) * far;
-    let coat = flux * shine.fresnel * shine.lobe;
+    let shine = shine_at(at, vpl, reach);
+    let passed = flux * (shine.transmitted * far);
+    let coat = flux * shine.coat;
     // Black surfaces, too, need irradiance, because the blur averages it: their reflectance counts as 1 %.
     let weight = luminance(passed * max(at.brdf.diffuse, vec3f(0.01)) * INV_PI + coat);
     return VplLight(passed, coat, weight, squared);
