@@ -306,6 +306,26 @@ def test_failures_are_reduced_saved_and_shown(tmp_path):
     assert document["failures"][0]["class"] == "NaN values" and document["times"]["none"]["first"]["count"] > 0
 
 
+def test_the_worst_picture_of_each_layer_is_kept(tmp_path):
+    report = ran(Dark, tmp_path, checks=["truth"], reduce_seconds=0.0, seeds=range(1))
+    (key,) = {(gi, layer) for gi, _, layer in report.worst} - {("ssil", "direct")}
+    assert key == ("none", "direct") and "The worst picture" in page(report)
+    text = page(report)
+    assert "direct light of none, medium: room 0, relMSE" in text and "bias -20" in text.replace("-19.9", "-20")
+
+
+def test_the_running_case_is_noted_for_drivers_that_end_the_process(tmp_path):
+    notes = []
+
+    class Noted(FakeRenderer):
+        def forget(self):
+            notes.append((tmp_path / "running.txt").read_text())
+
+    ran(Noted, tmp_path, checks=["repeated"], seeds=range(1))
+    assert notes[0].startswith("wgpu-gi stress --kinds room --seeds 0:1 --gi none --checks repeated")
+    assert not (tmp_path / "running.txt").exists()
+
+
 def test_a_run_ends_in_time_and_at_an_interrupt(tmp_path):
     assert ran(FakeRenderer, tmp_path, minutes=1e-9).records == []
 

@@ -27,8 +27,9 @@ class Case:
 class Finding:
     """The result of a check.
 
-    failure: the class of a failure, for grouping. numbers: measured values by name. got, expected: radiance, if the
-    check compares pictures. p: the probability of such a deviation by chance, if the check is statistical.
+    failure: the class of a failure, for grouping. numbers: measured values by name. got, expected: the pictures of a
+    failure. p: the probability of such a deviation by chance, if the check is statistical. compared: picture and truth
+    of each layer that was measured.
     """
 
     verdict: Verdict
@@ -38,6 +39,7 @@ class Finding:
     got: Picture | None = None
     expected: Picture | None = None
     p: float | None = None
+    compared: dict[str, tuple[Picture, Picture]] = field(default_factory=dict)
 
 
 PASSED = Finding("passed")

@@ -16,6 +16,7 @@ from ...pictures.atomic_file import atomic_file
 from ...pictures.color import REC709_LUMINANCE, srgb_from_linear
 from ..compare_page import DIVERGING, colored, html_table, png_uri
 from .checks import SENTENCES
+from .findings import Picture
 from .results import Failure, Record, Report, summary
 from .truth import FRAMES
 
@@ -39,6 +40,7 @@ def page(report: Report) -> str:
         frames=FRAMES,
         classes=_table(class_rows(report)),
         errors=_table(error_rows(report)),
+        worst="".join(_worst(report)) or "<p>None.</p>",
         times=_table(time_rows(report)),
         checks=_table(check_rows(report)),
         failures="".join(map(_section, report.failures)) or "<p>None.</p>",
@@ -132,12 +134,19 @@ def _section(failure: Failure) -> str:
     return (
         f"<section><h3>{escape(title)}</h3><p>{escape(failure.record.sentence)}.</p>"
         f"<p class='hint'>reduced to {escape(failure.reduced)}</p><p><code>{escape(failure.command)}</code></p>"
-        f"<div class='pictures'>{''.join(_figures(failure))}</div></section>"
+        f"<div class='pictures'>{''.join(_figures(failure.got, failure.expected))}</div></section>"
     )
 
 
-def _figures(failure: Failure) -> Iterable[str]:
-    got, expected = failure.got, failure.expected
+def _worst(report: Report) -> Iterable[str]:
+    for (gi, quality, layer), worst in sorted(report.worst.items()):
+        case, numbers = worst.record.case, worst.record.numbers
+        errors = f"relMSE {numbers[f'{layer} relmse']:.2g}, bias {numbers[f'{layer} bias']:+.1%}"
+        title = f"{layer} light of {gi}, {quality}: {case.kind} {case.seed}, {errors}"
+        yield f"<p>{escape(title)}</p><div class='pictures'>{''.join(_figures(worst.got, worst.expected))}</div>"
+
+
+def _figures(got: Picture | None, expected: Picture | None) -> Iterable[str]:
     if got is None:
         return
     base = got if expected is None else expected

@@ -70,7 +70,7 @@ class Relation:
             expected = [pictures.map(_total(layers)) for layers in zip(*parts, strict=True)]
             return list(zip(expected, studio.take(gi, pictures.got, seeds), strict=True))
 
-        return same_means(take, self.margin, self.edges)
+        return same_means(take, self.margin, self.edges, studio.thorough)
 
 
 def _total(parts: Sequence[Layers]) -> Layers:

@@ -45,14 +45,28 @@ class Failure:
 
 
 @dataclass
+class Worst:
+    """The worst picture of a technique against its truth."""
+
+    record: Record
+    got: Picture
+    expected: Picture
+
+
+@dataclass
 class Report:
-    """All results of a run. `times`: milliseconds of pictures by technique, of first and further frames of a scene."""
+    """All results of a run.
+
+    times: milliseconds of pictures by technique, of first and further frames of a scene. worst: the largest relMSE by
+    technique, preset and layer.
+    """
 
     machine: dict[str, Any]
     size: tuple[int, int]
     records: list[Record] = field(default_factory=list)
     failures: list[Failure] = field(default_factory=list)
     times: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    worst: dict[tuple[str, str, str], Worst] = field(default_factory=dict)
     seconds: float = 0.0
     interrupted: bool = False
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from .checks import run_check
 from .findings import Case, Finding
 from .reduce import State, described, reduced
 from .relations import RELATIONS
-from .results import Failure, Record, Report
+from .results import Failure, Record, Report, Worst
 from .studio import Studio
 
 ALWAYS = ("repeated",)  # of every scene and technique
@@ -97,7 +98,8 @@ def _run_scene(
         if end is not None and time.perf_counter() > end:
             return
         started = time.perf_counter()
-        finding = run_check(studios[case.quality], case, scene)
+        with _noted(plan, case, studios[case.quality].size):
+            finding = run_check(studios[case.quality], case, scene)
         record = Record(
             case,
             finding.verdict,
@@ -108,9 +110,31 @@ def _run_scene(
             time.perf_counter() - started,
         )
         report.records.append(record)
+        _keep_worst(report, record, finding)
         if finding.verdict == "failed" and _is_shown(report, record):
             report.failures.append(_failure(plan, studios[case.quality], record, finding, scene, end))
         progress(record, report)
+
+
+@contextmanager
+def _noted(plan: Plan, case: Case, size: tuple[int, int]) -> Iterator[None]:
+    """Keep the command of a case in a file while it runs, for drivers that end the process."""
+    if plan.folder is None:
+        yield
+        return
+    note = plan.folder / "running.txt"
+    note.write_text(command_of(case, size, plan.source or ["--kinds", case.kind]) + "\n", encoding="utf-8")
+    yield
+    note.unlink(missing_ok=True)
+
+
+def _keep_worst(report: Report, record: Record, finding: Finding) -> None:
+    """Keep the pictures of the largest relMSE of each technique, preset and layer."""
+    for layer, (got, expected) in finding.compared.items():
+        key = (record.case.gi, record.case.quality, layer)
+        relmse = record.numbers[f"{layer} relmse"]
+        if key not in report.worst or relmse > report.worst[key].record.numbers[f"{layer} relmse"]:
+            report.worst[key] = Worst(record, got, expected)
 
 
 def _is_shown(report: Report, record: Record) -> bool:
@@ -154,11 +178,11 @@ def _loaded(path: str, environment: str | None) -> Scene:
 
 def _fails_alike(studio: Studio, case: Case, state: State, failure: str) -> bool:
     """Return whether a candidate fails in the same class."""
-    size, studio.size = studio.size, state.size
+    size, studio.size, studio.thorough = studio.size, state.size, False
     try:
         return run_check(studio, case, state.scene).failure == failure
     finally:
-        studio.size = size
+        studio.size, studio.thorough = size, True
 
 
 def command_of(case: Case, size: tuple[int, int], source: Sequence[str]) -> str:

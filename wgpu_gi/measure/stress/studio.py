@@ -72,6 +72,7 @@ class Studio:
         make: Callable[..., Renderer] = Renderer,
     ) -> None:
         self.size, self.adapter, self.frame_seconds, self._make = size, adapter, frame_seconds, make
+        self.thorough = True  # False: statistical checks take fewer seeds, while a scene is reduced
         self.settings = settings or Settings()
         if settings is None:
             apply_quality(self.settings, quality)

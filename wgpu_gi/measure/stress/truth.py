@@ -15,7 +15,7 @@ import numpy as np
 from ...options import TECHNIQUES
 from ...scene.load import has_light
 from ...scene.scene import Scene
-from .findings import Finding, skipped
+from .findings import Finding, Picture, skipped
 from .studio import Studio, View
 
 FRAMES = 16  # of the technique
@@ -45,6 +45,7 @@ def truth(studio: Studio, gi: str, scene: Scene, rng: np.random.Generator) -> Fi
     pictures = studio.take(gi, View(scene), range(first, first + FRAMES))
 
     numbers: dict[str, float] = {}
+    compared: dict[str, tuple[Picture, Picture]] = {}
     wrong = []
     level = np.mean([t["direct"].mean() + t["indirect"].mean() for t in truths])
     for layer, bound in (("direct", DIRECT_BOUND[screen]), ("indirect", INDIRECT_BOUND[screen])):
@@ -52,14 +53,17 @@ def truth(studio: Studio, gi: str, scene: Scene, rng: np.random.Generator) -> Fi
             continue
         found = errors([t[layer] for t in truths], [p[layer] for p in pictures], LEAST_SHARE * float(level))
         numbers |= {f"{layer} {name}": value for name, value in found.items()}
+        if found:
+            got, expected = (np.mean([p[layer] for p in taken], axis=0) for taken in (pictures, truths))
+            compared[layer] = got, expected
         if found and abs(found["bias"]) - SIGMAS * found["bias error"] > bound:
             wrong.append((layer, found["bias"], found["bias error"]))
     if not wrong:
-        return Finding("passed", numbers=numbers)
+        return Finding("passed", numbers=numbers, compared=compared)
     layer, bias, error = wrong[0]
     sentence = f"{layer} light is off by {bias:+.1%} +- {1.96 * error:.1%} (95 %) from the path tracer"
-    got, expected = (np.mean([p[layer] for p in taken], axis=0) for taken in (pictures, truths))
-    return Finding("failed", f"bias of {layer}", sentence, numbers, got, expected)
+    got, expected = compared[layer]
+    return Finding("failed", f"bias of {layer}", sentence, numbers, got, expected, compared=compared)
 
 
 def errors(truths: list[np.ndarray], pictures: list[np.ndarray], least: float) -> dict[str, float]:
