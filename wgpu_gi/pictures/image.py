@@ -6,9 +6,11 @@ or tone curve.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +19,13 @@ from ..errors import GiError
 from .atomic_file import atomic_file, check_writable
 from .color import linear_from_srgb, srgb_from_linear
 from .exposure import automatic_exposure, exposure_text, is_exposed
+from .exr_files import read_exr
 
 Array = NDArray[np.float32]
 
 FORMATS = (".png", ".exr", ".npy", ".npz")
 ONE_LAYER_FORMATS = (".png", ".npy")
+LARGEST_PICTURE = 4 << 30  # bytes in memory, of all layers together
 GOLDEN = (5**0.5 - 1) / 2  # its multiples spread well on a circle of hues
 
 _EXR_MAIN_NAME = "wgpu_gi.main"  # header attribute: the layer that R, G, B hold
@@ -219,6 +223,8 @@ def _read_npy(path: Path) -> dict[str, Array]:
 
 
 def _read_npz(path: Path) -> dict[str, Array]:
+    with ZipFile(path) as archive:
+        _check_bytes(sum(entry.file_size for entry in archive.infolist()))
     with np.load(path, allow_pickle=False) as file:
         return {name: file[name] for name in file.files}
 
@@ -226,16 +232,15 @@ def _read_npz(path: Path) -> dict[str, Array]:
 def _read_png(path: Path) -> dict[str, Array]:
     from PIL import Image
 
-    with Image.open(path, formats=("PNG",)) as image:
+    with warnings.catch_warnings(), Image.open(path, formats=("PNG",)) as image:
+        warnings.simplefilter("ignore")  # of sizes that are refused here, and of damaged metadata
+        _check_bytes(12 * image.width * image.height)
         return {"": linear_from_srgb(np.asarray(image.convert("RGB"), np.float32) / 255.0)}
 
 
 def _read_exr(path: Path) -> dict[str, Array]:
-    import OpenEXR
-
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        main = str(file.header().get(_EXR_MAIN_NAME, "main"))
-        channels = {name: channel.pixels for name, channel in file.channels().items()}
+    header, channels = read_exr(path, lambda width, height, size: _check_bytes(size))
+    main = str(header.get(_EXR_MAIN_NAME, "main"))
     grouped: dict[str, dict[str, Array]] = {}
     for full_name, pixels in channels.items():
         name, _, letter = full_name.rpartition(".")
@@ -245,6 +250,12 @@ def _read_exr(path: Path) -> dict[str, Array]:
         for name, of in grouped.items()
     }
     return {main: layers.pop(main), **layers} if main in layers else layers
+
+
+def _check_bytes(size: int) -> None:
+    """Raise ValueError for a file whose header announces more than any picture has."""
+    if size > LARGEST_PICTURE:
+        raise ValueError(f"it would unpack to {size / 2**30:.1f} GiB")
 
 
 _WRITERS = {".npy": _write_npy, ".npz": _write_npz, ".png": _write_png, ".exr": _write_exr}

@@ -7,19 +7,15 @@ run-length encoding. OpenEXR files are read by the OpenEXR package.
 from __future__ import annotations
 
 import math
-import os
 import re
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
 from ...float_limits import LARGEST_LIGHT
+from ...pictures.exr_files import read_exr
 from ...webgpu_limits import MAX_TEXTURE_SIDE
 from ..scene import Environment
 from .memory import MAX_MEMORY, MemoryBudget
@@ -224,57 +220,18 @@ def _decode_old_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
 
 def _read_exr(path: Path, magic: bytes, budget: MemoryBudget) -> NDArray[np.float32]:
     """Read the channels R, G, B (or Y for all three) of the first part of an OpenEXR file."""
-    import OpenEXR
-
     if magic != b"\x76\x2f\x31\x01":
         raise GiError(f"{path} is not an OpenEXR file: its first bytes are wrong")
-    # Check the size before reading the pixels.
+
+    def check(width: int, height: int, size: int) -> None:
+        _check_size(width, height, str(path))
+        budget.take(size + 12 * width * height, f"environment map {path}")
+
     try:
-        with _silent_c_library():
-            found = OpenEXR.File(str(path), header_only=True)
-            low, high = found.header()["dataWindow"]
-            width, height = (int(b) - int(a) + 1 for a, b in zip(low, high, strict=True))
-            _check_size(width, height, str(path))
-            budget.take(_exr_bytes(found) + 12 * width * height, f"environment map {path}")
-            if not OpenEXR.InputFile(str(path)).isComplete():
-                raise GiError(f"environment map {path} is truncated; download or export it again")
-            channels: dict[str, Any] = OpenEXR.File(str(path), separate_channels=True).channels()
-    except GiError:
-        raise
-    except Exception as error:  # the library raises RuntimeError, ValueError and others
+        _, channels = read_exr(path, check)
+    except ValueError as error:
         raise GiError(f"environment map {path} is truncated or damaged ({error})") from None
-    # Stack the channels.
     names = ("R", "G", "B") if {"R", "G", "B"} <= set(channels) else ("Y", "Y", "Y")
-    planes = [channels[name].pixels for name in names if name in channels]
-    if len(planes) < 3 or any(plane is None or plane.shape != (height, width) for plane in planes):
-        raise GiError(f"{path} has no full-size channels R, G, B or Y, but {', '.join(sorted(channels)) or 'none'}")
-    return np.stack(planes, axis=-1).astype(np.float32)
-
-
-def _exr_bytes(file: Any) -> int:
-    """Return how many bytes the channels of all parts of an OpenEXR file take: the library reads them all."""
-    size = 0
-    for part in file.parts:
-        low, high = part.header["dataWindow"]
-        size += (
-            4 * len(part.header["channels"]) * math.prod(int(b) - int(a) + 1 for a, b in zip(low, high, strict=True))
-        )
-    return size
-
-
-@contextmanager
-def _silent_c_library() -> Iterator[None]:
-    """Suppress what the OpenEXR library prints to file descriptors 1 and 2; its errors also arrive as exceptions."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    saved = [(fd, os.dup(fd)) for fd in (1, 2)]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for fd, _ in saved:
-            os.dup2(nowhere, fd)
-        yield
-    finally:
-        for fd, copy in saved:
-            os.dup2(copy, fd)
-            os.close(copy)
-        os.close(nowhere)
+    if not set(names) <= set(channels):
+        raise GiError(f"{path} has no channels R, G, B or Y, but {', '.join(sorted(channels))[:80]}")
+    return np.stack([channels[name] for name in names], axis=-1).astype(np.float32)

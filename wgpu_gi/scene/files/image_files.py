@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +24,21 @@ FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF", "PPM", "DDS", "JP
 Picture = Pillow.Image | str
 
 
+@contextmanager
+def without_warnings() -> Iterator[None]:
+    """Suppress Pillow's warnings of damaged metadata, and of sizes that `open_image` refuses; in one thread only."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
 def open_image(encoded: bytes, budget: MemoryBudget, where: str, formats: tuple[str, ...] = FORMATS) -> Picture:
     """Return an image with only its header read, or the reason why there is none; `formats` are the allowed ones.
 
     Raises GiError, which begins with `where`, if its pixels do not fit into the budget.
     """
     try:
-        with warnings.catch_warnings():
-            # Pillow warns of sizes that the check below refuses.
-            warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
-            picture = Pillow.open(io.BytesIO(encoded), formats=formats)
+        picture = Pillow.open(io.BytesIO(encoded), formats=formats)
     except Exception as error:  # Pillow raises a dozen kinds of exceptions on broken files
         return _reason(error)
     if picture.width * picture.height > MAX_PIXELS:

@@ -21,15 +21,15 @@ def parse_light(text: str) -> Light:
     """
     words = text.split()
     if len(words) != 3 or words[0] not in ("sun", "point"):
-        raise GiError(f'light {text!r} is not understood; write "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
+        raise GiError(f'light {_short(text)} is not understood; write "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
     where = _numbers(text, words[1])
     place = "direction" if words[0] == "sun" else "position"
     if len(where) != 3:
-        raise GiError(f"light {text!r} needs three numbers for its {place} and three for its colour")
+        raise GiError(f"light {_short(text)} needs three numbers for its {place} and three for its colour")
     color = _color(text, words[2])
     if words[0] == "point":
         if max(map(abs, where)) > MAX_COORDINATE:
-            raise GiError(f"light {text!r}: its position must lie within {MAX_COORDINATE:g} m")
+            raise GiError(f"light {_short(text)}: its position must lie within {MAX_COORDINATE:g} m")
         return PointLight(where, 1.0, color, name="point")
     return DirectionalLight(_direction(text, where), 1.0, color, name="sun")
 
@@ -46,13 +46,15 @@ def relight(scene: Scene, text: str) -> None:
     name, _, rest = text.rpartition("=")
     words = rest.split()
     if not name or len(words) not in (1, 2):
-        raise GiError(f'light {text!r} is not understood; write "LIGHT=r,g,b", for a sun also "LIGHT=r,g,b dx,dy,dz"')
+        raise GiError(
+            f'light {_short(text)} is not understood; write "LIGHT=r,g,b", for a sun also "LIGHT=r,g,b dx,dy,dz"'
+        )
     color = _color(text, words[0])
     more = _numbers(text, words[1]) if len(words) == 2 else None
     # Change the environment.
     if name == ENVIRONMENT and scene.environment is not None:
         if more is not None and len(more) != 1:
-            raise GiError(f"light {text!r}: the rotation of the environment must be one number, in degrees")
+            raise GiError(f"light {_short(text)}: the rotation of the environment must be one number, in degrees")
         scene.environment.color = color
         if more is not None:
             scene.environment.rotation = math.radians(more[0])
@@ -62,10 +64,12 @@ def relight(scene: Scene, text: str) -> None:
     if light is None:
         known = [f"{place} {light.name!r}" for place, light in enumerate(scene.lights[:20])]
         known += [ENVIRONMENT] * (scene.environment is not None)
-        raise GiError(f"light {text!r}: there is no light {name!r}; this scene has {', '.join(known) or 'none'}")
+        raise GiError(
+            f"light {_short(text)}: there is no light {_short(name)}; this scene has {', '.join(known) or 'none'}"
+        )
     if more is not None:
         if not isinstance(light, DirectionalLight):
-            raise GiError(f"light {text!r}: only suns have a direction that can be changed")
+            raise GiError(f"light {_short(text)}: only suns have a direction that can be changed")
         light.direction = _direction(text, more)
     light.intensity, light.color = 1.0, color
 
@@ -84,7 +88,7 @@ def light_texts(scene: Scene) -> list[str]:
 
 def _light(scene: Scene, name: str) -> Light | None:
     """Return the light with an index, else the first one with a name."""
-    if name.isdecimal() and int(name) < len(scene.lights):
+    if name.isdecimal() and len(name) < 10 and int(name) < len(scene.lights):
         return scene.lights[int(name)]
     return next((light for light in scene.lights if light.name == name), None)
 
@@ -94,18 +98,18 @@ def _color(text: str, word: str) -> tuple[float, float, float]:
     color = _numbers(text, word)
     color = color * 3 if len(color) == 1 else color
     if len(color) != 3:
-        raise GiError(f"light {text!r} needs one number or three for its colour")
+        raise GiError(f"light {_short(text)} needs one number or three for its colour")
     if not all(0 <= part <= LARGEST_LIGHT for part in color):
-        raise GiError(f"light {text!r}: a light cannot be negative or above {LARGEST_LIGHT:g}")
+        raise GiError(f"light {_short(text)}: a light cannot be negative or above {LARGEST_LIGHT:g}")
     return color[0], color[1], color[2]
 
 
 def _direction(text: str, direction: list[float]) -> list[float]:
     """Return `direction`. Raises GiError if it does not have three numbers or is zero."""
     if len(direction) != 3:
-        raise GiError(f"light {text!r} needs three numbers for its direction")
+        raise GiError(f"light {_short(text)} needs three numbers for its direction")
     if not any(direction):
-        raise GiError(f"light {text!r}: the direction 0,0,0 points nowhere; the sun at noon travels 0,-1,0")
+        raise GiError(f"light {_short(text)}: the direction 0,0,0 points nowhere; the sun at noon travels 0,-1,0")
     return direction
 
 
@@ -114,10 +118,15 @@ def _numbers(text: str, word: str) -> list[float]:
     try:
         values = [float(part) for part in word.split(",")]
     except ValueError:
-        raise GiError(f"light {text!r}: {word!r} is not a list of numbers such as 0.3,-1,0.2") from None
+        raise GiError(f"light {_short(text)}: {_short(word)} is not a list of numbers such as 0.3,-1,0.2") from None
     if not all(math.isfinite(value) for value in values):
-        raise GiError(f"light {text!r}: all numbers must be finite")
+        raise GiError(f"light {_short(text)}: all numbers must be finite")
     return values
+
+
+def _short(text: str) -> str:
+    """Return a text in quotes, without its end if it is long."""
+    return repr(text if len(text) <= 80 else f"{text[:77]}...")
 
 
 def _list(values: Iterable[float]) -> str:

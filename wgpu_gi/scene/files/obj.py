@@ -269,7 +269,11 @@ class Textures:
 
     def _load(self, name: str, file: Path | None) -> Texture | None:
         """Return the texture in a file, or None with a note why it cannot be shown."""
-        from .image_files import decode_image, open_image  # imports Pillow, which few scenes here need
+        from .image_files import (
+            decode_image,
+            open_image,
+            without_warnings,
+        )  # imports Pillow, which few scenes here need
 
         if file is None:
             self.notes.append(f"texture {name!r} lies outside the scene's folder; the plain colour is used")
@@ -279,7 +283,8 @@ class Textures:
         except GiError as error:
             self.notes.append(f"{error}; the plain colour is used")
             return None
-        pixels = decode_image(open_image(encoded, self._budget, f"texture {file}"))
+        with without_warnings():
+            pixels = decode_image(open_image(encoded, self._budget, f"texture {file}"))
         if isinstance(pixels, str):
             self.notes.append(f"texture {file} cannot be used: {pixels}; the plain colour is used")
             return None

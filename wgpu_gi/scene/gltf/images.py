@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.image_files import Picture, decode_image, open_image
+from ..files.image_files import Picture, decode_image, open_image, without_warnings
 from ..scene import Image
 from .accessors import Accessors
 from .document import Document
@@ -35,8 +35,8 @@ class Images:
         wanted = sorted(set(indices) - self._images.keys())
         first = {index: self._first.setdefault(self._source(index), index) for index in wanted}
         new = [index for index in wanted if first[index] == index]
-        opened = [self._open(self._descriptions[index]) for index in new]
-        with ThreadPoolExecutor() as pool:
+        with without_warnings(), ThreadPoolExecutor() as pool:
+            opened = [self._open(self._descriptions[index]) for index in new]
             for index, pixels in zip(new, pool.map(decode_image, opened), strict=True):
                 self._images[index] = self._finish(self._descriptions[index], pixels)
         self._images |= {index: self._images[first[index]] for index in wanted}
