@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -24,6 +24,7 @@ from ...settings import apply_quality
 LIGHT = ("radiance", "direct", "indirect", "emission")
 SHOWN = (*LIGHT, "albedo", "depth")
 PATH_SPP = 8  # samples per pixel of the path tracer for one seed: as long as a frame of many-light
+REMEMBERED = 6  # views: the truths of the techniques for one scene
 FRAME_SECONDS = 20.0  # bound for a picture of one seed
 
 Layers = dict[str, NDArray[np.float64]]
@@ -77,6 +78,7 @@ class Studio:
         if settings is None:
             apply_quality(self.settings, quality)
         self.times: dict[str, Times] = {}
+        self._memory: dict[tuple[object, ...], list[Layers]] = {}
         self._renderer: Renderer | None = None
         self._errors = _ErrorLog()
 
@@ -106,6 +108,15 @@ class Studio:
             self.reset()
             raise Trouble("validation", self._errors.messages[0])
         return pictures
+
+    def remembered(self, gi: str, view: View, seeds: Sequence[int]) -> list[Layers]:
+        """Return pictures as `take`, from memory for one of the last views: techniques share their truths."""
+        key = (gi, view, tuple(seeds), self.size)
+        if key not in self._memory:
+            if len(self._memory) >= REMEMBERED:
+                del self._memory[next(iter(self._memory))]
+            self._memory[key] = self.take(gi, view, seeds)
+        return self._memory[key]
 
     def reset(self) -> None:
         """Free all GPU memory; the next picture has a new renderer."""
