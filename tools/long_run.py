@@ -5,7 +5,7 @@ python tools/long_run.py [--gi TECHNIQUE ...] [--frames N] [--minutes M] [--load
 
 Each technique has a process of its own and three parts: scene loads; resizes; frames in which camera, lights and
 objects move. Every frame is read back. The tool samples the resident memory of the process (RSS), the bytes of all wgpu
-buffers and textures, the number of wgpu objects and of Python objects, and the processor time per frame. It prints the
+buffers and textures, the number of wgpu objects and of Python blocks, and the processor time per frame. It prints the
 growth per frame with its 95 % confidence interval, and the time at the end over the time at the start. The exit code is
 1 if the growth of memory is certainly above 1 KB per frame.
 """
@@ -36,7 +36,7 @@ from wgpu_gi.settings import apply_quality, assign
 
 SIZE = (64, 36)
 SHOW = ("display",)
-SAMPLES = 240  # of each part
+SAMPLES = 80  # of each part
 WARM_UP = 0.25  # share of a part before its fits begin: caches and the allocator's heaps fill until then
 BLOCKS = 20  # a fit takes the medians of blocks of samples, since neighbours are correlated
 STUDENT = 2.101  # 97.5th percentile of Student's t with BLOCKS - 2 degrees of freedom
@@ -49,7 +49,7 @@ SMALL = (
     *("rsm.texels=1024", "vpl.count=64", "vpl.paths=256", "ism.resolution=16", "voxels.slices=64", "temporal.frames=8"),
 )
 FILES = ("cornell/cornell_area.glb", "cornell/cornell_point.glb", "leak_corridor/leak_corridor.glb")
-COLUMNS = ("frame", "rss", "gpu_bytes", "gpu_objects", "python_objects", "cpu_ms")
+COLUMNS = ("frame", "rss", "gpu_bytes", "gpu_objects", "python_blocks", "cpu_ms")
 
 
 @dataclass
@@ -100,9 +100,9 @@ def resident() -> int:
 
 def measured(frame: int, cpu_ms: float) -> tuple[float, ...]:
     """Return a sample: the values of `COLUMNS`."""
-    gc.collect()
+    gc.collect()  # empties Python's lists of free blocks, too
     total = wgpu.diagnostics.object_counts.get_dict()["total"]
-    return frame, resident(), total["resource_mem"], total["count"], len(gc.get_objects()), cpu_ms
+    return frame, resident(), total["resource_mem"], total["count"], sys.getallocatedblocks(), cpu_ms
 
 
 def run(name: str, number: int, step: Callable[[int], None], minutes: float = np.inf) -> Part:
@@ -234,7 +234,7 @@ def measure_apart(options: argparse.Namespace, technique: str) -> list[Part]:
 def told(technique: str, part: Part) -> tuple[str, bool]:
     """Return a line of the table, and whether the part's memory is flat."""
     cells, flat = [], True
-    for name in ("rss", "gpu_bytes", "gpu_objects", "python_objects"):
+    for name in ("rss", "gpu_bytes", "gpu_objects", "python_blocks"):
         growth, half = part.growth(name)
         cells.append(f"{growth:+.3g} ± {half:.2g}")
         flat &= not name.endswith(("rss", "bytes")) or growth - half < MOST_GROWTH
@@ -256,7 +256,7 @@ def main() -> int:
     parser.add_argument("--json", help="file for all samples")
     options = parser.parse_args()
     alone = len(options.gi) == 1
-    print("| technique | run | RSS, B | GPU, B | GPU objects | Python objects | RSS, GPU, MiB | time ratio | ms |")
+    print("| technique | run | RSS, B | GPU, B | GPU objects | Python blocks | RSS, GPU, MiB | time ratio | ms |")
     print("|---|---|---|---|---|---|---|---|---|")
     found, good = {}, True
     for technique in options.gi:

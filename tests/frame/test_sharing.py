@@ -188,3 +188,38 @@ def test_lost_device_ends_a_sequence_cleanly(lost, after, tmp_path, monkeypatch,
     assert len(errors) == 1 and "has lost the device" in errors[0]
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(["f_job.json", *written])
     assert all(np.load(file).shape == (16, 16, 3) for file in tmp_path.glob("*.npy")) and len(written) == after
+
+
+# ------------------------------------------------------------------------------------------------ Out of memory
+
+MEMORY = """
+import resource, sys
+import wgpu_gi as gi
+
+def frame(*size):
+    renderer.size = size
+    renderer.step(show=("radiance",))
+    return renderer.read_back()
+
+renderer = gi.Renderer(gi.load("cornell-point"), size=(32, 18), settings=gi.Settings(gi="none"))
+before = frame(32, 18)
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+limits = resource.getrlimit(resource.RLIMIT_AS)
+resource.setrlimit(resource.RLIMIT_AS, (used + int(sys.argv[1]) * 2**20, limits[1]))
+try:
+    frame(2560, 1440)
+except gi.GiError as error:
+    print(error)
+print((frame(32, 18) == before).all())
+resource.setrlimit(resource.RLIMIT_AS, limits)
+print(frame(640, 360).shape)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's limits of memory")
+@pytest.mark.parametrize("mebibytes", [30, pytest.param(150, marks=pytest.mark.slow)])
+def test_renderer_works_again_after_it_ran_out_of_memory(mebibytes):
+    command = [sys.executable, "-c", MEMORY, str(mebibytes)]
+    printed = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout.splitlines()
+    assert len(printed) == 3 and "Not enough memory" in printed[0] and "smaller" in printed[0]
+    assert printed[1:] == ["True", "(360, 640, 3)"]

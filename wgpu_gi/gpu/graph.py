@@ -105,6 +105,8 @@ class Graph(PassDeclarations):
             if p.state not in kept:
                 p.state.release()
         self.device.pipelines.retire(gone, self.order)
+        for p in gone:
+            p.retire()
         self._old_passes = {}
 
     def run(
@@ -167,9 +169,10 @@ class Graph(PassDeclarations):
         for neutral in self._neutrals.values():
             neutral.object().destroy()
         passes = [*self._old_passes.values(), *self.passes.values()]
+        self.device.pipelines.retire(passes)
         for p in passes:
             p.state.release()
-        self.device.pipelines.retire(passes)
+            p.retire()
         for uniform in self.uniforms.values():
             uniform.groups.clear()
             uniform.gpu.destroy()

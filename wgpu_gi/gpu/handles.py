@@ -79,7 +79,8 @@ class Resource:
             self.gpu = [self.create(device, label) for label in self.labels()]
         except (wgpu.GPUError, RuntimeError) as error:
             raise GiError(
-                f"{self.name!r} ({self.bytes / 2**20:.1f} MiB) cannot be allocated: {reason(error)}"
+                f"{self.name!r} ({self.bytes / 2**20:.1f} MiB) cannot be allocated: {reason(error).rstrip('.')};"
+                " use a smaller picture"
             ) from error
 
     def labels(self) -> list[str]:

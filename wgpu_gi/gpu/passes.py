@@ -191,6 +191,10 @@ class Pass:
         as_if[name] = self.params[name]
         self.state.seen = (as_if.tobytes(), *self.state.seen[1:])
 
+    def retire(self) -> None:
+        """Drop the references to other passes, which form cycles: GPU objects must not wait for the cycle collector."""
+        self.producers, self.reruns_with, self.stamped = {}, (), ()
+
     def signature(self) -> tuple:
         """Return what must be equal for contents and state to stay valid."""
         return (
