@@ -124,8 +124,10 @@ def _noted(plan: Plan, case: Case, size: tuple[int, int]) -> Iterator[None]:
         return
     note = plan.folder / "running.txt"
     note.write_text(command_of(case, size, plan.source or ["--kinds", case.kind]) + "\n", encoding="utf-8")
-    yield
-    note.unlink(missing_ok=True)
+    try:
+        yield
+    finally:
+        note.unlink(missing_ok=True)
 
 
 def _keep_worst(report: Report, record: Record, finding: Finding) -> None:
