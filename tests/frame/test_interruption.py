@@ -34,6 +34,11 @@ SLOW = [pytest.param(*case, marks=pytest.mark.slow) for case in ((name, d) for n
 MOST_SECONDS = 20  # from Ctrl-C to the end; on a quiet machine it is less than one
 
 
+def take_interrupts():
+    """Set what a command in the background of a shell would ignore."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize(("name", "delay"), QUICK + SLOW)
 def test_interrupt_at_any_moment_ends_cleanly(name, delay, tmp_path):
     for file in ("x", "y"):
@@ -44,6 +49,7 @@ def test_interrupt_at_any_moment_ends_cleanly(name, delay, tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=take_interrupts,
     )
     assert process.stdout.readline() == "ready\n"
     time.sleep(delay)

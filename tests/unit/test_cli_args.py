@@ -292,6 +292,15 @@ def test_closed_pipe_ends_the_command_quietly():
     assert process.stderr.read() == b""
 
 
+@pytest.fixture
+def taking_interrupts():
+    """A process in the background of a shell ignores them."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("taking_interrupts")
 @pytest.mark.parametrize("terminal", [True, False])
 @pytest.mark.parametrize("quiet", [True, False])
 def test_interrupt_swallowed_by_a_callback_is_raised_again(terminal, quiet, monkeypatch):
@@ -305,6 +314,7 @@ def test_interrupt_swallowed_by_a_callback_is_raised_again(terminal, quiet, monk
         report(0.5)
 
 
+@pytest.mark.usefixtures("taking_interrupts")
 def test_interrupt_waits_for_imports():
     with interruptible():
         with pytest.raises(KeyboardInterrupt), held():
@@ -313,6 +323,7 @@ def test_interrupt_waits_for_imports():
         assert finished
 
 
+@pytest.mark.usefixtures("taking_interrupts")
 @pytest.mark.parametrize("error", [ImportError("a C module"), GiError("a file"), MemoryError(), ZeroDivisionError()])
 def test_error_that_an_interrupt_became_is_an_interrupt(error, monkeypatch, capsys):
     """numpy's import, for example, ends with ImportError."""

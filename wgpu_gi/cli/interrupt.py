@@ -20,10 +20,11 @@ _held = False  # it must wait
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Handle Ctrl-C during the block, in the main thread of a process."""
+    """Handle Ctrl-C during the block, in the main thread of a process that does not ignore it."""
     global _came, _held
     _came = _held = False
-    if threading.current_thread() is not threading.main_thread():
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield
         return
     handler, hook = signal.signal(signal.SIGINT, _interrupt), sys.unraisablehook
