@@ -80,6 +80,7 @@ REFERENCES = {
         "indirect", None, ("one", "multi"), ("cornell_area", "cornell_point", "leak_corridor_a"), turning=True
     ),
     "screen": Reference("direct", 0, ("direct",), ("screen",)),
+    "emitters": Reference("direct", 0, ("direct",), ("cornell_area", "screen")),
     "balls": Reference("radiance", 0, (), ("balls",)),
     # Its truth is the light of visible surfaces; with the spot, all that is lit is in view.
     "ssil": Reference("indirect", 1, ("one",), ("cornell_point", "cornell_area", "cornell_spot")),
@@ -92,6 +93,7 @@ TECHNIQUE = {
     "lamps": "none",
     "moving": "many-light",
     "screen": "none",
+    "emitters": "none",
     "balls": "many-light",
 }
 
@@ -157,9 +159,14 @@ SWEEPS = (
     Sweep("upload/top_level.py", "OPEN_UP_TO", "256, 1024, 2048, 8192", "balls", "environment.rays=4"),
     Sweep("upload/draw_list.py", "CLUSTER", "128, 256, 512, 1024, 2048", "balls"),
     Sweep("upload/draw_list.py", "MANY_INSTANCES", "2, 8, 32, 128", "balls"),
-    Sweep("upload/direct_lights.py", "MIN_POINTS", "1024, 1 << 12, 16384", "none"),
-    Sweep("upload/direct_lights.py", "POINTS_PER_SAMPLE", "64, 256, 1024", "none"),
-    Sweep("upload/direct_lights.py", "TEXTURED", "1, 4, 8, 32", "screen"),
+    Sweep("upload/direct_lights.py", "MIN_POINTS", "1024, 1 << 12, 16384", "none", "direct.emitters=maps"),
+    Sweep("upload/direct_lights.py", "POINTS_PER_SAMPLE", "64, 256, 1024", "none", "direct.emitters=maps"),
+    Sweep("upload/direct_lights.py", "TEXTURED", "1, 4, 8, 32", "screen", "direct.emitters=maps"),
+    Sweep("upload/emitter_leaves.py", "LEAVES", "64, 256, 1024", "emitters"),
+    Sweep("upload/emitter_leaves.py", "TEXELS_PER_LEAF", "1, 4, 16", "emitters"),
+    Sweep("deferred/emitters/estimate.wgsl", "BRDF_FROM", "0.1, 0.3, 1.0", "emitters"),
+    Sweep("deferred/emitters/estimate.wgsl", "NEAR_RADII", "1.0, 2.0, 4.0", "emitters"),
+    Sweep("techniques/deferred/emitters.py", "BLUR", "2, 4, 8", "emitters", "camera.frames=1"),
     Sweep("ssdo/search_radius.wgsl", "FADE_START", "0.5, 0.75, 0.9", "ssdo"),
     Sweep("ssdo/search_radius.wgsl", "BORDER_FADE", "0.003, 0.01, 0.03", "ssdo"),
     Sweep("ssdo/depth_test.wgsl", "RASTER_ROUNDING", "1e-6, 4e-6, 16e-6", "ssdo"),

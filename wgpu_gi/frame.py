@@ -6,7 +6,7 @@ from typing import Any
 
 from .buffers import Source
 from .gpu.graph import Graph
-from .options import Settings, picture_count
+from .options import Settings
 from .techniques.deferred import declare_direct_light
 from .techniques.many_light import declare_many_light
 from .techniques.reference import declare_primary, declare_reference
@@ -16,10 +16,10 @@ from .techniques.ssdo import declare_ssdo
 from .techniques.ssil import declare_ssil
 
 
-def declare_frame(graph: Graph, settings: Settings, scene: Any) -> dict[str, Source]:
+def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int) -> dict[str, Source]:
     """Declare the passes of a frame; return its buffers and views by name.
 
-    `scene` is the return value of the technique's `inputs`.
+    `scene` is the return value of the technique's `inputs`; `frames`: number of frames of a still picture.
     """
     # Light: each technique is a folder of techniques/.
     match settings.gi:
@@ -40,7 +40,7 @@ def declare_frame(graph: Graph, settings: Settings, scene: Any) -> dict[str, Sou
     # Radiance is the sum of the layers; a still picture is the mean of its frames.
     radiance = light.radiance or declare_sum(graph, light.emission, light.direct, light.indirect)
     layers = {"radiance": radiance, "direct": light.direct, "indirect": light.indirect, "emission": light.emission}
-    if picture_count(settings) > 1:
+    if frames > 1:
         layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}
     # For the screen: exposure and tone curve.
     assert layers["radiance"] is not None

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from .errors import GiError
 from .gpu.device import Device
 from .scene.rules import is_whole, shown
+from .scene.scene import Scene
 from .settings import setting
 from .techniques import deferred, many_light, reference, ssao, ssdo, ssil
-from .techniques.deferred.direct import DirectSettings
+from .techniques.deferred.direct import DirectSettings, draws_emitters
 from .techniques.deferred.environment import EnvironmentSettings
 from .techniques.deferred.shadow_views import ShadowSettings
 from .techniques.many_light.denoise import DenoiseSettings
@@ -91,11 +92,13 @@ def uses(gi: str, name: str) -> bool:
     return name.partition(".")[0] in {*FOR_ALL, *technique.sections}
 
 
-def picture_count(settings: Settings) -> int:
+def picture_count(settings: Settings, scene: Scene) -> int:
     """Return the number of frames of a still picture: one if the technique averages samples, or if nothing varies."""
     technique = technique_of(settings.gi)
-    varies = settings.camera.jitter or technique.is_random
-    return settings.camera.frames if varies and not technique.averages_samples else 1
+    if technique.averages_samples:
+        return 1
+    varies = settings.camera.jitter or technique.is_random or draws_emitters(settings.direct, scene)
+    return settings.camera.frames if varies else 1
 
 
 def check_size(size: tuple[int, int], device: Device | None = None) -> None:

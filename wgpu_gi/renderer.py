@@ -220,7 +220,7 @@ class Renderer:
         force: bool,
     ) -> bool:
         self._prepare(shown, force)
-        graph, frames, technique = self._graph, picture_count(self.settings), technique_of(self.settings.gi)
+        graph, frames, technique = self._graph, picture_count(self.settings, self.scene), technique_of(self.settings.gi)
         before = graph.settle_progress()
         runs = max((p.settle for p in graph.order), default=0)
 
@@ -298,7 +298,7 @@ class Renderer:
         scene = Fingerprint(self.scene)
         camera = self.camera
         pose = (np.asarray(camera.world_from_view).tobytes(), camera.yfov, camera.orthographic_height)
-        frames = picture_count(settings)
+        frames = picture_count(settings, self.scene)
         seen = (scene, pose, self.size, show, frames)
         before = self._inputs or ()
         refining, self._refining = self._refining, False
@@ -338,7 +338,7 @@ class Renderer:
             self._inputs = None
         if self._inputs is None or scene != self._inputs[0]:
             upload.update(self.scene)
-        frames = picture_count(settings)
+        frames = picture_count(settings, self.scene)
         shot = Shot(self._graph, upload, self.scene, self.camera, self.size, self._frame, frames, self._kept)
         return technique_of(settings.gi).inputs(shot, settings)
 
@@ -350,7 +350,12 @@ class Renderer:
             return
         self._declared = None
         self._graph.begin(self.size)
-        self._sources = declare_frame(self._graph, replace(self.settings, exposure=self.exposure), inputs)
+        self._sources = declare_frame(
+            self._graph,
+            replace(self.settings, exposure=self.exposure),
+            inputs,
+            picture_count(self.settings, self.scene),
+        )
         wanted = [self._source(name).handle for name in show]
         self._graph.compile([handle for handle in wanted if handle is not None])
         self._declared = declared

@@ -10,6 +10,7 @@ from helpers.medley import medley, smooth
 from helpers.pictures import shoot
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene.built_in import scenes as builtin
 from wgpu_gi.scene.built_in.scenes import matte
@@ -19,6 +20,7 @@ from wgpu_gi.techniques.deferred.direct import DirectSettings
 from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
 from wgpu_gi.techniques.deferred.update import DeferredState
 
+DIRECT_LIGHT = load("deferred/shadow/views.wgsl").struct_dtype("DirectLight")
 ALBEDO = (700 / 1023) ** 2  # exact in the G-buffer, which stores square roots in 10 bits
 EXACT = 1e-5  # relative: float32 rounding of a few operations
 # The G-buffer stores square roots of colours in 10 bits and coordinates of normals in 16 bits. On the medley 0.06 % of
@@ -89,14 +91,15 @@ def test_lights_below_the_floor_do_not_shine_on_it():
 def test_plates_reflect_their_form_factor(distance, bound):
     """L = rho Le F; errs dark by about A / (pi d2), A being the area of one of 32 samples."""
     expected = ALBEDO * builtin.plates_form_factor(distance)
-    got = rendered(builtin.plates(distance, 1.0, ALBEDO), (32, 32), direct=DirectSettings(samples=32))
+    got = rendered(builtin.plates(distance, 1.0, ALBEDO), (32, 32), direct=DirectSettings(samples=32, emitters="maps"))
     assert got.mean() == pytest.approx(expected, rel=bound)
 
 
 def test_error_falls_with_the_number_of_samples():
     expected = ALBEDO * builtin.plates_form_factor(1.0)
     scene = builtin.plates(1.0, 1.0, ALBEDO)
-    errors = [abs(rendered(scene, (32, 32), direct=DirectSettings(n)).mean() / expected - 1) for n in (8, 32, 128)]
+    made = [rendered(scene, (32, 32), direct=DirectSettings(n, "maps")).mean() for n in (8, 32, 128)]
+    errors = [abs(mean / expected - 1) for mean in made]
     assert errors[1] < errors[0] / 2 and errors[2] < errors[1] / 4
 
 
@@ -111,7 +114,7 @@ def test_double_sided_emitter_shines_both_ways():
         camera.orthographic_height = 1.0
         scene.cameras = [camera]
         expected = ALBEDO * builtin.plates_form_factor(1.0)
-        got = rendered(scene, (32, 32), direct=DirectSettings(samples=32))
+        got = rendered(scene, (32, 32), direct=DirectSettings(samples=32, emitters="maps"))
         assert got.mean() == pytest.approx(expected, rel=0.0095)
 
 
@@ -258,11 +261,11 @@ def test_no_acne_under_an_emitter():
     camera.orthographic_height = 4.0
     scene.cameras = [camera]
     for edges in (True, False):
-        direct = DirectSettings(samples=32, edges=edges)
+        direct = DirectSettings(samples=32, emitters="maps", edges=edges)
         settings = Settings(gi="none", diffuse=True, camera=CameraSettings(jitter=False), direct=direct)
         renderer = Renderer(scene, size=(64, 64), settings=settings)
         renderer.run(show=("direct", "position"))
-        lights = renderer._upload.direct_lights(scene, None, 32, False)
+        lights = renderer._upload.direct_lights(scene, DIRECT_LIGHT, 32, False)
         to_light = lights["position"].astype(np.float64) + renderer._upload.origin
         to_light = to_light - renderer.read_back("position")[..., None, :]
         squared = (to_light**2).sum(-1)
@@ -368,7 +371,7 @@ def test_light_tiles_do_not_change_the_picture(range_):
     scene = crowd()
     pictures = []
     for tiles in (True, False):
-        direct = DirectSettings(tiles=tiles, samples=64, range=range_)
+        direct = DirectSettings(tiles=tiles, samples=64, emitters="maps", range=range_)
         renderer = Renderer(
             scene, size=(170, 95), settings=Settings(gi="none", camera=CameraSettings(jitter=False), direct=direct)
         )

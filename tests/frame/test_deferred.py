@@ -237,6 +237,7 @@ def test_plan_gives_the_reason_of_every_skip():
         "environment/sum": "there is no environment",
         "environment/prefilter": "there is no environment",
         "direct/tiles": "fewer than",
+        "emitters": "nothing emits light",
         "composite/display": "no output needs",
     }
     for name, row in rows.items():
@@ -284,7 +285,7 @@ def test_skipped_passes_change_no_buffer(name, monkeypatch):
     forced = completed(scene, show=None, diffuse=False)
     culled = {line.split()[0] for line in forced.plan().splitlines()[1:] if line.split()[1] == "culled"}
     of_pictures = {"environment/leaves", "environment/sum", "environment/prefilter"} if scene.environment else set()
-    assert culled <= {"shadow/opaque", "direct/edges", "composite/display", *of_pictures}, culled
+    assert culled <= {"shadow/opaque", "direct/edges", "emitters", "composite/display", *of_pictures}, culled
     for buffer in plain.buffers:
         assert np.array_equal(plain.read_back(buffer), forced.read_back(buffer)), buffer
     assert np.array_equal(plain.graph.read_back("gbuffer/surfaces"), forced.graph.read_back("gbuffer/surfaces"))
@@ -297,7 +298,8 @@ def test_jittered_frames_are_averaged(monkeypatch):
     """The result is the mean of the pictures at each jitter offset; then no pass runs."""
     layers = ("radiance", "direct", "emission")
     scene = medley()
-    chosen = settings(jitter=True)
+    maps = direct_module.DirectSettings(emitters="maps")  # whose samples are those of a single frame
+    chosen = settings(jitter=True, direct=maps)
     chosen.camera.frames = 5
     renderer = Renderer(scene, size=SIZE, settings=chosen)
     progress = []
@@ -307,7 +309,7 @@ def test_jittered_frames_are_averaged(monkeypatch):
     sums = dict.fromkeys(layers, 0.0)
     for frame in range(5):
         monkeypatch.setattr(update_module, "pixel_offset", lambda *_, frame=frame: pixel_offset(frame, 5))
-        single = completed(scene, show=layers)
+        single = completed(scene, show=layers, direct=maps)
         for name in layers:
             sums[name] = sums[name] + single.read_back(name).astype(np.float64) / 5
     for name in layers:
@@ -493,9 +495,14 @@ def test_settings_of_the_command_change_the_picture(folder):
     plain = made()
     assert np.array_equal(plain, made())
     assert not np.array_equal(plain, made("--set", "camera.jitter=false"))
-    assert not np.array_equal(plain, made("--set", "direct.samples=3"))
-    assert not np.array_equal(plain, made("--set", "shadow.area=16", "--set", "direct.edges=false"))
-    assert np.array_equal(plain, made("--seed", "3", "--spp", "7"))
+    assert not np.array_equal(plain, made("--set", "direct.rays=2"))
+    assert not np.array_equal(plain, made("--seed", "3"))
+    assert np.array_equal(plain, made("--spp", "7", "--set", "direct.samples=3"))
+    mapped = made("--set", "direct.emitters=maps")
+    assert not np.array_equal(plain, mapped)
+    assert not np.array_equal(mapped, made("--set", "direct.emitters=maps", "--set", "direct.samples=3"))
+    sides = ("--set", "shadow.area=16", "--set", "direct.edges=false")
+    assert not np.array_equal(mapped, made("--set", "direct.emitters=maps", *sides))
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def render(arguments: Namespace) -> int:
     if arguments.timings:
         print(renderer.timings())
     width, height = arguments.size
-    samples = f"{settings.spp} spp" if settings.gi == "path" else f"{picture_count(settings)} frames"
+    samples = f"{settings.spp} spp" if settings.gi == "path" else f"{picture_count(settings, renderer.scene)} frames"
     say.result(f"{arguments.output}: {width}x{height}, {samples}, {told}{seconds:.1f} s on {renderer.adapter_name}")
     return 0
 

@@ -140,7 +140,7 @@ def _measure_technique(
 
     # Errors of one frame, and of a still picture.
     errors = picture(1)
-    settled_frames = picture_count(candidate.settings)
+    settled_frames = picture_count(candidate.settings, renderer.scene)
     settled = picture(settled_frames) if settled_frames > 1 else errors
     # Times and memory.
     cases = {

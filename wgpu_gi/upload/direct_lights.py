@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
-from .emitters import EmittingPart, emitting_parts
+from .emitters import EmittingPart, emitting_parts, radiance_at
 from .light_table import join_records, light_direction, spot_falloff
-from .light_values import emitted_radiance, punctual_light
+from .light_values import punctual_light
 from .surface_samples import GOLDEN, R2
-from .texture_sampling import sample_texture
 from .two_level_bvh import TwoLevelBvh
 
 DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN, DIRECT_AREA = range(4)  # as wgsl/deferred/shadow/views.wgsl
@@ -60,11 +59,12 @@ def build_direct_lights(
     """Return records DirectLight of deferred/shadow/views.wgsl for a scene whose hierarchy is up to date.
 
     The emitters share `samples` sample lights by power, but each emissive material gets at least one, even if the total
-    then exceeds `samples`. Radiance times area, summed over a material's samples, equals that of its surface. Lights
-    without power are left out. With `use_range` a punctual light ends at its range.
+    then exceeds `samples`; with 0 samples, emitters are left out. Radiance times area, summed over a material's
+    samples, equals that of its surface. Lights without power are left out. With `use_range` a punctual light ends at
+    its range.
     """
     records = [_punctual(light, hierarchy.origin, dtype, use_range) for light in scene.lights]
-    patches = _patches(scene, hierarchy, samples)
+    patches = _patches(scene, hierarchy, samples) if samples else []
     powers = np.array([sum(patch.power for patch in group) for group in patches])
     counts = 1 + _apportion(powers, max(samples - len(patches), 0))
     for group, count in zip(patches, counts.tolist(), strict=True):
@@ -133,7 +133,7 @@ def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -
     local = np.asarray(part.mesh.positions, np.float64)[part.vertices]
     points["local"] = np.einsum("nk,nkc->nc", weights, local[triangle])
     points["normal"] = normals[triangle] / (2 * area[triangle, None])
-    points["radiance"] = _radiance(part, part.vertices[triangle], weights)
+    points["radiance"] = radiance_at(part, part.vertices[triangle], weights)
     points["area"] = (area / np.maximum(counts, 1))[triangle]
     points["power"] = points["radiance"] @ REC709_LUMINANCE * points["area"]
 
@@ -159,22 +159,6 @@ def _triangle_weights(u: NDArray[np.float64]) -> NDArray[np.float64]:
     b = np.where(y > x, x / 2, x - y / 2)
     c = np.where(y > x, y - x / 2, y / 2)
     return np.stack([1 - b - c, b, c], 1)
-
-
-def _radiance(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the emitted radiance of points, (n, 3); zero where the alpha mask removes the surface."""
-    material = part.material
-    radiance = np.broadcast_to(emitted_radiance(material), (len(vertices), 3))
-    if material.emission_texture is not None:
-        radiance = radiance * sample_texture(material.emission_texture, part.mesh, vertices, weights)[:, :3]
-    if material.alpha_mode == "mask":
-        alpha = np.full(len(vertices), float(material.base_color[3]))
-        if part.mesh.colors is not None:
-            alpha *= np.einsum("nk,nk->n", weights, np.asarray(part.mesh.colors, np.float64)[vertices, 3])
-        if material.base_color_texture is not None:
-            alpha *= sample_texture(material.base_color_texture, part.mesh, vertices, weights)[:, 3]
-        radiance = radiance * (alpha >= material.alpha_cutoff)[:, None]
-    return radiance
 
 
 def _apportion(powers: NDArray[np.float64], samples: int) -> NDArray[np.int64]:

@@ -20,6 +20,7 @@ from ..scene.scene import Light, Material, Scene, Texture
 from .area_cdf import AreaCdf
 from .direct_lights import build_direct_lights
 from .draw_list import DrawList, RasterMesh, build_draw_list
+from .emitter_tree import NO_EMITTERS, build_emitter_tree
 from .environment import EnvironmentUpload
 from .instance_motion import InstanceMotion
 from .light_table import LightTable, build_light_table
@@ -67,6 +68,7 @@ class SceneUpload:
         self._table: LightTable | None = None
         self._table_key: object = None
         self._direct: tuple[object, NDArray] = (None, np.zeros(0))
+        self._emitters: tuple[object, int] = (None, 0)
         self._samples: tuple[int, NDArray[np.float64]] | None = None
         self.solids = SolidMeshes()
         self._solid_key: tuple[int, str] | None = None
@@ -152,6 +154,21 @@ class SceneUpload:
             lights = build_direct_lights(_without_empty(scene), self._hierarchy, dtype, samples, use_range)
             self._direct = (key, lights)
         return self._direct[1]
+
+    def update_emitters(self, scene: Scene) -> int:
+        """Send the tree of emitters if it changed; return its number of leaves. Call after `update`."""
+        key = (self._geometry, self._table_key)
+        if key != self._emitters[0]:
+            tree, leaves = build_emitter_tree(_without_empty(scene), self._hierarchy)
+            self.resources.table("emitters", tree)
+            self._emitters = (key, leaves)
+        return self._emitters[1]
+
+    def without_emitters(self) -> int:
+        """Send an empty tree of emitters; return its number of leaves, 0."""
+        self.resources.table("emitters", NO_EMITTERS)
+        self._emitters = (None, 0)
+        return 0
 
     def surface_samples(self, scene: Scene) -> NDArray[np.float64]:
         """Return points spread over the surfaces, (n, 3) relative to the origin; call after `update`."""

@@ -234,7 +234,7 @@ class Session:
     def status(self) -> str:
         """Return technique, size and progress of the picture in a few words."""
         width, height = self.renderer.size
-        settings, frames = self.settings, picture_count(self.settings)
+        settings, frames = self.settings, picture_count(self.settings, self.renderer.scene)
         share = self.renderer.graph.settle_progress()
         done = f", {share:.0%} of {settings.spp} spp" if settings.gi == "path" else ""
         done = f", mean of {frames} frames" if frames > 1 and self.at_rest else done

@@ -2,7 +2,7 @@
 //
 // A light is picked in proportion to its power, which `upload/light_table.py` tabulates. A constant environment is not
 // in the list: sampling the BRDF finds it at least as well.
-#import "scene/surface.wgsl"
+#import "scene/emission.wgsl"
 #import "scene/environment_sampling.wgsl"
 #import "common/random.wgsl"
 
@@ -48,24 +48,6 @@ struct LightRay {
 }
 
 const INFINITELY_FAR: f32 = 1e30;
-
-// Returns the radiance of a point of an emitting triangle on the side that shines, W/(m2 sr); 0 where it is cut out.
-fn triangle_emission(light: Light, weights: vec2f) -> vec3f {
-    if (HAS_MASKS) {
-        let t = load_triangle(light.triangle);
-        if ((t.flags & MASKED) != 0u && is_cut_out(t, weights)) {
-            return vec3f(0.0);
-        }
-    }
-    if (HAS_TEXTURES) {
-        let t = load_triangle(light.triangle);
-        if (has_texture(t.material, EMISSION_SLOT)) {
-            let k = load_corners(t, weights);
-            return light.color * sample_texture(t.material, EMISSION_SLOT, texcoord0_at(k), texcoord1_at(k)).rgb;
-        }
-    }
-    return light.color;
-}
 
 // Returns the share of an emitter's rays that leave through one of its sides.
 fn side_share(both_sides: bool) -> f32 {
@@ -128,7 +110,7 @@ fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightS
     }
     let pdf = light.probability * 2.0 * squared / (twice_area * abs(cosine));
     let density = abs(cosine) * INV_PI * side_share(light.sides == 3u) / squared;
-    return LightSample(to_light, STOP_SHORT, triangle_emission(light, weights) / pdf, direction, pdf, density);
+    return LightSample(to_light, STOP_SHORT, emission_at(light.triangle, light.color, weights) / pdf, direction, pdf, density);
 }
 
 // Samples a light and a point on it for a surface point. `choice` picks the light, `u` the point.
@@ -197,7 +179,7 @@ fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) 
         let position = light.position + weights.x * light.edge1 + weights.y * light.edge2;
         let extent = max(max3(abs(light.position)), max(max3(abs(light.edge1)), max3(abs(light.edge2))));
         let share = side_share(both_sides);
-        let flux = triangle_emission(light, weights) * (0.5 * twice_area * PI / (light.probability * share));
+        let flux = emission_at(light.triangle, light.color, weights) * (0.5 * twice_area * PI / (light.probability * share));
         return LightRay(
             Ray(position + outward * ray_offset(extent), frame_from_normal(outward) * local), flux,
             local.z * INV_PI * share, false, light.probability * 2.0 / (twice_area * max(local.z, 1e-20)));

@@ -26,5 +26,5 @@ TECHNIQUE = Technique(
 def declare_direct_light(graph: Graph, settings: DeferredOptions, scene: DeferredInputs) -> Light:
     """Declare direct light, W/(m2 sr); the environment counts as unoccluded."""
     base = declare_base(graph, settings, scene)
-    direct = declare_direct(graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient)
+    direct = declare_direct(graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, settings.seed)
     return Light(base.gbuffer.emission, direct, views={"motion": base.motion})

@@ -1,4 +1,4 @@
-"""Direct light: shadow maps, with rays where a shadow's edge crosses a pixel; and the environment's light.
+"""Direct light: shadow maps, with rays where a shadow's edge crosses a pixel; emitters; and the environment's light.
 
 Hertel et al. 2009, "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows". Departure: only pixels whose filter
 finds both lit and shadowed texels trace rays.
@@ -16,8 +16,11 @@ from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
 from ...gpu.wgsl.load import load
+from ...scene.scene import Scene
 from ...settings import setting
+from ...upload.light_values import emitted_radiance
 from ..shared.gbuffer import Gbuffer
+from .emitters import declare_emitters
 from .environment import Ambient
 from .inputs import DeferredInputs, DirectInputs
 
@@ -34,7 +37,24 @@ class DirectSettings:
     """Direct light."""
 
     samples: int = setting(
-        16, "Lights sampled on all emitters together.", "lights", range=(1, 4096), presets={"low": 8, "high": 64}
+        16,
+        "Lights sampled on all emitters together, with emitters `maps`.",
+        "lights",
+        range=(1, 4096),
+        presets={"low": 8, "high": 64},
+    )
+    emitters: str = setting(
+        "rays",
+        "Direct light of emitters: by rays to other points in each frame (rays), or by fixed sample lights with shadow"
+        " maps (maps).",
+        choices=("rays", "maps"),
+    )
+    rays: int = setting(
+        4,
+        "Rays per pixel and frame to emitters, with emitters `rays`; rounded up to an even number.",
+        "rays",
+        range=(2, 64),
+        presets={"low": 2, "high": 8},
     )
     edges: bool = setting(True, "Trace shadow rays where shadow maps are undecided, instead of filtering.")
     tiles: bool = setting(True, "Cull lights by tiles of 16x16 pixels if there are many.")
@@ -47,6 +67,11 @@ class DirectSettings:
     range: bool = setting(False, "End lights at the range given in the file; physical lights have none.")
 
 
+def draws_emitters(settings: DirectSettings, scene: Scene) -> bool:
+    """Return whether each frame draws other points of emitters."""
+    return settings.emitters == "rays" and any(emitted_radiance(m).any() and not m.unlit for m in scene.materials)
+
+
 def declare_direct(
     graph: Graph,
     settings: DirectSettings,
@@ -54,6 +79,7 @@ def declare_direct(
     gbuffer: Gbuffer,
     atlas: Texture | None,
     ambient: Ambient,
+    seed: int,
     sky: Buffer | None = None,
     layers: Sequence[Gbuffer] = (),
 ) -> Buffer:
@@ -62,6 +88,25 @@ def declare_direct(
     `sky`: unoccluded share of the environment at each pixel, (r, g, b, -); None: 1. `layers`: at most four layers of
     depth peeling; `gbuffer` is the first.
     """
+    direct = _declare_mapped(graph, settings, scene, gbuffer, atlas, ambient, sky, layers)
+    if not scene.emitters.leaves:
+        by_maps = settings.emitters == "maps"
+        graph.skip("emitters", "direct.emitters is maps" if by_maps else "nothing emits light")
+        return direct
+    return declare_emitters(graph, scene, gbuffer, direct, settings.rays, seed)
+
+
+def _declare_mapped(
+    graph: Graph,
+    settings: DirectSettings,
+    scene: DeferredInputs,
+    gbuffer: Gbuffer,
+    atlas: Texture | None,
+    ambient: Ambient,
+    sky: Buffer | None,
+    layers: Sequence[Gbuffer],
+) -> Buffer:
+    """Declare the light of the sources with shadow maps, and of the environment; arguments as in `declare_direct`."""
     width, height = graph.size
     direct = graph.buffer("direct/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     traced = settings.edges and atlas is not None

@@ -25,6 +25,14 @@ class DirectInputs:
 
 
 @dataclass
+class EmitterInputs:
+    """The tree that emitters are drawn from, and its number of leaves; 0: nothing emits, or maps represent emitters."""
+
+    table: Shared
+    leaves: int
+
+
+@dataclass
 class DeferredInputs(RasterInputs):
     """The scene inputs of deferred techniques.
 
@@ -32,6 +40,7 @@ class DeferredInputs(RasterInputs):
     """
 
     direct: DirectInputs
+    emitters: EmitterInputs
     shadows: ShadowDraws
     before_from_now: Shared
     frames: int
@@ -39,4 +48,11 @@ class DeferredInputs(RasterInputs):
     def shape(self) -> tuple[object, ...]:
         """Return the values whose change forces the passes to be redeclared."""
         direct = self.direct
-        return (*super().shape(), direct.count, direct.bounded, direct.atlas_size, self.frames)
+        return (
+            *super().shape(),
+            direct.count,
+            direct.bounded,
+            direct.atlas_size,
+            self.emitters.leaves > 0,
+            self.frames,
+        )

@@ -67,7 +67,7 @@ class ShadowSettings:
     )
     area: int = setting(
         128,
-        "Side of the front map of each sample of an emitter.",
+        "Side of the front map of each sample of an emitter, with direct.emitters `maps`.",
         "texels",
         range=(16, 4096),
         presets={"low": 64, "high": 256},

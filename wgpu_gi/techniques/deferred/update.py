@@ -19,7 +19,7 @@ from ..shared.scene_inputs import share_raster
 from ..shared.technique import Shot
 from .direct import DirectSettings
 from .environment import EnvironmentSettings
-from .inputs import DeferredInputs, DirectInputs
+from .inputs import DeferredInputs, DirectInputs, EmitterInputs
 from .shadow_draws import ShadowDraws
 from .shadow_views import ShadowSettings, build_shadow_views
 
@@ -29,6 +29,7 @@ SEQUENCE = load("scene/sequence.wgsl").struct_dtype("Sequence")
 class DeferredOptions(Protocol):
     """The settings that every deferred technique reads."""
 
+    seed: int
     camera: CameraSettings
     direct: DirectSettings
     shadow: ShadowSettings
@@ -43,7 +44,7 @@ class DeferredState:
         self._dtype = load("deferred/shadow/views.wgsl").struct_dtype("DirectLight")
         self._view_before: NDArray[np.void] | None = None
         self._origin_before = np.zeros(3)
-        self.count = self.bounded = self.atlas_size = 0
+        self.count = self.bounded = self.atlas_size = self.leaves = 0
         self.features: dict[str, bool] = {}
         self._records: NDArray = np.zeros(0)
         self._key: tuple[object, ...] = ()
@@ -59,7 +60,10 @@ class DeferredState:
     ) -> None:
         """Upload the changes; `upload` is up to date with `scene`. `view` returns the camera's View uniform."""
         draws = upload.update_draws(scene)
-        lights = upload.direct_lights(scene, self._dtype, direct.samples, direct.range)
+        # Emitters are drawn from a tree, or are among the lights as samples with maps.
+        by_rays = direct.emitters == "rays"
+        self.leaves = upload.update_emitters(scene) if by_rays else upload.without_emitters()
+        lights = upload.direct_lights(scene, self._dtype, 0 if by_rays else direct.samples, direct.range)
         samples = upload.surface_samples(scene)
         # Only a sun's maps follow the camera.
         follows = bool((lights["kind"] == DIRECT_SUN).any())
@@ -116,14 +120,19 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
     graph.uniform("sequence", sequence)
     graph.uniform("view", view)
     # Share the resources that passes bind.
-    names = ("light_table", "shadow_views", "before_from_now")
-    lights, views, motion = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
+    names = ("light_table", "shadow_views", "before_from_now", "emitters")
+    lights, views, motion, emitters = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
     raster = share_raster(graph, upload)
     features = state.features | {"HAS_CUT_OUTS": raster.features["HAS_MASKS"]}
     raster.features |= features
     direct = DirectInputs(lights, state.count, state.bounded, views, state.atlas_size)
     return DeferredInputs(
-        **vars(raster), direct=direct, shadows=state.shadows, before_from_now=motion, frames=shot.frames
+        **vars(raster),
+        direct=direct,
+        emitters=EmitterInputs(emitters, state.leaves),
+        shadows=state.shadows,
+        before_from_now=motion,
+        frames=shot.frames,
     )
 
 

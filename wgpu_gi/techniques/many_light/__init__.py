@@ -60,7 +60,9 @@ def declare_many_light(graph: Graph, settings: ManyLightOptions, scene: ManyLigh
     reflects = settings.bounces != 0
     base = declare_base(graph, settings, scene, albedo=reflects)
     sky = declare_sky_occlusion(graph, settings.environment, scene, base.gbuffer, settings.seed, scene.frames)
-    direct = declare_direct(graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, sky)
+    direct = declare_direct(
+        graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, settings.seed, sky
+    )
     light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
     if reflects:
         light.indirect = _declare_indirect(graph, settings, scene, base, direct, light.views)

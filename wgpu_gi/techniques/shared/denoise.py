@@ -9,6 +9,8 @@ Rendering with Non-Local Means Filtering").
 
 from __future__ import annotations
 
+from functools import partial
+
 from ...gpu.formats import FOUR_FLOATS, TWO_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
@@ -31,6 +33,7 @@ def declare_blur(
     shares: bool = False,
     glossy: Buffer | None = None,
     reflected: bool = False,
+    variances: Buffer | None = None,
     stride: int = 1,
     view: str = "view",
 ) -> Buffer:
@@ -38,46 +41,62 @@ def declare_blur(
 
     light: (r, g, b, depth of `shared/denoise/plane.wgsl`) per pixel. normals: packed by that file. reflected: light is
     irradiance, W/m2, `glossy` the coats' light, and the result is radiance, W/(m2 sr); otherwise light is divided by
-    the average of `glossy`, if given. shares: light is a share, 0 to 1. frames: number per still picture. stride:
+    the average of `glossy`, if given. variances: of the luminance of `light`; only the first frame of a still picture,
+    and single frames, are then blurred. shares: light is a share, 0 to 1. frames: number per still picture. stride:
     distance of the grid's pixels; above 1, `reflected` is not supported. view: uniform of the picture's camera.
     """
     width, height = (-(-side // stride) for side in graph.size)
-    guided = radius > 1 and frames > GUIDED_FROM
-    moments = _declare_moments(graph, name, light, (width, height), stride, view, guided)
-
-    def layer(part: str) -> Buffer:
-        return graph.buffer(f"{name}/{part}", dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)
-
-    nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
-    absent = graph.neutral("buffer")
-    reads = {"normals": normals, "surfaces": gbuffer.surfaces, "moments": moments}
-    has_coats = glossy is not None
-    constants = {"RADIUS": radius, "GUIDED": guided, "SHARES": shares, "STRIDE": stride, "HAS_COATS": has_coats}
-    rows, glossy_rows = light, glossy
+    guided = radius > 1 and (variances is not None or frames > GUIDED_FROM)
+    if variances is None:
+        guide: Handle = _declare_moments(graph, name, light, (width, height), stride, view, guided)
+    else:
+        guide = _declare_neighbours(graph, name, light, normals, variances, view)
+    layer = partial(graph.buffer, dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)
+    nothing, absent = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1), graph.neutral("buffer")
+    reads = {"normals": normals, "surfaces": gbuffer.surfaces, "moments": guide}
+    flags = {"GUIDED": guided, "FIRST": variances is not None, "SHARES": shares, "HAS_COATS": glossy is not None}
+    constants = {"RADIUS": radius, "STRIDE": stride, **flags}
+    rows, glossy_rows, uniforms = light, glossy, {"view": view}
     if radius > 1:
-        rows, glossy_rows = layer("rows"), layer("glossy_rows") if has_coats else None
+        rows, glossy_rows = layer(f"{name}/rows"), layer(f"{name}/glossy_rows") if glossy else None
         graph.compute(
             f"{name}/rows",
             SHADER,
             over=(-(-width // 4), height),
             reads={"light": light, "glossy": glossy or absent, **reads},
             writes={"blurred": rows, "blurred_glossy": glossy_rows or nothing},
-            constants={**constants, "VERTICAL": False, "LAST": False},
-            uniforms={"view": view},
+            constants=constants,
+            uniforms=uniforms,
         )
     else:
         graph.skip(f"{name}/rows", "nothing is blurred")
-    blurred = layer("columns")
+    blurred = layer(f"{name}/columns")
     graph.compute(
         f"{name}/columns",
         SHADER,
         over=(width, -(-height // 4)),
         reads={"light": rows, "glossy": glossy_rows or absent, **reads},
         writes={"blurred": blurred, "blurred_glossy": nothing},
-        constants={**constants, "VERTICAL": True, "LAST": reflected, "RATIO": has_coats and not reflected},
-        uniforms={"view": view},
+        constants={**constants, "VERTICAL": True, "LAST": reflected, "RATIO": glossy is not None and not reflected},
+        uniforms=uniforms,
     )
     return blurred
+
+
+def _declare_neighbours(
+    graph: Graph, name: str, light: Buffer, normals: Buffer, variances: Buffer, view: str
+) -> Buffer:
+    """Declare the mean luminance of each pixel and its neighbours, and the variance of that mean."""
+    guide = graph.buffer(f"{name}/guide", dtype=TWO_FLOATS, count=light.count, width=graph.size[0])
+    graph.compute(
+        f"{name}/guide",
+        "shared/denoise/neighbours.wgsl",
+        over=graph.size,
+        reads={"light": light, "normals": normals, "variances": variances},
+        writes={"guide": guide},
+        uniforms={"view": view},
+    )
+    return guide
 
 
 def _declare_moments(

@@ -43,6 +43,14 @@ def declare_ssao(graph: Graph, settings: OcclusionOptions, scene: SsdoInputs) ->
         directional=False,
     )
     direct = declare_direct(
-        graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, occlusion.share, sources.layers
+        graph,
+        settings.direct,
+        scene,
+        base.gbuffer,
+        base.shadow_atlas,
+        base.ambient,
+        settings.seed,
+        occlusion.share,
+        sources.layers,
     )
     return Light(base.gbuffer.emission, direct, views={"motion": base.motion})

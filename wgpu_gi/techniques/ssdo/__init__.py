@@ -37,7 +37,9 @@ def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Ligh
     # Find the first occluder along each direction, which hides the environment.
     occlusion = declare_occlusion(graph, s, scene, sources, base.ambient, history, seed, scene.frames)
     atlas, layers = base.shadow_atlas, sources.layers
-    direct = declare_direct(graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, occlusion.share, layers)
+    direct = declare_direct(
+        graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, seed, occlusion.share, layers
+    )
     light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
     # Gather one bounce from the same occluders.
     if settings.bounces != 0 and s.bounce:

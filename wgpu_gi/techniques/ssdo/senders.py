@@ -16,6 +16,8 @@ from .search import INTERLEAVE, SENDER_STRIDE, SKY_STRIDE, SearchRequest, declar
 from .settings import SsdoSettings
 from .sources import Sources
 
+SENDER_RAYS = 2  # to emitters; the gathering averages over senders
+
 
 def declare_senders(
     graph: Graph,
@@ -39,6 +41,8 @@ def declare_senders(
         if ambient.features["HAS_ENVIRONMENT"]:
             sky = _declare_sky(graph, settings, scene, sources, ambient, seed, number)
         _declare_lit_senders(graph, scene, sources, number, atlas, ambient, sky, senders, first)
+        if scene.emitters.leaves:
+            _declare_emitters(graph, scene, sources, number, senders, first, seed)
     return senders
 
 
@@ -103,6 +107,33 @@ def _declare_lit_senders(
             "OUTWARD": sources.is_outward(number),
             "STRIDE": SENDER_STRIDE,
             "COARSE_STRIDE": SKY_STRIDE,
+        },
+        uniforms={"view": sources.view_of(number)},
+    )
+
+
+def _declare_emitters(
+    graph: Graph, scene: DeferredInputs, sources: Sources, number: int, senders: Buffer, first: int, seed: int
+) -> None:
+    """Declare the light of emitters, added to the senders of another source, from index `first` on."""
+    gbuffer, shader = sources.gbuffer(number), "ssdo/emitter_senders.wgsl"
+    graph.compute(
+        f"ssdo/emitters_{number}",
+        shader,
+        over=grid_size(graph, SENDER_STRIDE),
+        reads={
+            **scene.surfaces,
+            "emitters": scene.emitters.table,
+            "surfaces": gbuffer.surfaces,
+            "distance": gbuffer.distance,
+        },
+        writes={"senders": senders},
+        params={"first": first, "seed": seed},
+        constants={
+            **scene.constants(shader),
+            "OUTWARD": sources.is_outward(number),
+            "STRIDE": SENDER_STRIDE,
+            "RAYS": SENDER_RAYS,
         },
         uniforms={"view": sources.view_of(number)},
     )

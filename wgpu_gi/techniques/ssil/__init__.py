@@ -38,7 +38,7 @@ def declare_ssil(graph: Graph, settings: SsilOptions, scene: SsilInputs) -> Ligh
     base = declare_base(graph, settings, scene)
     gbuffer = base.gbuffer
     sky = declare_sky_occlusion(graph, settings.environment, scene, gbuffer, seed, scene.frames)
-    direct = declare_direct(graph, settings.direct, scene, gbuffer, base.shadow_atlas, base.ambient, sky)
+    direct = declare_direct(graph, settings.direct, scene, gbuffer, base.shadow_atlas, base.ambient, seed, sky)
     light = Light(gbuffer.emission, direct, views={"motion": base.motion})
     if settings.bounces != 0:
         light.indirect = declare_bounces(

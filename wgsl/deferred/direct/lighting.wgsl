@@ -1,7 +1,7 @@
 // One light's irradiance and its reflection, for the pass that filters shadow maps and the one that traces shadow rays.
 #import "scene/info.wgsl"
 #import "deferred/shadow/lookup.wgsl"
-#import "common/brdf.wgsl"
+#import "deferred/direct/receiver.wgsl"
 
 const EDGE_GROUP: u32 = 64u;  // pixels that a workgroup of `edges.wgsl` takes per turn
 
@@ -31,20 +31,6 @@ fn light_at(light: DirectLight, position: vec3f) -> Incident {
     // KHR_lights_punctual: the window of a light with a range.
     let share = squared * light.inverse_range * light.inverse_range;
     return Incident(to_light, direction, light.color * (strength * clamp(1.0 - share * share, 0.0, 1.0)));
-}
-
-struct Receiver {
-    position: vec3f,
-    normal: vec3f,            // shading, towards the viewer
-    geometric_normal: vec3f,
-    brdf: Brdf,
-    frame: mat3x3f,
-    w_o: vec3f,               // in the frame
-}
-
-fn receiver(position: vec3f, normal: vec3f, geometric_normal: vec3f, brdf: Brdf, to_eye: vec3f) -> Receiver {
-    let frame = frame_from_normal(normal);
-    return Receiver(position, normal, geometric_normal, brdf, frame, to_eye * frame);
 }
 
 // Returns the radiance scattered to the eye, W/(m2 sr), unshadowed.

@@ -15,6 +15,7 @@ override RADIUS: u32 = 4u;     // n; 1: no blur
 override VERTICAL: bool = false;
 override LAST: bool = false;   // output radiance
 override GUIDED: bool = false; // compare mean light, from moments
+override FIRST: bool = false;  // blur the first frame of a still picture only; `moments` has its guide
 override SHARES: bool = false; // the light is a share, from 0 to 1
 override STRIDE: u32 = 1u;     // picture pixels per side of a pixel of the blurred grid
 override RATIO: bool = false;  // output light over `glossy`
@@ -24,7 +25,8 @@ override RATIO: bool = false;  // output light over `glossy`
 @group(1) @binding(13) var<storage, read_write> blurred: array<vec4f>;
 @group(1) @binding(14) var<storage, read> glossy: array<vec4f>;
 @group(1) @binding(15) var<storage, read_write> blurred_glossy: array<vec4f>;
-@group(1) @binding(16) var<storage, read> moments: array<vec2f>;  // of luminance, over the frames so far
+// Of luminance, over the frames so far; with FIRST, the mean of neighbours and its variance.
+@group(1) @binding(16) var<storage, read> moments: array<vec2f>;
 
 // A neighbour has weight 0 if its distance from the tangent plane exceeds this share of RADIUS pixel widths: surfaces
 // that bend by 14 degrees stay together. Smaller values leave more noise in a single frame of Sponza, larger ones leak
@@ -52,6 +54,9 @@ fn load_guide(index: u32) -> vec2f {
         return vec2f(0.0);
     }
     let m = moments[index];
+    if (FIRST) {
+        return m;
+    }
     let samples = f32(sequence.index + 1u);
     // Few samples of visibility may all agree by chance: add two that disagree, which move the mean by 2 / samples.
     let unknown = select(0.0, 4.0 / (samples * samples), SHARES);
@@ -104,6 +109,16 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(first >= grid_size())) {
         return;
     }
+    // Later frames pass through. `first` varies: lavapipe compiles branches on uniforms alone anew for each dispatch.
+    if (FIRST && ((sequence.index > 0u) & (first.x < view.size.x))) {
+        for (var k = 0u; k < 4u; k += 1u) {
+            let pixel = first + k * step;
+            if (all(pixel < grid_size())) {
+                blurred[pixel.y * grid_size().x + pixel.x] = light[pixel.y * grid_size().x + pixel.x];
+            }
+        }
+        return;
+    }
     // Load the four centres, and transpose their planes so that each tap is tested against all four at once.
     let a = load_center(first);
     let b = load_center(first + step);
@@ -150,7 +165,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let apart = guide_mean - tap_guide.x;
             let noise = (guide_variance + tap_guide.y) * (STANDARD_ERRORS * STANDARD_ERRORS);
             let same_mean = max(1.0 - apart * apart / max(noise, vec4f(1e-37)), vec4f(0.0));
-            weight *= select(same_mean, vec4f(1.0), sequence.index < GUIDED_FROM);
+            weight *= select(same_mean, vec4f(1.0), !FIRST & (sequence.index < GUIDED_FROM));
         }
         sum[0] += tap.r * weight;
         sum[1] += tap.g * weight;

@@ -28,6 +28,15 @@ fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
     return Hit(max(distance, 0.0), triangle, select(instance, t.instance, t.instance != NONE), weights);
 }
 
+// Returns the point of a hit: on the triangle, where the ray may only pass by it.
+fn point_of_hit(t: Triangle, hit: Hit) -> vec3f {
+    let point = t.v0 + hit.barycentric.x * t.edge1 + hit.barycentric.y * t.edge2;
+    if (HAS_INSTANCES && t.instance == NONE) {
+        return instances[hit.instance].world_from_local * vec4f(point, 1.0);
+    }
+    return point;
+}
+
 // Returns the triangle and the instance that a pixel shows; the triangle is NONE if the pixel shows no surface.
 fn load_visibility(pixel: vec2u) -> vec2u {
     return textureLoad(visibility, pixel, 0).xy - 1u;
