@@ -73,7 +73,7 @@ def test_exit_codes_and_files(planned, tmp_path, capsys):
     out = tmp_path / "out.json"
     assert main(["stress", "--json", str(out), "-v"]) == 1
     shown = capsys.readouterr()
-    assert "2 failures in 3 cases" in shown.out and "finite of ssil: NaN values (room 1)" in shown.out
+    assert "2 failures in 3 cases" in shown.out and "finite of ssil: NaN values, in 1 room; first room 1" in shown.out
     assert "room 1 ssil finite: NaN values: a sentence" in shown.err
     assert [case["verdict"] for case in json.loads(out.read_text())["cases"]] == ["passed", "failed", "failed"]
     report.interrupted = True

@@ -147,7 +147,7 @@ def print_report(report: Report) -> None:
     print(f"{verdict(report)}; {summary_text(report)}")
     rows = class_rows(report)
     console = Console(highlight=False, soft_wrap=True)
-    for name, check, gi, count, kinds, _ in rows[1:]:
-        console.print(f"  {count:>5}  {check} of {gi}: {name} ({kinds})", markup=False)
+    for name, check, gi, count, kinds, first in rows[1:]:
+        console.print(f"  {count:>5}  {check} of {gi}: {name}, in {kinds}; first {first}", markup=False)
     for failure in report.failures:
         console.print(f"  {failure.command}", markup=False)

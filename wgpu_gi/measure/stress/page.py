@@ -72,7 +72,7 @@ def class_rows(report: Report) -> list[list[str]]:
         groups[record.failure, record.case.check, record.case.gi].append(record)
     rows = [["class", "check", "technique", "failures", "kinds", "first"]]
     for (failure, check, gi), records in sorted(groups.items(), key=lambda item: -len(item[1])):
-        kinds = ", ".join(f"{kind} {count}" for kind, count in Counter(r.case.kind for r in records).most_common())
+        kinds = ", ".join(f"{count} {kind}" for kind, count in Counter(r.case.kind for r in records).most_common())
         first = records[0].case
         rows.append([failure, check, gi, str(len(records)), kinds, f"{first.kind} {first.seed}"])
     return rows

@@ -22,6 +22,8 @@ from .studio import LIGHT, Layers, Studio, View
 MARGIN = Margin(mean=0.002, block=0.02)
 # Shadow maps have other texels after a rotation; at this size, blocks hold up to 5 % of penumbra pixels.
 TEXELS = Margin(mean=0.005, block=0.05)
+# Blurs weigh neighbours by noise, which differs for lights together and apart: means hold, pixels do not.
+BLURS = Margin(mean=0.005, block=0.05)
 HALF = Margin(mean=0.02, block=0.10)  # a half-size picture has its own shadow texels and screen-space samples
 WIDE = 1.8  # radians: tan(0.9) = 1.3
 POWERS = 12  # relations by powers of two use 2^-12 to 2^12
@@ -228,7 +230,7 @@ RELATIONS: dict[str, Relation] = {
     "scale": Relation("2^k times the size and 4^k times the intensities change nothing", _scale, bits=True),
     "empty": Relation("a mesh without triangles changes nothing", _empty, bits=True),
     "pose": Relation("a camera that has been elsewhere takes the same picture", _pose, bits=True),
-    "superposition": Relation("lights A and B together are A plus B", _superposition),
+    "superposition": Relation("lights A and B together are A plus B", _superposition, margin=BLURS),
     "channels": Relation("permuted colours give a permuted picture", _channels),
     "translation": Relation("a moved scene looks the same", _translation, without=AMBIGUOUS),
     "rotation": Relation("a scene turned by 90 degrees looks the same", _rotation, margin=TEXELS, without=AMBIGUOUS),
