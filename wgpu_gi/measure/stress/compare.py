@@ -110,7 +110,8 @@ def _tested(pairs: list[Pairs], margin: Margin, alpha: float, cluster_alpha: flo
     if found < alpha:
         return _failure(kept, means, p, found)
     # Test for clusters of pixels.
-    return _clusters(kept, level, margin, cluster_alpha) or Finding("passed", p=found)
+    cluster = None if edges is None else _clusters(kept, level, margin, cluster_alpha)
+    return cluster or Finding("passed", p=found)
 
 
 def _failure(pairs: list[Pairs], means: NDArray, p: NDArray, found: float) -> Finding:

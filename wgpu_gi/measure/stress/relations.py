@@ -24,7 +24,7 @@ MARGIN = Margin(mean=0.002, block=0.02)
 TEXELS = Margin(mean=0.005, block=0.05)
 # Blurs weigh neighbours by noise, which differs for lights together and apart: means hold, pixels do not.
 BLURS = Margin(mean=0.005, block=0.05)
-HALF = Margin(mean=0.02, block=0.10)  # a half-size picture has its own shadow texels and screen-space samples
+HALF = Margin(mean=0.02, block=0.10)  # a half-size picture has its own texels and samples, and blurs as many pixels
 WIDE = 1.8  # radians: tan(0.9) = 1.3
 POWERS = 12  # relations by powers of two use 2^-12 to 2^12
 SMALLEST, LARGEST = 1e-30, 1e30  # of intensities and radiances after scaling: float32 holds 1e-38 to 3e38
