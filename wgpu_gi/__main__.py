@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ from importlib import import_module
 
 from .errors import GiError
 
+LONGEST_WORD = 255  # characters of an argument in a message; file names have at most this many
 FAILED = 2
 INTERRUPTED = 130  # 128 + SIGINT, the convention of shells
 READER_GONE = 141  # 128 + SIGPIPE
@@ -53,8 +55,14 @@ def _main(argv: Sequence[str] | None) -> int:
     except (GiError, MemoryError) as error:
         interrupt.check()
         short = "not enough memory; use a smaller --size or a smaller scene"
-        print(f"wgpu-gi: error: {error if isinstance(error, GiError) else short}", file=sys.stderr)
+        print(f"wgpu-gi: error: {_one_line(str(error)) if isinstance(error, GiError) else short}", file=sys.stderr)
         return FAILED
+
+
+def _one_line(sentence: str) -> str:
+    """Return a sentence with the values in it short and on one line: a mistyped argument may be anything."""
+    line = "".join(character if character.isprintable() else repr(character)[1:-1] for character in sentence)
+    return re.sub(rf"(\S{{{LONGEST_WORD}}})\S+", r"\1...", line)
 
 
 def _run(argv: Sequence[str] | None) -> int:

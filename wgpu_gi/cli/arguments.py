@@ -321,7 +321,7 @@ def parse_bounces(text: str) -> int | None:
     """Parse a number of indirect bounces; None means unlimited."""
     if text == "unlimited":
         return None
-    if not text.isdecimal():
+    if not text.isdecimal() or len(text) > 9:
         raise argparse.ArgumentTypeError(f"bounces are 0, 1, 2 ... or unlimited, not {text!r}")
     return int(text)
 

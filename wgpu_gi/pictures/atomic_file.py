@@ -31,6 +31,8 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 def check_writable(path: str | Path) -> None:
     """Raise GiError now if `path` could not be written later, for example without a folder or rights."""
     path = Path(path)
+    if "\0" in str(path):
+        raise GiError(f"{str(path)!r} cannot be a file name: it has a NUL character")
     if not path.parent.is_dir():
         raise GiError(f"{path}: there is no folder {path.parent}; make it first")
     with _errors_for(path):
