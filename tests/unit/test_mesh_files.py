@@ -224,6 +224,26 @@ def test_unused_vertices_are_ignored(tmp_path):
     np.testing.assert_allclose(scene.bounds(), [[0, 0, 0], [1, 1, 0]])
 
 
+# Rows of six and of five numbers: trimesh returns normals as Python objects.
+RAGGED_PLY = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+property float nx
+property float ny
+property float nz
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0 0 0 1
+1 0 0 0 0 1 9 9
+1 1 0 0 0 1
+3 0 1 2
+3 0 1 2
+"""
+
 THREE = ("v 0 0 0", "v 1 0 0", "v 0 1 0")
 BAD_FILES = {
     "empty.obj": b"",
@@ -257,6 +277,7 @@ BAD_FILES = {
     "nan.ply": ply(SQUARE.replace("1 1 0", "1 nan 0")),
     "word.ply": ply(SQUARE.replace("1 1 0", "1 x 0")),
     "unknown_type.ply": ply(scalar="quaternion"),
+    "ragged.ply": RAGGED_PLY,
     "noise.ply": b"ply\n" + bytes(range(256)),
     "truncated_ascii.stl": STL[:80],
     "word.stl": STL.replace("vertex 1 1 0", "vertex 1 x 0"),

@@ -143,7 +143,8 @@ def _raw_mesh(arrays: dict[str, Any]) -> RawMesh:
     fan = [faces.reshape(-1, corners)[:, [0, k, k + 1]] for k in range(1, corners - 1)]
     triangles = np.concatenate(fan).astype(np.int64)
     colors, face_colors = _linear_colors(arrays.get("vertex_colors")), _linear_colors(arrays.get("face_colors"))
-    normals = arrays.get("vertex_normals")
+    # Damaged files give arrays of Python objects, which the conversion refuses.
+    normals = None if arrays.get("vertex_normals") is None else np.asarray(arrays["vertex_normals"], np.float64)
     if colors is None and face_colors is not None:
         normals = None if normals is None else normals[triangles].reshape(-1, 3)
         positions = positions[triangles].reshape(-1, 3)
