@@ -48,6 +48,16 @@ def test_white_room_in_a_white_sky_is_white():
     assert_mean(got, 1.0)
 
 
+@pytest.mark.parametrize(("metallic", "roughness", "bound"), [(1.0, 0.3, 0.005), (0.5, 0.5, 0.01), (0.0, 0.3, 0.02)])
+def test_white_room_of_coated_walls_is_white(metallic, roughness, bound):
+    """The same room of metal, of a dielectric and of a mixture: the BRDF conserves energy over many bounces."""
+    room = box((-1, -1, -1), (1, 1, 1), Material("white", metallic=metallic, roughness=roughness), inward=True)
+    room.triangles = room.triangles[:10]
+    scene = Scene([Instance(room)], environment=Environment())
+    camera = looking((0.3, 0.2, -1), (0, 0, 0.5))
+    assert_mean(shoot(scene, (16, 16), spp=512, camera=camera, diffuse=False), 1.0, bound)
+
+
 def sky_gradient(height=16, width=32):
     """A picture whose light differs in every direction, with a sun of a few pixels."""
     y, x = np.mgrid[:height, :width]

@@ -131,6 +131,33 @@ def test_brdf_is_reciprocal(evaluate):
         assert np.allclose(there, back, rtol=1e-4, atol=1e-7)
 
 
+SHINE = """
+// Returns f_r as gathering passes put it together, for a source without area.
+fn by_parts(b: Brdf, w_o: vec3f, w_i: vec3f) -> vec3f {
+    let up = vec3f(0.0, 0.0, 1.0);
+    let shine = shine_of(b, loss_to_eye(b, up, w_o), up, w_o, 3.0 * w_i, 9.0, 0.0);
+    return shine.coat + b.diffuse * (INV_PI * shine.transmitted);
+}
+fn transmitted(b: Brdf, w_o: vec3f, w_i: vec3f) -> vec3f {
+    let up = vec3f(0.0, 0.0, 1.0);
+    return b.diffuse * (INV_PI * transmitted_from(b, up, 3.0 * w_i, w_o));
+}
+"""
+
+
+@pytest.mark.parametrize("metallic", METALLIC)
+def test_coat_and_base_of_a_small_source_make_up_the_brdf(evaluate, metallic):
+    """common/coat.wgsl splits evaluate_brdf into what the blur demodulates and what the base gets."""
+    n, rng = 2000, np.random.default_rng(6)
+    given = {"roughness": rng.random(n), "w_o": hemisphere(n, 7, False), "w_i": hemisphere(n, 8, False)}
+    material = f"brdf_metallic_roughness(vec3f(0.9, 0.5, 0.05), {metallic}, roughness(i))"
+    parts = evaluate("common/coat.wgsl", f"by_parts({material}, w_o(i), w_i(i))", "vec3f", functions=SHINE, **given)
+    whole = evaluate(BRDF, f"evaluate_brdf({material}, w_o(i), w_i(i))", "vec4f", **given)[:, :3]
+    assert np.allclose(parts, whole, rtol=2e-3, atol=1e-6)
+    base = evaluate("common/coat.wgsl", f"transmitted({material}, w_o(i), w_i(i))", "vec3f", functions=SHINE, **given)
+    assert (base <= whole * 1.001 + 1e-6).all()
+
+
 def test_brdf_is_zero_below_the_surface(evaluate):
     w = hemisphere(500, 5)
     below = w * np.array([1, 1, -1], np.float32)

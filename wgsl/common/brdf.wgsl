@@ -104,6 +104,21 @@ fn lobe_shares(b: Brdf, cos_o: f32, o: CoatLoss) -> LobeShares {
     return LobeShares(share, (1.0 - share) * select(0.0, base / max(base + multiple, 1e-30), base > 0.0));
 }
 
+// Returns f_r, 1/sr; zero if either direction is below the surface. `o`: the coat's loss towards w_o.
+fn scattered(b: Brdf, w_o: vec3f, o: CoatLoss, w_i: vec3f) -> vec3f {
+    if (w_i.z <= 0.0 || w_o.z <= 0.0) {
+        return vec3f(0.0);
+    }
+    if (!b.glossy) {
+        return b.diffuse * INV_PI;
+    }
+    let i = coat_loss(b.fit, b.alpha, w_i.z);
+    let h = normalize(w_i + w_o);
+    let lobe = ggx_distribution(b.alpha, h.z) * smith_visibility(b.alpha, w_i.z, w_o.z);
+    let glossy = fresnel_schlick(b.f0, dot(w_i, h)) * lobe + multiple_scattering(b, i, o);
+    return b.diffuse * (INV_PI * transmitted_share(b, i, o)) + glossy;
+}
+
 // Returns (f_r, pdf of sample_brdf in w); zero if either direction is below the surface.
 fn evaluate_brdf(b: Brdf, w_o: vec3f, w_i: vec3f) -> vec4f {
     if (w_i.z <= 0.0 || w_o.z <= 0.0) {
@@ -113,16 +128,12 @@ fn evaluate_brdf(b: Brdf, w_o: vec3f, w_i: vec3f) -> vec4f {
     if (!b.glossy) {
         return vec4f(b.diffuse * INV_PI, cosine_pdf);
     }
-    let i = coat_loss(b.fit, b.alpha, w_i.z);
     let o = coat_loss(b.fit, b.alpha, w_o.z);
     let h = normalize(w_i + w_o);
-    let lobe = ggx_distribution(b.alpha, h.z) * smith_visibility(b.alpha, w_i.z, w_o.z);
-    let glossy = fresnel_schlick(b.f0, dot(w_i, h)) * lobe + multiple_scattering(b, i, o);
-    let base = b.diffuse * (INV_PI * transmitted_share(b, i, o));
     let shares = lobe_shares(b, w_o.z, o);
     let pdf = shares.single * ggx_pdf(b.alpha, h.z, w_o.z) + shares.base * cosine_pdf
         + (1.0 - shares.single - shares.base) * multiple_pdf(b.alpha, w_i.z);
-    return vec4f(base + glossy, pdf);
+    return vec4f(scattered(b, w_o, o, w_i), pdf);
 }
 
 // Draws w_i with a density close to f_r cos; `choice` in [0, 1) picks the lobe.

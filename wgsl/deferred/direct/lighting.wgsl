@@ -39,5 +39,5 @@ fn reflected(r: Receiver, incident: Incident) -> vec3f {
     if (cosine <= 0.0 || max3(incident.irradiance) <= 0.0) {
         return vec3f(0.0);
     }
-    return evaluate_brdf(r.brdf, r.w_o, incident.direction * r.frame).rgb * incident.irradiance * cosine;
+    return scattered(r.brdf, r.w_o, r.eye_loss, incident.direction * r.frame) * incident.irradiance * cosine;
 }
