@@ -11,9 +11,10 @@
 
 override RAYS: u32 = 4u;  // K, shadow rays of light samples, an even number
 
-// The BRDF is sampled where its density may exceed this share of that of light samples. tools/README.md, "Constants".
+// The BRDF is sampled where its density may exceed this share of that of light samples; `tools/sweeps.py` measures other
+// values.
 const BRDF_FROM: f32 = 0.3;
-// Emitters are near within this many radii of their leaves. tools/README.md, "Constants".
+// Emitters are near within this many radii of their leaves; `tools/sweeps.py` measures other values.
 const NEAR_RADII: f32 = 2.0;
 
 struct EmitterSample {
