@@ -15,7 +15,7 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import quad
-from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Scene
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Material, Scene
 from wgpu_gi.settings import assign
 
 HEIGHT = 3.0
@@ -30,8 +30,8 @@ def corner(lights=(), sky=None, albedo=0.5, wall=0.8):
     return Scene([Instance(floor), Instance(upright)], list(lights), sky, [camera])
 
 
-def render(scene, *texts, size=(64, 48), frames=32, gi="ssdo"):
-    settings = Settings(gi=gi, diffuse=True, camera=CameraSettings(jitter=False, frames=frames))
+def render(scene, *texts, size=(64, 48), frames=32, gi="ssdo", diffuse=True):
+    settings = Settings(gi=gi, diffuse=diffuse, camera=CameraSettings(jitter=False, frames=frames))
     for text in ("ssdo.steps=64", "ssdo.half_resolution=false", *texts):
         assign(settings, text)
     renderer = Renderer(scene, size=size, settings=settings)
@@ -108,3 +108,45 @@ def test_senders_reflect_from_their_front_only():
     got = render(scene, "ssdo.cameras=0", frames=4)
     before = (got["depth"] > 0) & (np.abs(got["position"][..., 1]) < 1e-3) & (got["position"][..., 2] > 1.0)
     assert before.any() and not got["indirect"][before].any()
+
+
+def glossy_corner(metallic, roughness, wide):
+    """Build `corner` with a floor of a coated material; a `wide` lens sees all of the wall that the floor reflects."""
+    scene = corner([DirectionalLight((0, 0, -1), 3.0, (1.0, 0.5, 0.25))])
+    scene.instances[0].mesh.materials[0] = Material("", (0.9, 0.6, 0.3, 1.0), metallic, roughness)
+    scene.cameras[0].yfov = math.radians(wide)
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("metallic", "roughness", "texts"),
+    [(1.0, 0.1, ()), (1.0, 0.4, ("ssdo.half_resolution=true",)), (0.0, 0.3, ()), (1.0, 1.0, ())],
+)
+def test_coats_reflect_what_the_path_tracer_reflects(metallic, roughness, texts):
+    scene = glossy_corner(metallic, roughness, 75)
+    got = render(scene, *texts, diffuse=False, size=(32, 24), frames=16)
+    settings = Settings(gi="path", bounces=1, spp=128, camera=CameraSettings(jitter=False))
+    truth = Renderer(scene, size=(32, 24), settings=settings)
+    truth.run()
+    # Pixels next to the wall are too coarse for matte floors, too.
+    away = floor_and_form_factor(got)[0] & (got["position"][..., 2] > 0.8)
+    off = got["indirect"][away].mean(0) / truth.read_back("indirect")[away].mean(0) - 1
+    assert away.sum() > 100
+    assert np.abs(off).max() <= 0.06
+
+
+def test_a_mirror_shows_the_wall_before_the_sky():
+    """A mirror reflects no sky where the wall hides it, and all of it above the wall."""
+    scene = glossy_corner(1.0, 0.05, 75)
+    scene.lights.clear()
+    scene.environment = Environment((1.0, 1.0, 1.0))
+    got = render(scene, diffuse=False, size=(32, 24), frames=16)
+    on_floor, _ = floor_and_form_factor(got)
+    # Reflected rays rise as steeply as the rays of the camera fall, and meet z = 0 at this height.
+    x = got["position"] - np.array((0, 1.7, 4.5))
+    height = got["position"][..., 2] * np.abs(x[..., 1]) / np.abs(x[..., 2])
+    hidden, free = on_floor & (height < 0.9 * HEIGHT), on_floor & (height > 1.1 * HEIGHT)
+    assert hidden.sum() > 100
+    tint = np.array((0.9, 0.6, 0.3))
+    assert np.abs(got["direct"][hidden] / tint).mean() <= 0.02
+    assert not free.any() or np.abs(got["direct"][free] / tint - 1).mean() <= 0.05

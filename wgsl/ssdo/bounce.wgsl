@@ -1,20 +1,24 @@
 // One invocation gathers the light that surfaces around a receiver reflect to it: E = pi / N sum_k L(q_k) over the
-// directions that hit a surface, q_k.
+// directions that hit a surface, q_k; and what its coat reflects, L_coat = 1 / M sum_j f_j cos_j L(q_j) / p_j, over
+// directions drawn from the coat with the density p.
 //
-// Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departure: A is the area that the direction's solid
+// Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departures: A is the area that the direction's solid
 // angle dw cuts out of the sender, A = dw d^2 / cos_s; the paper uses pi r_max^2 / N times a strength set by hand. A
 // direction thus replaces the environment's light by the sender's, and near senders need no clamp. With directions
-// drawn by the cosine, cos_r dw is pi / N. Only the fronts of senders count; the base gets what coats transmit. In: hits, radiance
-// of senders, W/(m2 sr). Out: irradiance E, W/m2, and the depth of
-// `shared/denoise/plane.wgsl`. Errs dark where the senders are in no view.
+// drawn by the cosine, cos_r dw is pi / N. Only the fronts of senders count; the base gets what coats transmit. In:
+// hits, radiance of senders, W/(m2 sr). Out: irradiance E, W/m2, and L_coat over coat_tint(), W/(m2 sr), both with the
+// depth of `shared/denoise/plane.wgsl`; for L_coat it is 0 without a coat. Errs dark where the senders are in no view,
+// and where glossy senders send more towards the receiver than to the camera.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
 #import "ssdo/hit_code.wgsl"
 #import "ssdo/grid.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
+#import "ssdo/lobe.wgsl"
 
 override DIRECTIONS: u32 = 1u;              // N
+override LOBES: u32 = 0u;                   // M
 override REFLECTED: bool = false;           // unrepresented pixels get radiance
 override SAMPLE_ENVIRONMENT: bool = false;  // stored weights are halved
 override SENDER_STRIDE: u32 = 2u;           // pixels between senders of sources other than the first layer
@@ -23,6 +27,7 @@ override SENDER_STRIDE: u32 = 2u;           // pixels between senders of sources
 @group(1) @binding(12) var<storage, read> senders: array<vec4u>;  // of each source, as `senders.wgsl` leaves them
 @group(1) @binding(13) var<storage, read_write> irradiance: array<vec4f>;
 @group(1) @binding(14) var<storage, read> occlusion: array<vec4f>;  // w: the depth of `shared/denoise/plane.wgsl`
+@group(1) @binding(15) var<storage, read_write> coat: array<vec4f>;
 
 // Returns the index of a hit's sender: all pixels of the first layer come first, then the grids of other sources.
 fn sender_index(hit: u32) -> u32 {
@@ -36,6 +41,15 @@ fn sender_index(hit: u32) -> u32 {
     return select(in_grid, pixel.y * view.size.x + pixel.x, block == 0u);
 }
 
+// Returns the radiance, W/(m2 sr), that arrives from a hit.
+fn radiance_of(hit: u32, arrival: HitDirection) -> vec3f {
+    let sender = senders[sender_index(hit)];
+    // The sender's front must face the receiver; the angle must be steep at the sender or at the receiver.
+    let sender_cosine = -dot(octahedral_decode(unpack2x16snorm(sender.w)), arrival.direction);
+    let is_facing = sender_cosine > LEAST_SINE || (sender_cosine > 0.0 && arrival.is_steep);
+    return bitcast<vec3f>(sender.rgb) * select(0.0, arrival.weight, is_facing);
+}
+
 // Returns the irradiance of a pixel, W/m2; `slot`: where its hits are stored.
 fn gather(pixel: vec2u, slot: u32) -> vec3f {
     let surface = load_surface(pixel);
@@ -43,16 +57,12 @@ fn gather(pixel: vec2u, slot: u32) -> vec3f {
     let to_eye = -pixel_ray(pixel).direction;
     var sum = vec3f(0.0);
     for (var k = 0u; k < DIRECTIONS; k += 1u) {
-        let hit = hits[slot * DIRECTIONS + k];
+        let hit = hits[slot * (DIRECTIONS + LOBES) + k];
         if (hit.x == NO_HIT) {
             continue;
         }
         let arrival = unpack_hit_direction(hit.y);
-        let sender = senders[sender_index(hit.x)];
-        // The sender's front must face the receiver; the angle must be steep at the sender or at the receiver.
-        let sender_cosine = -dot(octahedral_decode(unpack2x16snorm(sender.w)), arrival.direction);
-        let is_facing = sender_cosine > LEAST_SINE || (sender_cosine > 0.0 && arrival.is_steep);
-        var radiance = bitcast<vec3f>(sender.rgb) * select(0.0, arrival.weight, is_facing);
+        var radiance = radiance_of(hit.x, arrival);
         if (HAS_COATS) {
             radiance *= transmitted_from(brdf, surface.normal, arrival.direction, to_eye);
         }
@@ -61,11 +71,34 @@ fn gather(pixel: vec2u, slot: u32) -> vec3f {
     return sum * (PI * select(1.0, 2.0, SAMPLE_ENVIRONMENT) / f32(DIRECTIONS));
 }
 
+// Returns what a pixel's coat reflects, over its tint, W/(m2 sr), and `depth`; zero without a coat.
+fn gather_coat(pixel: vec2u, slot: u32, depth: f32) -> vec4f {
+    let surface = load_surface(pixel);
+    let brdf = gbuffer_brdf(surface);
+    if (!brdf.glossy) {
+        return vec4f(0.0);
+    }
+    let to_eye = -pixel_ray(pixel).direction;
+    var sum = vec3f(0.0);
+    for (var k = 0u; k < LOBES; k += 1u) {
+        let hit = hits[slot * (DIRECTIONS + LOBES) + DIRECTIONS + k];
+        if (hit.x == NO_HIT) {
+            continue;
+        }
+        let arrival = unpack_hit_direction(hit.y);
+        sum += radiance_of(hit.x, arrival) * lobe_weight_of(brdf, surface.normal, to_eye, arrival.direction);
+    }
+    return vec4f(sum / (f32(LOBES) * coat_tint(brdf, surface.normal, to_eye)), depth);
+}
+
 fn gather_of_grid(grid: vec2u) {
     let index = grid.y * grid_size().x + grid.x;
     let depth = occlusion[index].w;
     if (depth > 0.0) {
         irradiance[index] = vec4f(gather(grid * STRIDE, index), depth);
+        if (LOBES > 0u) {
+            coat[index] = gather_coat(grid * STRIDE, index, depth);
+        }
     }
 }
 
@@ -95,5 +128,8 @@ fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
         let pixel = vec2u(index % view.size.x, index / view.size.x);
         let factor = select(vec3f(1.0), gbuffer_brdf(load_surface(pixel)).diffuse * INV_PI, REFLECTED);
         irradiance[index] = vec4f(gather(pixel, slot) * factor, 1.0);
+        if (LOBES > 0u) {
+            coat[index] = gather_coat(pixel, slot, 1.0);
+        }
     }
 }

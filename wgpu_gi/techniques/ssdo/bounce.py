@@ -1,7 +1,8 @@
 """One bounce of indirect light from the surfaces that the search for occluders found.
 
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departure: a sender's area
-is the part that the direction's solid angle cuts out of it, so there is no strength to set.
+is the part that the direction's solid angle cuts out of it, so there is no strength to set; coats reflect what
+directions drawn from them find.
 """
 
 from __future__ import annotations
@@ -37,14 +38,19 @@ def declare_bounce(
     search, gbuffer = occlusion.search, sources.layers[0]
     # Gather the radiance that each source reflects, along the directions of the search.
     senders = declare_senders(graph, settings, scene, sources, direct, atlas, ambient, seed)
-    irradiance = declare_gathered(graph, settings, scene, sources, search, senders)
-    # Upsample to all pixels: to radiance, or to irradiance if it is accumulated over frames.
-    name, reflected = "ssdo/bounce", history.settings.frames == 1
+    coats = _coat_buffer(graph, search) if search.lobes else None
+    irradiance = declare_gathered(graph, settings, scene, sources, search, senders, coats)
+    # Upsample to all pixels: to radiance, or to irradiance if it is accumulated over frames or if coats add to it.
+    name, reflected = "ssdo/bounce", history.settings.frames == 1 and coats is None
     light = declare_full_resolution(graph, name, settings, scene, gbuffer, irradiance, search, reflected=reflected)
-    declare_gathered_unrepresented(graph, settings, scene, sources, search, senders, light, reflected=reflected)
+    if coats is not None:
+        coats = declare_full_resolution(graph, "ssdo/coats", settings, scene, gbuffer, coats, search)
+    declare_gathered_unrepresented(graph, settings, scene, sources, search, senders, light, coats, reflected=reflected)
     if reflected:
         return light
-    return _declare_reflection(graph, scene, gbuffer, history.declare(graph, scene, gbuffer, light, name))
+    # What coats reflect depends on the view and is not accumulated.
+    averaged = history.declare(graph, scene, gbuffer, light, name)
+    return _declare_reflection(graph, scene, gbuffer, averaged, coats, search.lobes)
 
 
 def declare_gathered(
@@ -54,8 +60,12 @@ def declare_gathered(
     sources: Sources,
     search: SearchResult,
     senders: Buffer,
+    coats: Buffer | None = None,
 ) -> Buffer:
-    """Declare the irradiance of the search grid from the surfaces found, W/m2, before any blur."""
+    """Declare the irradiance of the search grid from the surfaces found, W/m2, before any blur.
+
+    `coats`: is written with what coats reflect, over their tint, W/(m2 sr); needed if the search has lobes.
+    """
     width, height = grid_size(graph, search.stride)
     irradiance = graph.buffer("ssdo/irradiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     graph.compute(
@@ -68,9 +78,9 @@ def declare_gathered(
             "hits": search.hits,
             "senders": senders,
         },
-        writes={"irradiance": irradiance},
+        writes={"irradiance": irradiance, "coat": coats or _nothing(graph, "ssdo/no_coats")},
         constants=_gather_constants(settings, scene, sources, search),
-        clear=[irradiance],
+        clear=[irradiance] if coats is None else [irradiance, coats],
     )
     return irradiance
 
@@ -83,10 +93,14 @@ def declare_gathered_unrepresented(
     search: SearchResult,
     senders: Buffer,
     light: Buffer,
+    coats: Buffer | None = None,
     *,
     reflected: bool,
 ) -> None:
-    """Declare the irradiance (`reflected`: radiance) of unrepresented pixels, written into `light` of all pixels."""
+    """Declare the irradiance (`reflected`: radiance) of unrepresented pixels, written into `light` of all pixels.
+
+    `coats`, of all pixels: is written with what their coats reflect, over their tint, W/(m2 sr).
+    """
     if search.guide is None or search.unrepresented_hits is None:
         return
     graph.compute(
@@ -101,7 +115,7 @@ def declare_gathered_unrepresented(
             "senders": senders,
             **search.guide.list_reads,
         },
-        writes={"irradiance": light},
+        writes={"irradiance": light, "coat": coats or _nothing(graph, "ssdo/no_unrepresented_coats")},
         constants={**_gather_constants(settings, scene, sources, search), "REFLECTED": reflected},
     )
 
@@ -114,14 +128,28 @@ def _gather_constants(
         **scene.constants(SHADER),
         **sources.constants,
         "DIRECTIONS": settings.directions,
+        "LOBES": search.lobes,
         "STRIDE": search.stride,
         "SENDER_STRIDE": SENDER_STRIDE,
         "SAMPLE_ENVIRONMENT": search.unoccluded is not None,
     }
 
 
-def _declare_reflection(graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, irradiance: Buffer) -> Buffer:
-    """Declare the radiance that surfaces reflect from `irradiance`, W/(m2 sr)."""
+def _coat_buffer(graph: Graph, search: SearchResult) -> Buffer:
+    """Return a buffer for what coats reflect, (r, g, b, depth) of the search grid."""
+    width, height = grid_size(graph, search.stride)
+    return graph.buffer("ssdo/coats", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+
+
+def _nothing(graph: Graph, name: str) -> Buffer:
+    """Return a buffer that no pass writes to."""
+    return graph.buffer(name, dtype=FOUR_FLOATS, count=1)
+
+
+def _declare_reflection(
+    graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, irradiance: Buffer, coats: Buffer | None, lobes: int
+) -> Buffer:
+    """Declare the radiance that surfaces reflect: from `irradiance`, and that of `coats`, W/(m2 sr)."""
     width, height = graph.size
     radiance = graph.buffer("ssdo/radiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     shader = "ssdo/reflect.wgsl"
@@ -129,8 +157,12 @@ def _declare_reflection(graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, i
         "ssdo/reflect",
         shader,
         over=(width, height),
-        reads={"surfaces": gbuffer.surfaces, "irradiance": irradiance},
+        reads={
+            "surfaces": gbuffer.surfaces,
+            "irradiance": irradiance,
+            "coat": graph.neutral("buffer") if coats is None else coats,
+        },
         writes={"radiance": radiance},
-        constants=scene.constants(shader),
+        constants={**scene.constants(shader), "LOBES": lobes},
     )
     return radiance

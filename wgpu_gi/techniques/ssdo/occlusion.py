@@ -61,7 +61,7 @@ def declare_occlusion(
     `frames`: number per still picture. `directional`: False makes the share grey (ambient occlusion).
     """
     gbuffer = sources.layers[0]
-    request = SearchRequest(graph, settings, scene, sources, ambient, seed, directional=directional)
+    request = SearchRequest(graph, settings, scene, sources, ambient, seed, directional=directional, coats=directional)
     search = declare_search(request)
     if not ambient.features["HAS_ENVIRONMENT"]:
         graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")

@@ -2,7 +2,8 @@
 
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departures: each direction
 has several points instead of one, and the first hidden point counts; directions are drawn by the cosine; squares of
-pixels share a set of directions (interleaved sampling, Keller and Heidrich 2001), which the blur averages.
+pixels share a set of directions (interleaved sampling, Keller and Heidrich 2001), which the blur averages; coated
+pixels also search along directions drawn from their coat.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ class SearchResult:
     light: unoccluded share of the environment, (r, g, b, depth of `shared/denoise/plane.wgsl`). normals: packed by that
     file. hits: the surfaces found from the first layer, packed by `ssdo/hit_code.wgsl`. unoccluded: the environment's
     light without occlusion; after the blur of both the share is light / unoccluded. None: `light` is already the share.
-    guide: for upsampling the grid. unrepresented_hits: hits of the directions from unrepresented pixels.
+    guide: for upsampling the grid. unrepresented_hits: hits of the directions from unrepresented pixels. lobes: number
+    of the directions, the last ones, that coated pixels draw from their coat.
     """
 
     stride: int
@@ -50,6 +52,7 @@ class SearchResult:
     unoccluded: Buffer | None
     guide: Guide | None = None
     unrepresented_hits: Buffer | None = None
+    lobes: int = 0
 
 
 @dataclass
@@ -57,7 +60,8 @@ class SearchRequest:
     """A search from the pixels of source `number`.
 
     radius: largest r_max, in heights of the picture at the pixel; None: from the settings. directional: True: the share
-    depends on the environment's colour by direction; False: ambient occlusion.
+    depends on the environment's colour by direction; False: ambient occlusion. coats: coated pixels also draw as many
+    directions from their coat.
     """
 
     graph: Graph
@@ -69,6 +73,12 @@ class SearchRequest:
     number: int = 0
     radius: float | None = None
     directional: bool = True
+    coats: bool = False
+
+    @property
+    def lobes(self) -> int:
+        """Directions per pixel that are drawn from its coat."""
+        return self.directions if self.coats and self.number == 0 and self.scene.features["HAS_COATS"] else 0
 
     @property
     def directions(self) -> int:
@@ -102,6 +112,7 @@ class SearchRequest:
                 **sources.constants,
                 "STEPS": settings.steps if number == 0 else -(-settings.steps // SKY_STEP_SHARE),
                 "DIRECTIONS": self.directions,
+                "LOBES": self.lobes,
                 "STRIDE": stride,
                 "INTERLEAVE": INTERLEAVE,
                 "DIRECTIONAL": self.directional,
@@ -136,7 +147,7 @@ def declare_search(request: SearchRequest) -> SearchResult:
     )
     if number == 0 and stride > 1:
         guide = _declare_guide(request, stride)
-        count = guide.room * request.directions
+        count = guide.room * (request.directions + request.lobes)
         result.guide = guide
         result.unrepresented_hits = graph.buffer("ssdo/unrepresented_hits", dtype=TWO_WORDS, count=count)
     return result
@@ -202,13 +213,14 @@ def _allocate(request: SearchRequest, name: str, stride: int) -> SearchResult:
     unoccluded: Buffer | None = None
     if request.samples_environment:
         unoccluded = graph.buffer(f"{name}_unoccluded", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
-    hits = 1 if request.number else count * request.directions
+    hits = 1 if request.number else count * (request.directions + request.lobes)
     return SearchResult(
         stride,
         graph.buffer(name, dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True),
         graph.buffer(f"{name}_normals", dtype=np.uint32, count=count, width=width),
         graph.buffer(f"{name}_hits", dtype=TWO_WORDS, count=hits),
         unoccluded,
+        lobes=request.lobes,
     )
 
 

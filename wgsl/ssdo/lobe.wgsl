@@ -1,0 +1,35 @@
+// Directions drawn from the coat of a surface, and the weight of the light that they find: f_r cos / pdf, f_r the
+// coat's part of the BRDF. The density is that of `common/brdf.wgsl`, so weights are bounded.
+#import "common/brdf.wgsl"
+#import "common/random.wgsl"
+
+const LOBE_SEED: u32 = 0x9e3779b9u;  // sets the sequence apart from that of other directions
+const CHOICE_SEED: u32 = 0x85ebca6bu;
+
+struct LobeSample {
+    direction: vec3f,
+    weight: vec3f,
+}
+
+// Returns a surface's BRDF without the base.
+fn coat_of(brdf: Brdf) -> Brdf {
+    var coat = brdf;
+    coat.diffuse = vec3f(0.0);
+    return coat;
+}
+
+// Draws direction `number` from a coat; `frame`: axes about the shading normal.
+fn sample_lobe(brdf: Brdf, frame: mat3x3f, to_eye: vec3f, number: u32, seed: u32) -> LobeSample {
+    let u = sobol_2d(number, seed ^ LOBE_SEED);
+    let choice = sobol_2d(number, seed ^ CHOICE_SEED).x;
+    let drawn = sample_brdf(coat_of(brdf), to_eye * frame, u, choice);
+    return LobeSample(frame * drawn.w_i, drawn.weight);
+}
+
+// Returns the weight of a direction that sample_lobe() drew. It varies slowly, so it may be that of a direction nearby.
+fn lobe_weight_of(brdf: Brdf, normal: vec3f, to_eye: vec3f, direction: vec3f) -> vec3f {
+    let frame = frame_from_normal(normal);
+    let w_i = direction * frame;
+    let f = evaluate_brdf(coat_of(brdf), to_eye * frame, w_i);
+    return select(vec3f(0.0), f.rgb * (w_i.z / max(f.w, 1e-30)), f.w > 0.0);
+}
