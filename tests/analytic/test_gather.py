@@ -11,7 +11,7 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.scene.built_in.scenes import closed_box, courtyard, matte, plane_point, sphere_light
 from wgpu_gi.scene.built_in.shapes import quad
-from wgpu_gi.scene.scene import Instance, Material, Scene
+from wgpu_gi.scene.scene import DirectionalLight, Instance, Material, Scene
 
 SIZE = (70, 45)  # no multiple of any tile
 BOUND_SHARE = float(load("many_light/gather/gather.wgsl").constants["BOUND_SHARE"])  # of a VPL's area
@@ -179,12 +179,13 @@ def test_compensation_restores_the_light_of_a_corner(visibility, height):
     wall = quad((-2, 0, 0), (4, 0, 0), (0, 2, 0), matte(0.5))
     camera = Camera.look_at((0, 1.6, 1.6), (0, 0, 0), yfov_deg=40)
     camera.orthographic_height = height
-    gatherer = Gatherer(Scene([Instance(floor), Instance(wall)]), size, camera)
+    # Light along the floor gives the wall a radiosity of 1.
+    sun = DirectionalLight((0, 0, -1), 2.0)
+    gatherer = Gatherer(Scene([Instance(floor), Instance(wall)], [sun]), size, camera)
     starts, ways = (v.reshape(90, 160, 3) for v in camera_rays(camera, size, pixel_centres(size)))
     points = starts + ways * np.minimum(-starts[..., 1] / ways[..., 1], -starts[..., 2] / ways[..., 2])[..., None]
     on_floor = points[..., 1] < 1e-6
-    direct = np.repeat(np.where(on_floor, 0.0, 1 / np.pi)[..., None], 3, -1)
-    side, area = 0.05, 0.4  # the bound is about nine pixels long
+    side, area = 0.05, 0.4  # the bound is about 13 pixels long
     x, y = (v.ravel() for v in np.meshgrid(np.arange(80) * side - 1.975, np.arange(40) * side + 0.025))
     table = vpl_texels(
         np.stack([x, y, 0 * x], -1) - gatherer.upload.origin,
@@ -196,8 +197,8 @@ def test_compensation_restores_the_light_of_a_corner(visibility, height):
     near = on_floor & (points[..., 2] < np.sqrt(BOUND_SHARE * area / np.pi)) & (np.abs(points[..., 0]) < 0.8)
     expected = 0.5 / np.pi * corner(points[near, 2], 2.0, 2.0)
     lost, found = (
-        gatherer(table, len(x), interleave=1, direct=d, visibility=visibility)[near, 0].sum() / expected.sum()
-        for d in (None, direct)
+        gatherer(table, len(x), interleave=1, compensated=on, visibility=visibility)[near, 0].sum() / expected.sum()
+        for on in (False, True)
     )
     assert lost < 0.6
     assert found == pytest.approx(1.0, abs=0.03)

@@ -58,12 +58,12 @@ class Gatherer:
         self.graph.uniform("view", self.upload.view(camera or scene.cameras[0], size, False))
 
     def __call__(
-        self, table: np.ndarray, count: int, blur: bool = True, direct: np.ndarray | None = None, **settings: object
+        self, table: np.ndarray, count: int, blur: bool = True, compensated: bool = False, **settings: object
     ) -> np.ndarray:
         """Return the indirect radiance, (h, w, 3); every buffer is checked.
 
-        Pixels are blurred over the squares that share the VPLs. With `direct` (h, w, 3), the light
-        after one scattering event, the energy that the bound removes is compensated.
+        Pixels are blurred over the squares that share the VPLs. With `compensated`, the light of the scene's lights
+        that the bound removes is added; it has one bounce.
         """
         graph, gpu = self.graph, self.device.gpu
         usage = wgpu.TextureUsage.STORAGE_BINDING | wgpu.TextureUsage.COPY_DST | wgpu.TextureUsage.TEXTURE_BINDING
@@ -74,13 +74,9 @@ class Gatherer:
         scene = share_raster(graph, self.upload)
         gbuffer = declare_gbuffer(graph, scene)[0]
         vpls = Vpls(graph.share("vpl/table", texture), count)
-        choice = GatherSettings(**{"visibility": "none", "compensation": direct is not None, **settings})
+        choice = GatherSettings(**{"visibility": "none", "compensation": compensated, **settings})
         gathered = declare_gather(graph, choice, scene, gbuffer, vpls, None, 0)
-        if direct is not None:
-            data = np.concatenate([direct, np.ones_like(direct[..., :1])], -1).astype(np.float32)
-            buffer = gpu.create_buffer_with_data(data=data.tobytes(), usage=wgpu.BufferUsage.STORAGE)
-            shared = graph.share("direct", buffer, version=data.tobytes())
-            gathered = declare_compensation(graph, scene, gbuffer, shared, gathered, 1, 0)
+        declare_compensation(graph, scene, gbuffer, graph.neutral("texture_2d"), vpls, gathered, 1, 0)
         radius = choice.interleave if blur else 1
         indirect = declare_denoise(graph, DenoiseSettings(radius), gbuffer, gathered, 1)
         graph.compile([indirect])

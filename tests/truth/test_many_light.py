@@ -9,6 +9,7 @@ from helpers.references import SIZE, layers_of, scene_of
 from mitsuba_scene import camera_rays, pixel_centres
 
 from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.measure.scenes import make_scene
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.scene.load import load
 from wgpu_gi.settings import assign
@@ -20,29 +21,30 @@ FINE = (
     "denoise.radius=2",
     "vpl.count=2048",
     "vpl.paths=32768",
-    "vpl.max_bounces=32",
+    "vpl.max_bounces=128",
 )
-# Bounds of bias and relMSE for one bounce and for all, little above the measured values. The bound of near VPLs takes
-# the most light from corners where VPLs stand for large areas, as those of the sky do.
+# Bounds of bias and relMSE for one bounce and for all, little above the measured values. The small blur leaves noise of
+# the rays that compensate for the bound.
 BOUNDS = {
-    "cornell_area": [(0.012, 0.0035), (0.018, 0.0032)],
-    "cornell_point": [(0.007, 0.005), (0.025, 0.0055)],  # -1.0 to -2.4 % by seed, all bounces
-    "cornell_spot": [(0.002, 0.0075), (0.007, 0.0035)],
-    "leak_corridor_a": [(0.006, 0.012), (0.008, 0.0145)],
-    "courtyard_sun": [(0.052, 0.014), (0.067, 0.015)],
-    "courtyard_sky": [(0.042, 0.016), (0.064, 0.016)],
+    "cornell_area": [(0.005, 0.0035), (0.013, 0.004)],
+    "cornell_point": [(0.004, 0.005), (0.014, 0.0065)],
+    "cornell_spot": [(0.002, 0.0075), (0.007, 0.0045)],
+    "leak_corridor_a": [(0.012, 0.018), (0.006, 0.022)],
+    "courtyard_sun": [(0.01, 0.0115), (0.015, 0.015)],
+    "courtyard_sky": [(0.008, 0.013), (0.012, 0.019)],
 }
-# Bounds with one ray per pixel, bias compensation and 16 frames. The corridor gets all its light through doors, so few
-# VPLs are visible.
-COMPENSATED_BOUNDS = {
+# Bounds of the default settings with 16 frames. The corridor gets all its light through doors, so few VPLs are visible.
+DEFAULT_BOUNDS = {
     "cornell_area": [(0.004, 0.005), (0.006, 0.004)],
-    "cornell_point": [(0.004, 0.0075), (0.01, 0.006)],
-    "cornell_spot": [(0.006, 0.01), (0.005, 0.006)],
-    "leak_corridor_a": [(0.03, 0.1), (0.02, 0.045)],
-    "curtain": [(0.02, 0.12), (0.023, 0.033)],
-    "courtyard_sun": [(0.035, 0.012), (0.04, 0.012)],
-    "courtyard_sky": [(0.025, 0.013), (0.03, 0.012)],
+    "cornell_point": [(0.006, 0.0075), (0.0125, 0.006)],
+    "cornell_spot": [(0.0035, 0.01), (0.007, 0.005)],
+    "leak_corridor_a": [(0.015, 0.1), (0.01, 0.04)],
+    "curtain": [(0.02, 0.12), (0.015, 0.033)],
+    "courtyard_sun": [(0.01, 0.009), (0.01, 0.009)],
+    "courtyard_sky": [(0.02, 0.011), (0.022, 0.011)],
 }
+
+ROOMS = (100, 102, 104, 106)  # seeds of random rooms that no constant was tuned on
 
 
 def rendered(name, bounces, *texts):
@@ -89,10 +91,10 @@ def test_unclamped_light_is_unbiased(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cornell_area", "cornell_point", "cornell_spot"])
 def test_compensation_restores_the_light_that_the_bound_takes(name):
-    """Both use the same VPLs and share their noise; `test_compensated_light_agrees_with_mitsuba` bounds the bias."""
+    """Both use the same VPLs and share their noise; `test_defaults_agree_with_mitsuba` bounds the bias."""
     truth = truth_of(name, None)
     lost, found = (rendered(name, None, f"gather.compensation={on}") for on in ("false", "true"))
-    assert 0.005 < bias(found, truth) - bias(lost, truth) < 0.02
+    assert 0.007 < bias(found, truth) - bias(lost, truth) < 0.03
     assert abs(bias(found, truth)) <= 0.018
 
 
@@ -104,27 +106,20 @@ def test_imperfect_shadow_maps_agree_with_mitsuba(bounces):
 
 
 @pytest.mark.parametrize("bounces", [1, None])
-@pytest.mark.parametrize("name", slow_but(("cornell_point",), COMPENSATED_BOUNDS))
-def test_compensated_light_agrees_with_mitsuba(name, bounces):
+@pytest.mark.parametrize("name", slow_but(("cornell_point", "courtyard_sun"), DEFAULT_BOUNDS))
+def test_defaults_agree_with_mitsuba(name, bounces):
     truth = truth_of(name, bounces)
-    got = rendered(name, bounces, "camera.frames=16", "gather.compensation=true")
-    most_bias, most_error = COMPENSATED_BOUNDS[name][bounces is None]
+    got = rendered(name, bounces, "camera.frames=16")
+    most_bias, most_error = DEFAULT_BOUNDS[name][bounces is None]
     assert abs(bias(got, truth)) <= most_bias
     assert relmse(got, truth) <= most_error
-
-
-@pytest.mark.parametrize("name", ["cornell_area", "cornell_point", "cornell_spot"])
-def test_defaults_agree_with_mitsuba(name):
-    got, truth = rendered(name, 1, "camera.frames=16"), truth_of(name, 1)
-    assert abs(bias(got, truth)) <= 0.02
-    assert relmse(got, truth) <= 0.01
 
 
 @pytest.mark.parametrize("bounces", [1, None])
 @pytest.mark.parametrize("name", ["curtain", "leak_corridor_a"])
 def test_the_dark_side_stays_dark(name, bounces):
     """Without direct light: all light comes around a curtain or through doors."""
-    got, truth = rendered(name, bounces, "camera.frames=16", "gather.compensation=true"), truth_of(name, bounces)
+    got, truth = rendered(name, bounces, "camera.frames=16"), truth_of(name, bounces)
     layers = layers_of(name)
     dark = (layers["depth"] > 0) & (layers["direct"].max(-1) <= 0)
     if name == "curtain":
@@ -132,6 +127,24 @@ def test_the_dark_side_stays_dark(name, bounces):
         dark &= position_of(name)[..., 0] > -0.05
     assert dark.mean() > 0.5
     assert abs(bias(got[dark], truth[dark])) <= 0.03
+
+
+@pytest.mark.slow
+def test_random_rooms_keep_their_light():
+    """Lambert, all bounces, against the path tracer; the standard error of the truth's mean is 0.1 %."""
+    errors = []
+    for seed in ROOMS:
+        scene = make_scene("room", seed)
+        pictures = []
+        for settings in (Settings(gi="path", spp=64), Settings(gi="many-light")):
+            settings.diffuse, settings.camera.jitter = True, False
+            renderer = Renderer(scene, size=(48, 27), settings=settings)
+            renderer.run(show=("indirect",))
+            pictures.append(renderer.read_back("indirect"))
+            renderer.release()
+        errors.append(bias(pictures[1], pictures[0]))
+    assert abs(np.mean(errors)) <= 0.01, errors
+    assert np.abs(errors).max() <= 0.03, errors
 
 
 @pytest.mark.slow

@@ -97,7 +97,7 @@ def _declare_indirect(
     if ism is not None:
         views |= declare_ism_views(graph, ism)
     # Add the light that the bound of near VPLs removes, and the near field in screen space.
-    gathered = declare_compensation(graph, scene, gbuffer, direct, gathered, settings.bounces, seed)
+    declare_compensation(graph, scene, gbuffer, albedo, vpls, gathered, settings.bounces, seed)
     if near_field is not None:
         gathered = declare_near_field(
             graph, settings.ssdo, scene, gbuffer, ambient, direct, gathered, settings.bounces, seed

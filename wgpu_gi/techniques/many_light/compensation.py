@@ -1,61 +1,58 @@
-"""Bias compensation: adds the light that the bound of near VPLs removes, from near surfaces in screen space.
+"""Bias compensation: adds the light that the bound of near VPLs removes, by a short ray.
 
-Novak, Engelhardt and Dachsbacher 2011, "Screen-Space Bias Compensation for Interactive High-Quality Global Illumination
-with Virtual Point Lights". Departures: a few pixels around each are sampled, by the light that they may give, instead
-of a hierarchy of pictures; the bound is the mean bound of the VPLs that light the pixel, computed while gathering, so
-the added light matches the removed light.
+Kollig and Keller 2004, "Illumination in the Presence of Weak Singularities". Departures: each VPL has its own bound, so
+that at a hit is the mean of the VPLs nearby; rays end at a random length, so most are short; the light at a hit is one
+sample of the lights and of the VPLs instead of all of them; every other pixel takes a ray in each frame.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer
+from ...gpu.handles import Handle
+from ...gpu.wgsl.load import load
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from .gather import Gathered, near_radius
+from .vpl import Vpls
 
 SHADER = "many_light/gather/compensate.wgsl"
-SIDE = 4  # of the squares of pixels that share a set of samples; at most the default radius of the blur
+# Of a path. Random rooms, all bounces: 1 leaves a bias of -0.6 %, 4 gain nothing over 2 but take 5 % more time.
+MOST_SEGMENTS = 2
+PAIR = int(load(SHADER).constants["PAIR"])
 
 
 def declare_compensation(
     graph: Graph,
     scene: SceneInputs,
     gbuffer: Gbuffer,
-    direct: Buffer,
+    albedo: Handle,
+    vpls: Vpls,
     gathered: Gathered,
     bounces: int | None,
     seed: int,
-) -> Gathered:
-    """Declare the irradiance with the bound's loss added; `direct`: light scattered once, (r, g, b, -), W/(m2 sr)."""
-    if gathered.bound_sums is None:
+) -> None:
+    """Declare the pass that adds the bound's loss to the irradiance; `albedo`: reflectance table of coated surfaces."""
+    if not gathered.compensated:
         graph.skip("gather/compensate", "gather.compensation is off, or gather.clamping is none")
-        return gathered
+        return
     width, height = graph.size
-    irradiance = graph.buffer(
-        "gather/compensated", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
-    )
     graph.compute(
         "gather/compensate",
         SHADER,
-        over=(width, height),
+        over=(-(-width // PAIR), height),
         reads={
+            **scene.surfaces,
+            **scene.lights,
             "surfaces": gbuffer.surfaces,
-            "direct": direct,
-            "gathered": gathered.irradiance,
-            "normals": gathered.normals,
-            "bound_sums": gathered.bound_sums,
+            "distance": gbuffer.distance,
+            "ambient_albedo": albedo,
+            "vpl_table": vpls.table,
         },
-        writes={"irradiance": irradiance},
-        params={"seed": seed, "near_radius": near_radius(gathered.near_field)},
+        writes={"irradiance": gathered.irradiance},
+        params={"vpl_count": vpls.count, "seed": seed, "near_radius": near_radius(gathered.near_field)},
         constants={
             **scene.constants(SHADER),
-            "INTERLEAVE": SIDE,
-            "MULTIPLE_BOUNCES": bounces != 1,
+            "SEGMENTS": min(bounces or MOST_SEGMENTS, MOST_SEGMENTS),
             "NEAR_FIELD": gathered.near_field is not None,
         },
     )
-    return replace(gathered, irradiance=irradiance)

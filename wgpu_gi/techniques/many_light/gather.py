@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import DTypeLike
 
-from ...gpu.formats import FOUR_FLOATS, TWO_FLOATS
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
@@ -57,7 +57,7 @@ class GatherSettings:
         "Bound on the light of near VPLs: that of a disc of the VPL's area (disc), or none.",
         choices=("disc", "none"),
     )
-    compensation: bool = setting(False, "Add the light that the bound removes, from near surfaces in screen space.")
+    compensation: bool = setting(True, "Add the light that the bound removes, by short rays.")
 
 
 @dataclass
@@ -84,8 +84,7 @@ class Gathered:
     irradiance: (r, g, b) in W/m2, and the depth of `shared/denoise/plane.wgsl`, 0 without a surface.
     normals: packed by the same file. glossy: the radiance of coats, W/(m2 sr), over `coat_tint` of `common/coat.wgsl`;
     None without coated materials. interleave: side of the squares of pixels that divide the VPLs. clusters: the light
-    lists. bound_sums: sums of the bounds of near VPLs, as in `many_light/gather/common.wgsl`; None without
-    compensation. near_field: the part left out; None without a near field.
+    lists. compensated: the bound's loss is to be added. near_field: the part left out; None without a near field.
     """
 
     irradiance: Buffer
@@ -93,7 +92,7 @@ class Gathered:
     normals: Buffer
     interleave: int
     clusters: Clusters
-    bound_sums: Buffer | None = None
+    compensated: bool = False
     near_field: NearField | None = None
 
 
@@ -111,7 +110,7 @@ def declare_gather(
     n, exact = settings.interleave, settings.visibility == "exact"
     coated = scene.features["HAS_COATS"]
     compensated = settings.compensation and settings.clamping != "none"
-    layers = _layers(graph, coated, compensated)
+    layers = _layers(graph, coated)
     clusters = declare_clusters(graph, settings.culling, gbuffer, vpls, n)
     shader = f"many_light/gather/{settings.visibility}.wgsl"
     visibility, constants = _visibility(settings, scene, ism)
@@ -139,14 +138,12 @@ def declare_gather(
                 "INTERLEAVE": n,
                 "ADDED": exact,
                 "BOUNDED": settings.clamping == "disc",
-                "COMPENSATED": compensated,
                 "NEAR_FIELD": near_field is not None,
             },
-            clear=[layers[name] for name in ("irradiance", "glossy", "bound_sums")] if exact and not first else (),
+            clear=[layers[name] for name in ("irradiance", "glossy")] if exact and not first else (),
         )
     glossy = layers["glossy"] if coated else None
-    bound_sums = layers["bound_sums"] if compensated else None
-    return Gathered(layers["irradiance"], glossy, layers["normals"], n, clusters, bound_sums, near_field)
+    return Gathered(layers["irradiance"], glossy, layers["normals"], n, clusters, compensated, near_field)
 
 
 def _visibility(
@@ -167,7 +164,7 @@ def _threads(size: tuple[int, int], interleave: int) -> tuple[int, int]:
     return -(-size[0] // block[0]) * _GROUP[0], -(-size[1] // block[1]) * interleave**2 * _GROUP[1]
 
 
-def _layers(graph: Graph, coated: bool, compensated: bool) -> dict[str, Buffer]:
+def _layers(graph: Graph, coated: bool) -> dict[str, Buffer]:
     """Return the buffers that gathering writes, by their names in `Gathered`; one element if a layer is not needed."""
     width, height = graph.size
 
@@ -179,5 +176,4 @@ def _layers(graph: Graph, coated: bool, compensated: bool) -> dict[str, Buffer]:
         "irradiance": layer("irradiance", FOUR_FLOATS, nonnegative=True),
         "glossy": layer("glossy", FOUR_FLOATS, coated, nonnegative=True),
         "normals": layer("normals", np.uint32),
-        "bound_sums": layer("bound_sums", TWO_FLOATS, compensated),
     }

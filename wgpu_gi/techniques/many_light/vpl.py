@@ -24,6 +24,9 @@ from .rsm import CANDIDATE, Rsm
 
 VIEW_SAMPLES = 64  # pixels that represent the view; tools/README.md, "Constants"
 DENSITY_VPLS = 512  # most VPLs from which the area of each is estimated; tools/README.md, "Constants"
+# Most candidates of a light path; the last stands for all further bounces. Twelve bounces hold 98 % of the light at an
+# albedo of 0.7, 93 % at 0.8.
+PATH_CANDIDATES = 12
 TABLE_WIDTH = int(load("many_light/vpl/table.wgsl").constants["VPL_TABLE_WIDTH"])
 BLOCK = int(load("many_light/vpl/candidates.wgsl").constants["BLOCK"])
 
@@ -46,7 +49,7 @@ class VplSettings:
         range=(64, 1 << 16),
         presets={"low": 2048, "high": 32768},
     )
-    max_bounces: int = setting(12, "Most bounces of a light path.", "bounces", range=(1, 32))
+    max_bounces: int = setting(128, "Most bounces of a light path.", "bounces", range=(1, 128))
 
 
 @dataclass
@@ -78,7 +81,8 @@ def declare_light_paths(
 
     `albedo`: reflectance table of coated surfaces, for `wgsl/deferred/environment/reflectance.wgsl`.
     """
-    vertices = min(settings.max_bounces, bounces or settings.max_bounces)
+    most = min(settings.max_bounces, bounces or settings.max_bounces)
+    vertices = min(most, PATH_CANDIDATES)
     has_sky, has_emitters = scene.features["HAS_ENVIRONMENT"], scene.features["HAS_EMITTERS"]
     if not has_sky and not has_emitters and vertices == 1:
         graph.skip("vpl/light_paths", "the reflective shadow maps hold all light of one bounce")
@@ -95,7 +99,12 @@ def declare_light_paths(
         over=settings.paths,
         reads={**scene.surfaces, **scene.lights, "points": points.buffer, "ambient_albedo": albedo},
         writes={"light_paths": light_paths},
-        params={"paths": settings.paths, "sky_paths": sky_paths, "seed": seed},
+        params={
+            "paths": settings.paths,
+            "sky_paths": sky_paths,
+            "bounces": most,
+            "seed": seed,
+        },
         constants=scene.constants(shader),
     )
     return LightPaths(light_paths, count)

@@ -1,25 +1,18 @@
 // Code shared by all gathering passes: light lists, the bound of near VPLs, the receivers of a thread, the results.
 #import "many_light/vpl/table.wgsl"
 #import "many_light/gather/pixels.wgsl"
+#import "many_light/gather/bound.wgsl"
 #import "many_light/gather/clusters.wgsl"
 #import "many_light/gather/receiver.wgsl"
 #import "common/coat.wgsl"
 
-// Share of a VPL's area that bounds its light. The whole disc, exact only straight above it, removes too much light
-// from corners. Cornell box, 1024 VPLs drawn by the view, rays, 16 frames, relMSE and bias with 1, 0.5, 0.25: point
-// light 0.0038, 0.0028, 0.0023 and -2.5, -1.8, -1.3 %; area light 0.0061, 0.0052, 0.0046 and -1.7, -0.9, -0.3 %.
-const BOUND_SHARE: f32 = 0.25;
-
-override BOUNDED: bool = true;       // bound the geometry term by the VPL's area
 override CULLED: bool = true;        // clusters have light lists
 override ADDED: bool = false;        // add to the results of earlier passes
-override COMPENSATED: bool = false;  // `compensate.wgsl` follows and needs the bounds
 
 @group(1) @binding(11) var<storage, read_write> irradiance: array<vec4f>;  // W/m2; depth of `shared/denoise/plane.wgsl`
 @group(1) @binding(12) var<storage, read_write> normals: array<u32>;       // of `shared/denoise/plane.wgsl`
 @group(1) @binding(13) var<storage, read> lists: array<u32>;               // masks of VPLs, by cluster, class and word
 @group(1) @binding(14) var<storage, read_write> glossy: array<vec4f>;      // W/(m2 sr), over coat_tint()
-@group(1) @binding(15) var<storage, read_write> bound_sums: array<vec2f>;  // as in `BoundSums`
 @group(1) @binding(16) var near_shares: texture_2d<f32>;                   // of `many_light/near_field/shares.wgsl`
 @group(1) @binding(19) var<uniform> params: Params;
 
@@ -28,19 +21,6 @@ struct Params {
     first_word: u32,  // of each class; only `exact.wgsl` reads it
     seed: u32,        // only `sampled.wgsl` reads it
     near_radius: f32, // r_max of the near field, heights of the picture
-}
-
-// Sums for the compensation: `bounds` / `weights` is the mean bound at a pixel, m2; VPLs that lose more light to the
-// bound count more.
-struct BoundSums {
-    bounds: vec4f,   // of four pixels
-    weights: vec4f,
-}
-
-// Adds a VPL whose bounded light has the luminance `light`.
-fn add_bound(b: BoundSums, bound: f32, squared: vec4f, light: vec4f) -> BoundSums {
-    let weights = light * bound / max(squared + bound, vec4f(1e-37));
-    return BoundSums(b.bounds + bound * weights, b.weights + weights);
 }
 
 // Returns the start of the list of a pixel's cluster.
@@ -78,11 +58,6 @@ fn load_receivers(pixel: vec2u) -> Receivers {
         load_receiver(pixel + 2u * step, params.near_radius), load_receiver(pixel + 3u * step, params.near_radius));
 }
 
-// Returns the bound's addition to the squared distance in the geometry term, m2.
-fn bound_of(vpl: Vpl) -> f32 {
-    return select(0.0, BOUND_SHARE * INV_PI * vpl.area, BOUNDED);
-}
-
 // Returns the share of a VPL's light that the near field finds at distance 0.
 fn load_near_share(slot: u32) -> f32 {
     if (!NEAR_FIELD) {
@@ -103,17 +78,16 @@ fn far_field_shares(slot: u32, squared: vec4f, at: Receivers) -> vec4f {
 }
 
 // Stores the results of a thread's four pixels, a column each.
-fn store_results(place: Place, colors: mat4x3f, coats: mat4x3f, bounds: BoundSums, at: Receivers) {
-    let means = transpose(mat2x4f(bounds.bounds, bounds.weights));
+fn store_results(place: Place, colors: mat4x3f, coats: mat4x3f, at: Receivers) {
     let step = vec2u(0u, INTERLEAVE);
-    store(place.pixel, colors[0], coats[0], means[0], at.a);
-    store(place.pixel + step, colors[1], coats[1], means[1], at.b);
-    store(place.pixel + 2u * step, colors[2], coats[2], means[2], at.c);
-    store(place.pixel + 3u * step, colors[3], coats[3], means[3], at.d);
+    store(place.pixel, colors[0], coats[0], at.a);
+    store(place.pixel + step, colors[1], coats[1], at.b);
+    store(place.pixel + 2u * step, colors[2], coats[2], at.c);
+    store(place.pixel + 3u * step, colors[3], coats[3], at.d);
 }
 
-// Stores the results of a pixel: irradiance, the coat's radiance and the sums of bounds.
-fn store(pixel: vec2u, color: vec3f, coat: vec3f, bounds: vec2f, receiver: Receiver) {
+// Stores the results of a pixel: irradiance and the coat's radiance.
+fn store(pixel: vec2u, color: vec3f, coat: vec3f, receiver: Receiver) {
     if (pixel.y >= view.size.y) {
         return;
     }
@@ -124,13 +98,6 @@ fn store(pixel: vec2u, color: vec3f, coat: vec3f, bounds: vec2f, receiver: Recei
     }
     irradiance[index] = vec4f(sum, receiver.depth);
     normals[index] = pack_view_normal(receiver.normal);
-    if (COMPENSATED) {
-        var sums = bounds;
-        if (ADDED) {
-            sums += bound_sums[index];
-        }
-        bound_sums[index] = sums;
-    }
     if (HAS_COATS) {
         var radiance = coat / coat_tint(receiver.brdf, receiver.normal, receiver.to_eye);
         if (ADDED) {

@@ -1,133 +1,275 @@
-// One invocation adds to a pixel's irradiance the light that the bound of near VPLs removes, from nearby surfaces in
-// screen space (Novak et al. 2011, "Screen-Space Bias Compensation").
+// One invocation traces a path of short segments from one pixel of a pair and adds the light that the bound of near VPLs
+// removes (Kollig and Keller 2004, "Illumination in the Presence of Weak Singularities").
 //
-// E(x) = integral B(y) / pi cos_x cos_y / d^2 b / (d^2 + b) dA(y): the part of the geometry term that bounded VPLs
-// lack, with the mean bound b of the VPLs that light x. Pixels y have the density 1 / (pi^2 R^2 r (r^2 + 1)) over the
-// picture, r = |y - x| / R, R = sqrt(b) in pixels at x. The pixels of a square share a stratified set of offsets, which
-// the blur averages. In: G-buffer, direct light, W/(m2 sr), gathered irradiance, W/m2, sums of bounds, m2. Out:
-// irradiance, W/m2. Errs dark where near surfaces are not in the picture and in corners where R is few pixels, bright
-// where an occluder stands between x and y, either way as b differs from the bounds of single VPLs.
+// E(x) = integral L(y) cos_x cos_y / d^2 V b / (d^2 + b) dA(y): the part of the geometry term that bounded VPLs lack,
+// with the bound b of the VPLs near y. The direction of a ray has the density cos / pi and its length t the distribution
+// P(t > d) = q / (d^2 + q), so E = pi L(y) b (d^2 + q) / (q (d^2 + b)) for a hit, else 0. L(y) is the light that y
+// reflects, as a VPL there would: a sample of the lights, of a constant environment, and of one VPL, each with a shadow
+// ray. The light that the bound removes at y comes from the path's next segment.
+//
+// In: G-buffer, scene, VPLs. Out: irradiance, W/m2, added at one pixel of each pair, twice. Errs dark after SEGMENTS, and
+// by the part of the coats' light that the bound removes; either way as b differs from the bounds of single VPLs.
 #import "scene/sequence.wgsl"
-#import "shared/gbuffer/load.wgsl"
-#import "shared/denoise/plane.wgsl"
-#import "many_light/gather/classes.wgsl"
+#import "scene/lights.wgsl"
+#import "scene/trace.wgsl"
 #import "common/coat.wgsl"
-#import "many_light/gather/near_field.wgsl"
-#import "common/random.wgsl"
+#import "deferred/environment/reflectance.wgsl"
+#import "many_light/vpl/table.wgsl"
+#import "many_light/gather/bound.wgsl"
+#import "many_light/gather/receiver.wgsl"
+#import "many_light/near_field/share.wgsl"
 
-override MULTIPLE_BOUNCES: bool = true;  // y reflects indirect light, too
+override SEGMENTS: u32 = 2u;  // most segments of a path; 1: y reflects direct light only
+override HAS_ENVIRONMENT: bool = true;
 
-@group(1) @binding(11) var<storage, read> direct: array<vec4f>;
-@group(1) @binding(12) var<storage, read> gathered: array<vec4f>;     // with the depth of `shared/denoise/plane.wgsl`
-@group(1) @binding(13) var<storage, read> normals: array<u32>;        // of `shared/denoise/plane.wgsl`
-@group(1) @binding(14) var<storage, read> bound_sums: array<vec2f>;
-@group(1) @binding(15) var<storage, read_write> irradiance: array<vec4f>;
+@group(1) @binding(11) var<storage, read_write> irradiance: array<vec4f>;
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
+    vpl_count: u32,
     seed: u32,
     near_radius: f32,  // r_max of the near field, heights of the picture
 }
 
-const SQUARE: u32 = 16u;            // pixels that share a set: INTERLEAVE^2
-const SAMPLES: u32 = 4u;            // pixels y; tools/README.md, "Constants"
-// Share of a pixel's area that bounds its light, like BOUND_SHARE for a VPL's area.
-const OWN_SHARE: f32 = 0.25;
-const COMPENSATION_PAIR: u32 = 7u;  // of random numbers
+const PAIR: u32 = 2u;  // pixels in a row, one of which takes a path
+// Candidates for the VPL that lights y, drawn by their unshadowed light (Talbot et al. 2005). 128 take 5 % more time of a
+// frame of 320x180 and are no less noisy.
+const CANDIDATES: u32 = 32u;
+// VPLs that estimate q, and q over their mean bound: more is less noisy and takes more time, since more rays hit. 4
+// takes 4 % more time of a frame of 128x72 in the Cornell box than 2 and finds 0.1 % more light of random rooms.
+const PROBES: u32 = 4u;
+const PROPOSED: f32 = 2.0;
+// Largest bound of a hit over q: bounds the brightness of a hit, errs dark beside VPLs of large areas.
+const MOST_BOUND: f32 = 2.0;
+const COMPENSATION_PAIR: u32 = 7u;  // first of the pairs of random numbers
+const PAIRS_PER_SEGMENT: u32 = 5u;
+// Invocations on a side of a block that shares a low-discrepancy sequence.
+const BLOCK: u32 = 4u;
 
-// Offsets of the pixels of a square and their lengths r, over R.
-var<workgroup> offsets: array<vec3f, SQUARE * SAMPLES>;
-
-// The surface that a pixel shows, in the camera's frame: right, up, forward.
-struct PixelSurface {
-    position: vec3f,
-    normal: vec3f,
-    area: f32,       // within the pixel, m2
-    width: f32,      // of the pixel at its depth, m
+// A surface point that a path has hit.
+struct PathPoint {
+    surface: Surface,
+    brdf: Brdf,
+    side: vec3f,     // geometric normal on the side of the path
 }
 
-// Returns the surface of a pixel whose depth is above 0.
-fn surface_of_pixel(pixel: vec2u, depth: f32) -> PixelSurface {
-    let half = vec2f(length(view.right), length(view.up));
-    let size = vec2f(view.size);
-    let place = ((vec2f(pixel) + view.offset) / size * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0)) * half;
-    let parallel = view.orthographic != 0u;
-    let scale = select(1.0 / max(depth, 1e-37), 1.0, parallel);
-    let along = select(vec3f(place, 1.0), vec3f(0.0, 0.0, 1.0), parallel);
-    let normal = unpack_view_normal(normals[pixel.y * view.size.x + pixel.x]);
-    let widths = 2.0 * half / size * scale;
-    return PixelSurface(
-        select(vec3f(place, 1.0) * scale, vec3f(place, depth), parallel), normal,
-        widths.x * widths.y / max(abs(dot(along, normal)), 0.1), widths.x);
+// Light that arrives at a point unless something blocks it, W/m2, and the way that a shadow ray must be clear.
+struct Arrival {
+    irradiance: vec3f,  // times the reflectance
+    way: vec3f,
+    limit: f32,         // in lengths of the way; 0: no light
 }
 
-// Returns the irradiance at x from the surface of a pixel y that bounded VPLs lack, W/m2.
-fn lost_light(at: PixelSurface, brdf: Brdf, bound: f32, y: vec2u) -> vec3f {
-    let index = y.y * view.size.x + y.x;
-    let light = gathered[index];
-    if (light.w <= 0.0) {
-        return vec3f(0.0);
+// What the VPLs say about a point: the light of one of them there, and their bound nearby.
+struct VplsAtPoint {
+    arrival: Arrival,
+    bound: f32,         // m2; 0 if none lies on a surface like that of the point
+}
+
+// Returns the reflectance times the cosine of light that arrives along `to_light`, unit.
+fn reflected_share(p: PathPoint, to_light: vec3f) -> vec3f {
+    let cosine = dot(p.surface.normal, to_light);
+    let faces = cosine > 0.0 && dot(p.side, to_light) > 0.0;
+    return select(vec3f(0.0), directional_reflectance(p.brdf, max(cosine, 0.0)) * cosine, faces);
+}
+
+fn arrival_from_light(p: PathPoint, choice: f32, u: vec2f) -> Arrival {
+    let light = sample_light(p.surface.position, choice, u);
+    let arriving = light.weighted * reflected_share(p, light.direction);
+    return Arrival(arriving, light.to_light, select(0.0, light.limit, max3(arriving) > 0.0));
+}
+
+// Draws a VPL in proportion to its light at a point, and averages the bounds of VPLs nearby. `reach`: squared radius of
+// the kernel of that mean, m2.
+fn vpls_at_point(p: PathPoint, reach: f32, u: vec2f) -> VplsAtPoint {
+    var sum = 0.0;
+    var chosen = Arrival(vec3f(0.0), vec3f(0.0), 0.0);
+    var chosen_weight = 0.0;
+    var random = u.y;
+    var bounds = 0.0;
+    var weights = 0.0;
+    for (var k = 0u; k < CANDIDATES; k += 1u) {
+        let slot = min(u32((f32(k) + u.x) / f32(CANDIDATES) * f32(params.vpl_count)), params.vpl_count - 1u);
+        let vpl = load_vpl(slot);
+        let way = vpl.position - p.surface.position;
+        let squared = dot(way, way);
+        let bound = bound_of(vpl);
+        // Bright VPLs lose more light to their bound.
+        let near = reach / (squared + reach);
+        let near_weight = luminance(vpl.flux) * near * near;
+        let counts = select(0.0, near_weight, dot(p.side, vpl.normal) > SIMILAR_NORMALS);
+        bounds += counts * bound;
+        weights += counts;
+        if (SEGMENTS == 1u) {
+            continue;
+        }
+        let to_vpl = way * inverseSqrt(max(squared, 1e-30));
+        let leaving = max(-dot(to_vpl, vpl.normal), 0.0);
+        let arriving = vpl.flux * reflected_share(p, to_vpl) * (leaving * INV_PI / max(squared + bound, 1e-37));
+        let weight = luminance(arriving);
+        if (weight > 0.0) {
+            // Keep this candidate with the probability weight / sum, and use the random number again.
+            sum += weight;
+            let share = weight / sum;
+            let takes = random < share;
+            random = select((random - share) / max(1.0 - share, 1e-7), random / share, takes);
+            if (takes) {
+                chosen = Arrival(arriving, way, STOP_SHORT);
+                chosen_weight = weight;
+            }
+        }
     }
-    let other = surface_of_pixel(y, light.w);
-    let way = other.position - at.position;
-    let squared = dot(way, way);
-    let cosines = max(dot(way, at.normal), 0.0) * max(-dot(way, other.normal), 0.0);
-    if (cosines <= 0.0) {
-        return vec3f(0.0);
+    chosen.irradiance *= sum * f32(params.vpl_count) / (f32(CANDIDATES) * max(chosen_weight, 1e-37));
+    return VplsAtPoint(chosen, select(0.0, bounds / max(weights, 1e-37), weights > 0.0));
+}
+
+// Returns the mean bound of a few VPLs, m2.
+fn mean_bound(u: f32) -> f32 {
+    var sum = 0.0;
+    for (var k = 0u; k < PROBES; k += 1u) {
+        sum += bound_of(load_vpl(min(u32((f32(k) + u) / f32(PROBES) * f32(params.vpl_count)), params.vpl_count - 1u)));
     }
-    // Bound the light of the pixel's area, like a VPL's, and take the part that bounded VPLs lack.
-    let own = squared + OWN_SHARE * INV_PI * other.area;
-    var term = cosines * other.area * bound / max(squared * own * (squared + bound), 1e-37);
-    // Find the radiosity of y over pi, and the share that x's coat transmits.
-    var reflected = direct[index].rgb;
-    if (MULTIPLE_BOUNCES) {
-        reflected += light.rgb * gbuffer_brdf(load_surface(y)).diffuse * INV_PI;
+    return sum / f32(PROBES);
+}
+
+// Returns the ray of an arrival. Only the start is shifted off the surface; the end stays.
+fn arrival_ray(s: Surface, arrival: Arrival) -> Ray {
+    let start = leave_surface(s, arrival.way);
+    let shift = select(vec3f(0.0), start - s.position, arrival.limit < INFINITELY_FAR);
+    return Ray(start, arrival.way - shift);
+}
+
+// Returns the radiance that a point reflects diffusely, W/(m2 sr).
+fn reflected_radiance(p: PathPoint, indirect: Arrival, index: u32, code: u32) -> vec3f {
+    // Sample the lights.
+    var direct = Arrival(vec3f(0.0), vec3f(0.0), 0.0);
+    if ((scene.light_count > 0u) & (p.surface.offset > 0.0)) {
+        direct = arrival_from_light(p, sobol_2d(index, hash2(code, 1u)).y, sobol_2d(index, hash2(code, 3u)));
     }
-    if (HAS_COATS) {
-        let to_eye = select(-normalize(at.position), vec3f(0.0, 0.0, -1.0), view.orthographic != 0u);
-        reflected *= transmitted_from(brdf, at.normal, way, to_eye);
+    var rays: Rays;
+    rays.shadow_a = arrival_ray(p.surface, direct);
+    rays.limit_a = direct.limit;
+    rays.shadow_b = arrival_ray(p.surface, indirect);
+    rays.limit_b = indirect.limit;
+    // A constant environment is not in the table of lights: sample the cosine.
+    var sky = vec3f(0.0);
+    if (HAS_ENVIRONMENT && !HAS_PICTURED_ENVIRONMENT) {
+        let local = sample_cosine_hemisphere(sobol_2d(index, hash2(code, 4u)));
+        let way = frame_from_normal(p.surface.normal) * local;
+        sky = scene.environment_color * reflected_share(p, way) * (PI / max(local.z, 1e-6));
+        rays.main = Ray(leave_surface(p.surface, way), way);
+        rays.limit = select(0.0, FLOAT_MAX, max3(sky) > 0.0);
     }
-    // Leave out the light that the near field finds.
-    if (NEAR_FIELD) {
-        let radius = search_radius_at_depth(at.position.z, params.near_radius);
-        term *= 1.0 - border_fade(vec2f(y) + 0.5, vec2f(view.size)) * distance_fade(radius, sqrt(squared));
+    let found = trace_all(rays);
+    var sum = select(direct.irradiance, vec3f(0.0), found.occluded_a);
+    sum += select(indirect.irradiance, vec3f(0.0), found.occluded_b);
+    sum += select(vec3f(0.0), sky, found.hit.triangle == NONE);
+    return sum * INV_PI;
+}
+
+// Where a path starts: the pixel's surface, on the side that the camera sees.
+struct Start {
+    pixel: vec2u,
+    at: Receiver,
+    side: vec3f,      // geometric normal
+    proposed: f32,    // q, m2; 0: there is nothing to light
+    block: u32,       // seed of the random numbers
+    index: u32,       // of them
+}
+
+// Returns the start of a path; `place`: of the invocation.
+fn start_of(place: vec2u) -> Start {
+    // Take one pixel of each pair: a chequerboard that alternates from frame to frame.
+    let pixel = vec2u(PAIR * place.x + (place.y + sequence.index) % PAIR, place.y);
+    let at = load_receiver(pixel, params.near_radius);
+    let block = hash2(place.x / BLOCK, hash2(place.y / BLOCK, params.seed));
+    let index = (sequence.index * BLOCK + place.y % BLOCK) * BLOCK + place.x % BLOCK;
+    let mean = mean_bound(sobol_2d(index, hash2(COMPENSATION_PAIR - 1u, block)).x);
+    let lit = all(pixel < view.size) && at.depth > 0.0;
+    let faces_eye = dot(at.geometric_normal, at.to_eye) > 0.0;
+    let side = select(-at.geometric_normal, at.geometric_normal, faces_eye);
+    return Start(pixel, at, side, select(0.0, PROPOSED * mean, lit), block, index);
+}
+
+fn code_of(block: u32, segment: u32) -> u32 {
+    return hash2(COMPENSATION_PAIR + segment * PAIRS_PER_SEGMENT, block);
+}
+
+// A ray of unit direction and its length, metres; 0: no ray.
+struct Segment {
+    ray: Ray,
+    reach: f32,
+}
+
+// Draws a ray's direction by the cosine and its length by the part of the light that the bound removes.
+fn draw_segment(
+    origin: vec3f, offset: f32, side: vec3f, normal: vec3f, proposed: f32, index: u32, code: u32
+) -> Segment {
+    let direction = frame_from_normal(normal) * sample_cosine_hemisphere(sobol_2d(index, hash2(code, 0u)));
+    let u = sobol_2d(index, hash2(code, 1u)).x;
+    let reach = sqrt(proposed * (1.0 / max(u, 1e-7) - 1.0));
+    let start = offset_origin(origin, side, offset, direction);
+    return Segment(Ray(start, direction), select(0.0, reach, dot(side, direction) > 0.0));
+}
+
+fn first_segment(start: Start) -> Segment {
+    let at = start.at;
+    let offset = pixel_ray_offset(length(at.position - view.position));
+    return draw_segment(
+        at.position, offset, start.side, at.normal, start.proposed, start.index, code_of(start.block, 0u));
+}
+
+// Returns the irradiance that a path finds, W/m2, from the first hit on.
+fn light_of_path(start: Start, first_ray: Ray, first_hit: Hit) -> vec3f {
+    var ray = first_ray;
+    var hit = first_hit;
+    var throughput = vec3f(1.0);
+    var sum = vec3f(0.0);
+    for (var k = 0u; k < SEGMENTS; k += 1u) {
+        let s = surface_at(hit, ray.direction);
+        if ((s.flags & UNLIT) != 0u) {
+            break;
+        }
+        // Weight the hit by the light that the bound removes, over the probability of the ray's length.
+        let code = code_of(start.block, k);
+        let p = PathPoint(s, surface_brdf(s), select(-s.geometric_normal, s.geometric_normal, s.front));
+        let vpls = vpls_at_point(p, start.proposed, sobol_2d(start.index, hash2(code, 2u)));
+        let squared = hit.distance * hit.distance;
+        let bound = select(start.proposed / PROPOSED, min(vpls.bound, MOST_BOUND * start.proposed), vpls.bound > 0.0);
+        throughput *= bound * (squared + start.proposed) / (start.proposed * (squared + bound));
+        if (k == 0u) {
+            throughput *= transmitted_from(start.at.brdf, start.at.normal, ray.direction, start.at.to_eye);
+            if (NEAR_FIELD) {
+                throughput *= far_field_share(near_share_of(s.position, p.side), squared, start.at.near_radius);
+            }
+        }
+        // Add the light that the hit reflects.
+        sum += throughput * reflected_radiance(p, vpls.arrival, start.index, code);
+        // Go on with the light that the bound removes there.
+        throughput *= directional_reflectance(p.brdf, max(-dot(s.normal, ray.direction), 0.0));
+        let next = draw_segment(
+            s.position, s.offset, p.side, s.normal, start.proposed, start.index, code_of(start.block, k + 1u));
+        if (k + 1u == SEGMENTS || next.reach <= 0.0) {
+            break;
+        }
+        ray = next.ray;
+        hit = trace(ray, next.reach);
+        if (hit.triangle == NONE) {
+            break;
+        }
     }
-    return reflected * term;
+    return sum * (PI * f32(PAIR));
 }
 
 @compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32) {
-    // Draw an offset per thread. Lengths have the distribution 2 / pi atan(r).
-    let u = sobol_2d(sequence.index * SQUARE * SAMPLES + thread, hash2(COMPENSATION_PAIR, params.seed));
-    let radius = tan(0.5 * PI * min(u.x, 0.999));
-    offsets[thread] = vec3f(radius * cos(TWO_PI * u.y), radius * sin(TWO_PI * u.y), radius);
-    workgroupBarrier();
-    if (any(id.xy >= view.size)) {
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let start = start_of(id.xy);
+    if (start.proposed <= 0.0) {
         return;
     }
-    let index = id.y * view.size.x + id.x;
-    let found = gathered[index];
-    let sums = bound_sums[index];
-    if (found.w <= 0.0 || sums.y <= 0.0) {
-        irradiance[index] = found;
-        return;
+    let segment = first_segment(start);
+    let hit = trace(segment.ray, segment.reach);
+    if (hit.triangle != NONE) {
+        irradiance[start.pixel.y * view.size.x + start.pixel.x] += vec4f(light_of_path(start, segment.ray, hit), 0.0);
     }
-    let at = surface_of_pixel(id.xy, found.w);
-    let brdf = gbuffer_brdf(load_surface(id.xy));
-    let bound = sums.x / sums.y;
-    // R is at least a pixel: nearer surfaces cannot be found.
-    let reach = max(sqrt(bound) / at.width, 1.0);
-    // Sum over this pixel's part of the set in this frame.
-    let first = class_of(id.xy, sequence.index) * SAMPLES;
-    var sum = vec3f(0.0);
-    for (var k = 0u; k < SAMPLES; k += 1u) {
-        let offset = offsets[first + k];
-        let place = floor(vec2f(id.xy) + 0.5 + reach * offset.xy);
-        if (all(place >= vec2f(0.0)) && all(place < vec2f(view.size))) {
-            // 1 / density.
-            let weight = PI * PI * reach * reach * offset.z * (offset.z * offset.z + 1.0);
-            sum += lost_light(at, brdf, bound, vec2u(place)) * weight;
-        }
-    }
-    irradiance[index] = vec4f(found.rgb + sum / f32(SAMPLES), found.w);
 }

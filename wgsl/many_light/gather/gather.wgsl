@@ -56,7 +56,6 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
 
     var sum = mat3x4f();  // red, green, blue of the four
     var shine = mat3x4f();
-    var bounds = BoundSums(vec4f(0.0), vec4f(0.0));
     for (var k = 0u; k < word_count; k += 1u) {
         // Loop over the VPLs in the list of any of the four pixels.
         let word = first_word + k;
@@ -73,9 +72,6 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
             let geometry = geometry_terms(vpl, bound, position, normal);
             if (all(geometry.terms <= vec4f(0.0))) {
                 continue;
-            }
-            if (COMPENSATED) {
-                bounds = add_bound(bounds, bound, geometry.squared, luminance(vpl.flux) * geometry.terms);
             }
             // Add the light that arrives. The near field takes its share of diffuse light only, not of the coats'.
             let term = geometry.terms * visibility(slot, vpl, at);
@@ -101,5 +97,5 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
     }
     // Each class has 1 / n^2 of the VPLs.
     let scale = f32(class_count()) * INV_PI;
-    store_results(place, transpose(sum) * scale, transpose(shine) * scale, bounds, at);
+    store_results(place, transpose(sum) * scale, transpose(shine) * scale, at);
 }

@@ -28,7 +28,6 @@ struct VplLight {
     irradiance: vec3f,
     glossy: vec3f,     // the coat's radiance
     weight: f32,       // its luminance
-    squared: f32,      // squared distance, m2
 }
 
 // Returns the light of a VPL; `near` is the share that the near field finds at distance 0.
@@ -44,7 +43,7 @@ fn light_of(vpl: Vpl, near: f32, at: Receiver) -> VplLight {
     let flux = vpl.flux * term;
     let far = far_field_share(near, squared, at.near_radius);
     if (!HAS_COATS) {
-        return VplLight(flux * far, vec3f(0.0), luminance(flux) * far, squared);
+        return VplLight(flux * far, vec3f(0.0), luminance(flux) * far);
     }
     // Split the light between the coat and the base.
     let shine = shine_at(at, vpl, reach);
@@ -52,7 +51,7 @@ fn light_of(vpl: Vpl, near: f32, at: Receiver) -> VplLight {
     let coat = flux * shine.coat;
     // Black surfaces, too, need irradiance, because the blur averages it: their reflectance counts as 1 %.
     let weight = luminance(passed * max(at.brdf.diffuse, vec3f(0.01)) * INV_PI + coat);
-    return VplLight(passed, coat, weight, squared);
+    return VplLight(passed, coat, weight);
 }
 
 fn words_per_run() -> u32 {
@@ -81,11 +80,8 @@ fn draw_vpl(at: Receiver, begin: u32, class_number: u32, run: u32, wanted: f32) 
     return slot;
 }
 
-// Sums the weights of all VPLs of the class, for the four pixels and for each run; returns the sums of bounds.
-fn sum_weights(
-    at: Receivers, begin: vec4u, class_number: u32, runs: ptr<function, array<vec4f, RUNS>>
-) -> BoundSums {
-    var bounds = BoundSums(vec4f(0.0), vec4f(0.0));
+// Sums the weights of all VPLs of the class, for the four pixels and for each run.
+fn sum_weights(at: Receivers, begin: vec4u, class_number: u32, runs: ptr<function, array<vec4f, RUNS>>) {
     let words = words_per_run();
     for (var run = 0u; run < RUNS; run += 1u) {
         var sum = vec4f(0.0);
@@ -104,17 +100,11 @@ fn sum_weights(
                 let b = light_of(vpl, near, at.b);
                 let c = light_of(vpl, near, at.c);
                 let d = light_of(vpl, near, at.d);
-                let weights = vec4f(a.weight, b.weight, c.weight, d.weight);
-                sum += weights;
-                if (COMPENSATED) {
-                    let squared = vec4f(a.squared, b.squared, c.squared, d.squared);
-                    bounds = add_bound(bounds, bound_of(vpl), squared, weights);
-                }
+                sum += vec4f(a.weight, b.weight, c.weight, d.weight);
             }
         }
         (*runs)[run] = sum;
     }
-    return bounds;
 }
 
 // The run that holds the wanted cumulative weight of each of four pixels, and the weight before the run.
@@ -152,7 +142,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let begin = lists_of(place);
     let class_number = place.class_number;
     var runs: array<vec4f, RUNS>;
-    let bounds = sum_weights(at, begin, class_number, &runs);
+    sum_weights(at, begin, class_number, &runs);
     var total = vec4f(0.0);
     for (var run = 0u; run < RUNS; run += 1u) {
         total += runs[run];
@@ -200,5 +190,5 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     }
     // Each class has 1 / n^2 of the VPLs.
     let scale = f32(class_count()) * INV_PI / f32(RAYS);
-    store_results(place, colors * scale, coats * scale, bounds, at);
+    store_results(place, colors * scale, coats * scale, at);
 }

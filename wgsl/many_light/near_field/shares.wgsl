@@ -1,10 +1,9 @@
-// One invocation computes the share of a VPL's light that the near field finds at distance 0: 0 if the picture does not
-// show the VPL's surface, else 1, fading to 0 at the picture's border (`border_fade`).
+// One invocation computes the share of a VPL's light that the near field finds at distance 0.
 //
-// In: VPLs, G-buffer. Out: a share per slot, in the rows of the table. Errs at silhouettes, by a pixel.
+// In: VPLs, G-buffer. Out: a share per slot, in the rows of the table. Errs as `share.wgsl` does.
 #import "many_light/vpl/table.wgsl"
 #import "shared/gbuffer/load.wgsl"
-#import "ssdo/search_radius.wgsl"
+#import "many_light/near_field/share.wgsl"
 
 @group(1) @binding(11) var near_shares: texture_storage_2d<r32float, write>;
 @group(1) @binding(19) var<uniform> params: Params;
@@ -13,38 +12,12 @@ struct Params {
     count: u32,  // of VPLs
 }
 
-// A VPL lies on a pixel's surface if its distances from the surface's tangent plane and point are at most these, in
-// pixel widths: up to the pixel's footprint at grazing angles. tools/README.md, "Constants".
-const MAX_PLANE_DISTANCE: f32 = 1.0;
-const MAX_POINT_DISTANCE: f32 = 16.0;
-// The cosine of both normals must also be at least this: half-way between one wall and two walls at a right angle.
-const SIMILAR_NORMALS: f32 = 0.5;
-
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let slot = id.x;
     if (slot >= params.count) {
         return;
     }
-    // Find the pixel that the VPL falls on.
     let vpl = load_vpl(slot);
-    let clip = view.clip_from_world * vec4f(vpl.position, 1.0);
-    let size = vec2f(view.size);
-    let place = (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * size;
-    let inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < size);
-    let pixel = vec2u(select(vec2f(0.0), place, inside));
-    // Compare the VPL with the surface of that pixel.
-    let seen = load_distance(pixel);
-    let surface = load_surface(pixel);
-    let ray = pixel_ray(pixel);
-    let way = vpl.position - (ray.origin + ray.direction * seen);
-    let faces = dot(surface.geometric_normal, ray.direction) < 0.0;
-    let normal = select(-surface.geometric_normal, surface.geometric_normal, faces);
-    let depth = select(seen * dot(ray.direction, view.forward), 1.0, view.orthographic != 0u);
-    let width = 2.0 * length(view.up) * depth / size.y;
-    let same = abs(dot(way, normal)) <= MAX_PLANE_DISTANCE * width && length(way) <= MAX_POINT_DISTANCE * width
-        && dot(vpl.normal, normal) >= SIMILAR_NORMALS;
-    let lit = seen > 0.0 && (surface.flags & GBUFFER_UNLIT) == 0u;
-    let share = select(0.0, border_fade(vec2f(pixel) + 0.5, size), inside && lit && same);
-    textureStore(near_shares, vpl_texel(slot), vec4f(share));
+    textureStore(near_shares, vpl_texel(slot), vec4f(near_share_of(vpl.position, vpl.normal)));
 }

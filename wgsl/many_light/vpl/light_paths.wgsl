@@ -4,8 +4,9 @@
 // The first `sky_paths` paths carry the environment's light. They start at a point on a surface, with a direction from
 // which light arrives, so none misses the scene. All others start at a light. Their first vertex is black for point,
 // spot and directional lights, because the reflective shadow maps already hold it. Paths end by Russian roulette and
-// after `vertices`. In: scene, surface points. Out: candidates, by vertex, then by path. Unbiased up to the last
-// vertex, except for the bound on shading normals (`reflect.wgsl`); errs dark by the bounces after it.
+// after `bounces`. The last candidate of a path stands for all vertices from there on: it is one of them, drawn by its
+// flux, over its probability. In: scene, surface points. Out: candidates, by vertex, then by path. Unbiased, except for
+// the bound on shading normals (`reflect.wgsl`).
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
@@ -18,6 +19,7 @@
 struct Params {
     paths: u32,
     sky_paths: u32,
+    bounces: u32,    // most vertices of a path
     seed: u32,
 }
 
@@ -115,10 +117,12 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let index = path + sequence.index * params.paths;
-    let vertices = arrayLength(&light_paths) / (2u * params.paths);  // of a path
+    let vertices = arrayLength(&light_paths) / (2u * params.paths);  // candidates of a path
+    let last = vertices - 1u;
 
     let first = first_vertex(path, index);
     var v = first.v;
+    var kept = v;
     store(path, 0u, first.candidate);
 
     // Follow the path. The density of later vertices is not known: each represents an equal part of the sphere around
@@ -126,7 +130,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let later_area = 4.0 * PI * scene.radius * scene.radius / f32(params.paths);
     var flux = vec3f(0.0);  // arriving at v; 0 for the first vertex
     var vertex = 1u;
-    while (vertex < vertices) {
+    var last_sum = 0.0;  // luminance of the flux of all vertices that the last candidate stands for
+    while (vertex < params.bounces) {
         let brightest = max3(v.flux);
         if (brightest <= 0.0) {
             break;
@@ -149,11 +154,25 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             break;
         }
         v = reflect_flux(surface_at(hit, ray.direction), ray.direction, flux, later_area);
-        store(path, vertex, v);
+        if (vertex < last) {
+            store(path, vertex, v);
+        } else if (max3(v.flux) > 0.0) {
+            // Replace the last candidate in proportion to the flux.
+            let weight = luminance(v.flux);
+            last_sum += weight;
+            if (random.y * last_sum < weight) {
+                kept = v;
+            }
+        }
         vertex += 1u;
+    }
+    if (last_sum > 0.0) {
+        let share = last_sum / luminance(kept.flux);
+        store(path, last, Vpl(kept.position, kept.normal, kept.flux * share, kept.area * share));
     }
     // Leave the other candidates black.
     v.flux = vec3f(0.0);
+    vertex = select(vertex, vertices, last_sum > 0.0);
     for (; vertex < vertices; vertex += 1u) {
         store(path, vertex, v);
     }
