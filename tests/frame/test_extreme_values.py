@@ -69,6 +69,14 @@ def test_pictures_under_extreme_light_are_finite(technique):
         assert_finite(shown, power)
 
 
+@pytest.mark.parametrize("technique", TECHNIQUES)
+def test_a_sky_without_surfaces_renders(technique):
+    """Cameras that a technique adds have no extent here."""
+    shown = renderer(technique)
+    shown.scene.instances = []
+    assert_finite(shown, "no surfaces")
+
+
 def test_standard_error_is_in_proportion_to_light():
     """A square of light neither overflows nor vanishes, as it is measured in units of the brightest light."""
     shown, errors = renderer("path"), []

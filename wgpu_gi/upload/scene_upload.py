@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..gpu.device import Device
 from ..gpu.wgsl.load import load
-from ..scene.check import check_camera, check_scene
+from ..scene.check import check_scene
 from ..scene.scene import Light, Material, Scene, Texture
 from .area_cdf import AreaCdf
 from .direct_lights import build_direct_lights
@@ -204,10 +204,9 @@ class SceneUpload:
     ) -> NDArray[np.void]:
         """Return the View uniform of a camera for a picture of `size` (width, height).
 
-        With `jitter` each ray goes through a random point of its pixel, otherwise all go through `offset`. Raises
-        GiError for a camera that sees nothing.
+        With `jitter` each ray goes through a random point of its pixel, otherwise all go through `offset`. The camera
+        must be one that `check_camera` accepts, or a technique's own.
         """
-        check_camera(camera)
         view = np.zeros((), self._view_dtype)
         # The camera's position and axes; `right` and `up` reach from the middle to the edges of the picture.
         matrix = np.asarray(camera.world_from_view, np.float64)
