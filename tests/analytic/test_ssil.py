@@ -12,7 +12,7 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import box, grid, quad
-from wgpu_gi.scene.scene import DirectionalLight, Instance, PointLight, Scene
+from wgpu_gi.scene.scene import DirectionalLight, Instance, Material, PointLight, Scene
 from wgpu_gi.settings import assign
 
 SIZE = (64, 36)
@@ -249,3 +249,27 @@ def test_unrepresented_pixels_gather_at_full_resolution():
     ]
     assert off[0] <= 0.6 * off[1], off
     assert np.array_equal(found["ssil.unrepresented=true"][~missed], found["ssil.unrepresented=false"][~missed])
+
+
+@pytest.mark.parametrize(("metallic", "roughness"), [(1.0, 0.1), (1.0, 0.5), (0.0, 0.3), (1.0, 1.0)])
+def test_coats_reflect_what_the_path_tracer_reflects(metallic, roughness):
+    """A coated floor before a lit wall; directions that leave the picture find nothing in both."""
+    floor = quad((-8, 0, 0), (16, 0, 0), (0, 0, 6), Material("", (0.9, 0.6, 0.3, 1.0), metallic, roughness))
+    wall = quad((-8, 0, 0), (16, 0, 0), (0, 3, 0), matte(0.8))
+    camera = Camera.look_at((0, 1.7, 4.5), (0, 0.9, 0), (0, 1, 0), 75)
+    scene = Scene(
+        [Instance(floor), Instance(wall)], [DirectionalLight((0, 0, -1), 3.0, (1.0, 0.5, 0.25))], None, [camera]
+    )
+    found = {}
+    for gi, frames, samples in (("ssil", 16, 1), ("path", 1, 128)):
+        settings = make_settings(gi, bounces=1, spp=samples)
+        settings.camera.frames, settings.path.visible_only = frames, True
+        assign(settings, "ssil.start=full")
+        renderer = Renderer(scene, size=(32, 24), settings=settings)
+        renderer.run(check=True)
+        found[gi] = renderer.read_back("indirect").astype(np.float64)
+        _, y, z = np.moveaxis(renderer.read_back("position"), -1, 0)
+    away = (np.abs(y) < 1e-3) & (z > 0.8) & (z < 3.0)
+    off = found["ssil"][away].mean(0) / found["path"][away].mean(0) - 1
+    assert away.sum() > 100
+    assert np.abs(off).max() <= 0.04

@@ -38,7 +38,7 @@ def renderer():
     """Return the renderer of a room, after its first frame."""
     renderer = make(SCENES["cornell-point"]())
     ran, _ = passes(renderer)
-    assert ran >= SURFELS | VOXELS | LIGHT | {"ssil/pattern", "ssil/glossy_1"}
+    assert ran >= SURFELS | VOXELS | LIGHT | {"ssil/pattern", "ssil/glossy/columns"}
     assert not renderer.step(show=SHOW)
     return renderer
 

@@ -17,7 +17,7 @@
 #import "common/coat.wgsl"
 #import "ssdo/lobe.wgsl"
 
-override DIRECTIONS: u32 = 1u;              // N
+override DIRECTIONS: u32 = 1u;              // N; 0: coats only
 override LOBES: u32 = 0u;                   // M
 override REFLECTED: bool = false;           // unrepresented pixels get radiance
 override SAMPLE_ENVIRONMENT: bool = false;  // stored weights are halved
@@ -68,7 +68,7 @@ fn gather(pixel: vec2u, slot: u32) -> vec3f {
         }
         sum += radiance;
     }
-    return sum * (PI * select(1.0, 2.0, SAMPLE_ENVIRONMENT) / f32(DIRECTIONS));
+    return sum * (PI * select(1.0, 2.0, SAMPLE_ENVIRONMENT) / f32(max(DIRECTIONS, 1u)));
 }
 
 // Returns what a pixel's coat reflects, over its tint, W/(m2 sr), and `depth`; zero without a coat.
@@ -88,14 +88,16 @@ fn gather_coat(pixel: vec2u, slot: u32, depth: f32) -> vec4f {
         let arrival = unpack_hit_direction(hit.y);
         sum += radiance_of(hit.x, arrival) * lobe_weight_of(brdf, surface.normal, to_eye, arrival.direction);
     }
-    return vec4f(sum / (f32(LOBES) * coat_tint(brdf, surface.normal, to_eye)), depth);
+    return vec4f(sum / (f32(max(LOBES, 1u)) * coat_tint(brdf, surface.normal, to_eye)), depth);
 }
 
 fn gather_of_grid(grid: vec2u) {
     let index = grid.y * grid_size().x + grid.x;
     let depth = occlusion[index].w;
     if (depth > 0.0) {
-        irradiance[index] = vec4f(gather(grid * STRIDE, index), depth);
+        if (DIRECTIONS > 0u) {
+            irradiance[index] = vec4f(gather(grid * STRIDE, index), depth);
+        }
         if (LOBES > 0u) {
             coat[index] = gather_coat(grid * STRIDE, index, depth);
         }
@@ -126,8 +128,10 @@ fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     for (var slot = id.x; slot < count; slot += groups.x * LIST_GROUP) {
         let index = unrepresented[slot];
         let pixel = vec2u(index % view.size.x, index / view.size.x);
-        let factor = select(vec3f(1.0), gbuffer_brdf(load_surface(pixel)).diffuse * INV_PI, REFLECTED);
-        irradiance[index] = vec4f(gather(pixel, slot) * factor, 1.0);
+        if (DIRECTIONS > 0u) {
+            let factor = select(vec3f(1.0), gbuffer_brdf(load_surface(pixel)).diffuse * INV_PI, REFLECTED);
+            irradiance[index] = vec4f(gather(pixel, slot) * factor, 1.0);
+        }
         if (LOBES > 0u) {
             coat[index] = gather_coat(pixel, slot, 1.0);
         }

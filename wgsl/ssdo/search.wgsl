@@ -176,7 +176,7 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
         }
     }
     // Store V, or both sums for the blur to divide.
-    let count = f32(DIRECTIONS);
+    let count = f32(max(DIRECTIONS, 1u));
     if (LOBES > 0u && HAS_ENVIRONMENT && brdf.glossy) {
         // A ratio, so that neither end of the range has noise.
         let whole = select(vec3f(count), emitted, SAMPLE_ENVIRONMENT);

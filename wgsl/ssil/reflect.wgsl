@@ -1,12 +1,10 @@
 // One invocation computes the light that 2x2 pixels of the first level send in the next bounce, its workgroup that of
-// coarser levels. Phi = E sum_j rho_j / pi ds_j, with ADDED plus the previous bounce's light.
+// coarser levels. Phi = E sum_j rho_j / pi ds_j.
 //
 // In: irradiance, W/m2; reflectors, m2/sr. Out: codes of `common/light_code.wgsl`, W/sr; the first level's brightest
 // light, and the threshold of no light.
 #import "ssil/light_levels.wgsl"
 #import "ssil/peak.wgsl"
-
-override ADDED: bool = false;
 
 struct Params {
     size: vec2u,       // pixels of the first level
@@ -15,7 +13,6 @@ struct Params {
 
 @group(1) @binding(11) var<storage, read> reflectors: array<vec2u>;
 @group(1) @binding(14) var<storage, read> irradiance: array<vec4f>;
-@group(1) @binding(15) var<storage, read> before: array<vec2u>;
 @group(1) @binding(16) var<storage, read> first_peak: array<u32>;
 @group(1) @binding(19) var<uniform> params: Params;
 
@@ -32,10 +29,7 @@ fn main(
             continue;
         }
         let index = pixel.y * params.size.x + pixel.x;
-        var sent = irradiance[index].rgb * unpack_light(reflectors[index]);
-        if (ADDED) {
-            sent += unpack_light(before[index]);
-        }
+        let sent = irradiance[index].rgb * unpack_light(reflectors[index]);
         sum += store_light(pixel, params.size, sent);
         brightest = max(brightest, max3(sent));
     }

@@ -2,7 +2,7 @@
 // L = rho / pi E T(w_o) + L_coat, W/(m2 sr).
 //
 // In: G-buffer; irradiance of the first level and its upsampling guide, or with UPSAMPLED irradiance of the picture;
-// irradiance of unrepresented pixels; reflections of coats over their tint. Errs as `shared/upsample/weights.wgsl`
+// irradiance of unrepresented pixels; L_coat over coat_tint(), of each pixel of the picture. Errs as `shared/upsample/weights.wgsl`
 // does.
 #import "shared/gbuffer/load.wgsl"
 #import "common/coat.wgsl"
@@ -13,24 +13,12 @@ override UPSAMPLED: bool = false;  // `coarse` has the irradiance of each pixel 
 override HAS_GLOSSY: bool = false;
 override REFLECTED: bool = true;
 
-@group(1) @binding(13) var<storage, read> coarse_glossy: array<vec4f>;
+@group(1) @binding(13) var<storage, read> glossy: array<vec4f>;
 @group(1) @binding(14) var<storage, read_write> full: array<vec4f>;
 @group(1) @binding(15) var<storage, read> unrepresented_irradiance: array<vec4f>;
 
-// Returns the upsampled reflection of the coat, over its tint.
-fn glossy_at(pixel: vec2u, weights: vec4f) -> vec3f {
-    if (!HAS_GLOSSY) {
-        return vec3f(0.0);
-    }
-    let taps = coarse_taps(pixel);
-    let light = mat4x3f(
-        coarse_glossy[tap_index(taps, 0u)].rgb, coarse_glossy[tap_index(taps, 1u)].rgb,
-        coarse_glossy[tap_index(taps, 2u)].rgb, coarse_glossy[tap_index(taps, 3u)].rgb);
-    return light * weights;
-}
-
 // Returns the irradiance of a pixel, or its reflected radiance.
-fn lit(pixel: vec2u, surface: GbufferSurface, irradiance: vec3f, glossy: vec3f) -> vec4f {
+fn lit(pixel: vec2u, surface: GbufferSurface, irradiance: vec3f) -> vec4f {
     var light = irradiance;
     if (REFLECTED) {
         let brdf = gbuffer_brdf(surface);
@@ -39,8 +27,9 @@ fn lit(pixel: vec2u, surface: GbufferSurface, irradiance: vec3f, glossy: vec3f) 
             // The base gets what the coat transmits, in the mean over the hemisphere: T(w_o).
             let to_eye = -pixel_ray(pixel).direction;
             light *= loss_to_eye(brdf, surface.normal, to_eye).transmitted;
-            let tint = coat_tint(brdf, surface.normal, to_eye);
-            light += select(vec3f(0.0), glossy * tint, brdf.glossy);
+            if (HAS_GLOSSY && brdf.glossy) {
+                light += glossy[pixel.y * view.size.x + pixel.x].rgb * coat_tint(brdf, surface.normal, to_eye);
+            }
         }
     }
     return vec4f(light, 1.0);
@@ -58,7 +47,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     var weights = vec4f(1.0, 0.0, 0.0, 0.0);
-    if (COARSE_STRIDE > 1u && (HAS_GLOSSY || !UPSAMPLED)) {
+    if (COARSE_STRIDE > 1u && !UPSAMPLED) {
         weights = load_guide(id.xy);
     }
     var irradiance = vec3f(0.0);
@@ -67,7 +56,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     } else {
         irradiance = upsampled(id.xy, weights);
     }
-    full[index] = lit(id.xy, surface, irradiance, glossy_at(id.xy, weights));
+    full[index] = lit(id.xy, surface, irradiance);
 }
 
 // Does the same for the list of unrepresented pixels.
@@ -79,8 +68,7 @@ fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
         let pixel = vec2u(index % view.size.x, index / view.size.x);
         let surface = load_surface(pixel);
         if ((surface.flags & GBUFFER_UNLIT) == 0u) {
-            full[index] = lit(
-                pixel, surface, unrepresented_irradiance[slot].rgb, glossy_at(pixel, load_guide(pixel)));
+            full[index] = lit(pixel, surface, unrepresented_irradiance[slot].rgb);
         }
     }
 }

@@ -38,7 +38,7 @@ def declare_bounce(
     search, gbuffer = occlusion.search, sources.layers[0]
     # Gather the radiance that each source reflects, along the directions of the search.
     senders = declare_senders(graph, settings, scene, sources, direct, atlas, ambient, seed)
-    coats = _coat_buffer(graph, search) if search.lobes else None
+    coats = coat_buffer(graph, search) if search.lobes else None
     irradiance = declare_gathered(graph, settings, scene, sources, search, senders, coats)
     # Upsample to all pixels: to radiance, or to irradiance if it is accumulated over frames or if coats add to it.
     name, reflected = "ssdo/bounce", history.settings.frames == 1 and coats is None
@@ -127,7 +127,7 @@ def _gather_constants(
     return {
         **scene.constants(SHADER),
         **sources.constants,
-        "DIRECTIONS": settings.directions,
+        "DIRECTIONS": search.directions,
         "LOBES": search.lobes,
         "STRIDE": search.stride,
         "SENDER_STRIDE": SENDER_STRIDE,
@@ -135,7 +135,7 @@ def _gather_constants(
     }
 
 
-def _coat_buffer(graph: Graph, search: SearchResult) -> Buffer:
+def coat_buffer(graph: Graph, search: SearchResult) -> Buffer:
     """Return a buffer for what coats reflect, (r, g, b, depth) of the search grid."""
     width, height = grid_size(graph, search.stride)
     return graph.buffer("ssdo/coats", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)

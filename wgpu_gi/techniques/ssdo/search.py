@@ -41,8 +41,8 @@ class SearchResult:
     light: unoccluded share of the environment, (r, g, b, depth of `shared/denoise/plane.wgsl`). normals: packed by that
     file. hits: the surfaces found from the first layer, packed by `ssdo/hit_code.wgsl`. unoccluded: the environment's
     light without occlusion; after the blur of both the share is light / unoccluded. None: `light` is already the share.
-    guide: for upsampling the grid. unrepresented_hits: hits of the directions from unrepresented pixels. lobes: number
-    of the directions, the last ones, that coated pixels draw from their coat.
+    guide: for upsampling the grid. unrepresented_hits: hits of the directions from unrepresented pixels. directions,
+    lobes: numbers of directions per pixel, drawn by the cosine and, after them, from the coat.
     """
 
     stride: int
@@ -52,6 +52,7 @@ class SearchResult:
     unoccluded: Buffer | None
     guide: Guide | None = None
     unrepresented_hits: Buffer | None = None
+    directions: int = 0
     lobes: int = 0
 
 
@@ -61,7 +62,7 @@ class SearchRequest:
 
     radius: largest r_max, in heights of the picture at the pixel; None: from the settings. directional: True: the share
     depends on the environment's colour by direction; False: ambient occlusion. coats: coated pixels also draw as many
-    directions from their coat.
+    directions from their coat. base: False: only these.
     """
 
     graph: Graph
@@ -74,15 +75,18 @@ class SearchRequest:
     radius: float | None = None
     directional: bool = True
     coats: bool = False
+    base: bool = True
 
     @property
     def lobes(self) -> int:
         """Directions per pixel that are drawn from its coat."""
-        return self.directions if self.coats and self.number == 0 and self.scene.features["HAS_COATS"] else 0
+        return self.settings.directions if self.coats and self.number == 0 and self.scene.features["HAS_COATS"] else 0
 
     @property
     def directions(self) -> int:
         """Directions per pixel."""
+        if not self.base:
+            return 0
         return self.settings.directions if self.number == 0 else 1
 
     @property
@@ -103,7 +107,7 @@ class SearchRequest:
             },
             "params": {
                 "seed": self.seed,
-                "lobe": _lobe_of(self.directions),
+                "lobe": _lobe_of(max(self.directions, 1)),
                 "radius": settings.radius if self.radius is None else self.radius,
             },
             "constants": {
@@ -220,6 +224,7 @@ def _allocate(request: SearchRequest, name: str, stride: int) -> SearchResult:
         graph.buffer(f"{name}_normals", dtype=np.uint32, count=count, width=width),
         graph.buffer(f"{name}_hits", dtype=TWO_WORDS, count=hits),
         unoccluded,
+        directions=request.directions,
         lobes=request.lobes,
     )
 

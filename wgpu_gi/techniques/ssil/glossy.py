@@ -1,68 +1,66 @@
-"""Reflections of coats: the last bounce of SSIL, by importance sampling in screen space.
+"""Reflections of coats: the last bounce of SSIL, along directions drawn from the coat.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4, "Screen-space
-importance sampling". Departure: pixels of the first level gather from every level, so reflections of far light stay
-sharp.
+importance sampling". Departure: the paper draws pixels around the projected mirror direction. Few of them lie in a
+narrow lobe, and their discs widen it; so directions are drawn from the BRDF instead, and SSDO's march through the
+picture finds what they hit.
 """
 
 from __future__ import annotations
 
+from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
-from ..shared.gbuffer import Gbuffer
-from ..shared.scene_inputs import SceneInputs
-from .levels import Levels, level_buffer
-from .voxels import NO_GRID, Voxels
+from ..deferred.environment import Ambient
+from ..deferred.inputs import DeferredInputs
+from ..shared.denoise import declare_blur
+from ..shared.gbuffer import SURFACE, Gbuffer
+from ..shared.upsample import declare_upsampling
+from ..ssdo.bounce import coat_buffer, declare_gathered, declare_gathered_unrepresented
+from ..ssdo.search import INTERLEAVE, SearchRequest, declare_search, declare_unrepresented
+from ..ssdo.senders import declare_first_layer_senders
+from ..ssdo.settings import SsdoSettings
+from ..ssdo.sources import Sources
 
 
 def declare_glossy(
     graph: Graph,
-    scene: SceneInputs,
+    scene: DeferredInputs,
     gbuffer: Gbuffer,
-    levels: Levels,
-    voxels: Voxels | None,
-    light: Buffer,
-    samples: int,
-    radius: float,
+    ambient: Ambient,
+    direct: Buffer,
+    irradiance: Buffer | None,
+    directions: int,
     seed: int,
+    *,
+    full: bool,
 ) -> Buffer | None:
-    """Declare the coats' reflection at the first level, W/(m2 sr) over their tint; None without coats or samples.
+    """Declare the coats' reflection of all pixels, W/(m2 sr) over their tint; None without coats or directions.
 
-    light: codes of all levels. samples: number per pixel and level. radius: of the samples, pixels of the level.
+    Senders reflect `direct` light, W/(m2 sr), and the `irradiance` of the bounces before, W/m2, of all pixels. full:
+    directions start from every pixel, not from every second one of every second row.
     """
-    if not scene.features["HAS_COATS"] or not samples:
-        graph.skip("ssil/glossy", "every material is Lambert" if samples else "ssil.glossy_samples is 0")
+    if not scene.features["HAS_COATS"] or not directions:
+        graph.skip("ssil/glossy", "every material is Lambert" if directions else "ssil.glossy_samples is 0")
         return None
-    size = levels.surfels[levels.first].size
-    glossy = level_buffer(graph, "ssil/glossy", size)
-    shader = f"ssil/glossy_{'none' if voxels is None else 'voxels'}.wgsl"
-    for k in levels.gathered:
-        graph.compute(
-            f"ssil/glossy_{k}",
-            shader,
-            over=size,
-            reads={
-                "surfaces": gbuffer.surfaces,
-                "distance": gbuffer.distance,
-                "surfels": levels.surfels[k],
-                "light": light,
-                **(voxels.reads(k) if voxels is not None else {}),
-            },
-            writes={"glossy": glossy},
-            params={
-                "size": size,
-                "seed": seed,
-                "radius": radius,
-                "light_offset": levels.pixels_before(k),
-                "shift": k - levels.first,
-                **(NO_GRID if voxels is None else voxels.params(k)),
-            },
-            constants={
-                **scene.constants(shader),
-                **(voxels.constants if voxels is not None else {}),
-                "SAMPLES": samples,
-                "SQUARE": 1 << levels.first,
-                "FINEST": k == levels.first,
-            },
+    # Find what the directions hit; the environment is not part of the bounces.
+    settings = SsdoSettings(directions=directions, half_resolution=not full)
+    sources = Sources([gbuffer], [])
+    dark = Ambient(ambient.reads, dict.fromkeys(ambient.features, False))
+    request = SearchRequest(graph, settings, scene, sources, dark, seed, coats=True, base=False)
+    search = declare_search(request)
+    declare_unrepresented(request, search, None)
+    # Gather, and average over the squares of pixels that share a set of directions.
+    width, height = graph.size
+    senders = graph.buffer("ssdo/senders", dtype=SURFACE, count=width * height)
+    declare_first_layer_senders(graph, scene, gbuffer, direct, senders, irradiance)
+    coats = coat_buffer(graph, search)
+    declare_gathered(graph, settings, scene, sources, search, senders, coats)
+    glossy = declare_blur(graph, "ssil/glossy", gbuffer, coats, search.normals, INTERLEAVE, stride=search.stride)
+    if search.guide is not None:
+        glossy = declare_upsampling(graph, scene, "ssil/glossy", gbuffer, glossy, search.guide, reflected=False)
+        nothing = graph.buffer("ssil/no_irradiance", dtype=FOUR_FLOATS, count=1)
+        declare_gathered_unrepresented(
+            graph, settings, scene, sources, search, senders, nothing, glossy, reflected=False
         )
     return glossy

@@ -71,9 +71,8 @@ def declare_reflected_light(
     first_peak: Buffer,
     bounce_threshold: float,
     suffix: str,
-    before: Buffer | None = None,
 ) -> SentLight:
-    """Declare the light that surfaces send from the `irradiance` of a bounce, plus the light `before`, if given.
+    """Declare the light that surfaces send from the `irradiance` of a bounce.
 
     The bounce counts as dark if its brightest light is at most `bounce_threshold` times the first bounce's.
     """
@@ -85,12 +84,11 @@ def declare_reflected_light(
         reads={
             "reflectors": reflectors,
             "irradiance": irradiance,
-            "before": graph.neutral("buffer") if before is None else before,
             "first_peak": first_peak,
         },
         writes={"light": light.codes, "peak": light.peak},
         params={"size": levels.size, "bounce_threshold": bounce_threshold},
-        constants={**_constants(levels), "ADDED": before is not None},
+        constants=_constants(levels),
         clear=[light.peak],
     )
     return light

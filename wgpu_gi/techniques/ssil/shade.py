@@ -57,9 +57,10 @@ def declare_shading(
     glossy: Buffer | None,
     fine: Upsampling | None,
 ) -> Buffer:
-    """Declare the picture's indirect radiance, W/(m2 sr), from `irradiance` and, if given, `glossy`.
+    """Declare the picture's indirect radiance, W/(m2 sr).
 
-    Both are of the first level.
+    It is made from the `irradiance` of the first level, W/m2, and, if given, the reflection of coats over their tint,
+    `glossy`, of all pixels.
     """
     if temporal.frames == 1:
         graph.skip("temporal/accumulate", "temporal.frames is 1")
@@ -89,7 +90,7 @@ def _declare_full(
         "distance": gbuffer.distance,
         "guide": graph.neutral("buffer") if fine is None else fine.guide.weights,
         "coarse": coarse,
-        "coarse_glossy": graph.neutral("buffer") if glossy is None else glossy,
+        "glossy": graph.neutral("buffer") if glossy is None else glossy,
     }
     constants: dict[str, float] = {
         **scene.constants(shader),

@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...settings import setting
+from ..deferred.environment import Ambient
 from ..shared.gbuffer import Gbuffer
 from ..shared.temporal import TemporalSettings
+from ..shared.upsample import declare_upsampling
 from .gather import GatherInputs, declare_gathering, declare_pattern, default_radius, last_level
 from .glossy import declare_glossy
 from .inputs import SsilInputs
@@ -68,11 +70,11 @@ class SsilSettings:
         True, "Gather at full resolution for pixels whose surface no pixel of the first level shows."
     )
     glossy_samples: int = setting(
-        16,
-        "Samples of the coat's reflection, per coated pixel and level.",
-        "samples",
-        range=(0, 256),
-        presets={"low": 8, "high": 64},
+        2,
+        "Directions drawn from the coat, per coated pixel and frame.",
+        "directions",
+        range=(0, 64),
+        presets={"low": 1, "high": 4},
     )
     bounces: int = setting(
         2, "Bounces if the number is unlimited.", "bounces", range=(1, MOST_BOUNCES), presets={"high": 4}
@@ -98,6 +100,7 @@ def declare_bounces(
     scene: SsilInputs,
     gbuffer: Gbuffer,
     motion: Buffer,
+    ambient: Ambient,
     direct: Buffer,
     bounces: int | None,
     seed: int,
@@ -135,33 +138,31 @@ def declare_bounces(
         graph.skip(f"ssil/gather_{k}", "its ring begins beyond the picture")
     bounded = settings.form_factor == "disc"
     inputs = GatherInputs(scene, levels, last, pattern, settings.visibility, bounded, voxels, fine, kept)
-    irradiance, glossy_light = _declare_further_bounces(graph, settings, inputs, light, reflectors, count)
+    irradiance, before = _declare_further_bounces(graph, settings, inputs, light, reflectors, count)
+    before = irradiance if kept is not None else before
 
-    # Shade the picture.
+    # Shade the picture. Coats reflect the light of all bounces but the last, since they are the last scattering.
+    if before is not None and fine is not None and scene.features["HAS_COATS"] and settings.glossy_samples:
+        before = declare_upsampling(graph, scene, "ssil/before", gbuffer, before, fine.guide, reflected=False)
     glossy = declare_glossy(
-        graph, scene, gbuffer, levels, voxels, glossy_light.codes, settings.glossy_samples, radius, seed
+        graph, scene, gbuffer, ambient, direct, before, settings.glossy_samples, seed, full=levels.first == 0
     )
     return declare_shading(graph, temporal, scene, gbuffer, motion, levels, irradiance, glossy, fine)
 
 
 def _declare_further_bounces(
     graph: Graph, settings: SsilSettings, inputs: GatherInputs, first: SentLight, reflectors: Buffer, count: int
-) -> tuple[Buffer, SentLight]:
-    """Declare the irradiance of `count` bounces, starting with the light `first`, and the light for coats.
-
-    Coats reflect the light of all bounces but the last, since the coat itself is the last scattering.
-    """
+) -> tuple[Buffer, Buffer | None]:
+    """Declare the irradiance of `count` bounces, starting with the light `first`, and that of all but the last."""
     total = irradiance = declare_gathering(graph, inputs, first, "", None)[0]
-    glossy_light = first
-    coated = inputs.scene.features["HAS_COATS"] and settings.glossy_samples > 0
+    before: Buffer | None = None
     if settings.visibility_bounces == "first":
         inputs = replace(inputs, visibility="none", voxels=None)
     common = graph, inputs.levels, reflectors
     limits = first.peak, settings.bounce_threshold
     for bounce in range(2, count + 1):
-        if bounce == count and coated:
-            glossy_light = declare_reflected_light(*common, total, *limits, "_all", first.codes)
+        before = total
         suffix = f"_bounce_{bounce}"
         light = declare_reflected_light(*common, irradiance, *limits, suffix)
         irradiance, total = declare_gathering(graph, inputs, light, suffix, total)
-    return total, glossy_light
+    return total, before
