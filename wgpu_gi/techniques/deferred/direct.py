@@ -85,8 +85,8 @@ def declare_direct(
 ) -> Buffer:
     """Declare direct light reflected to the eye: (r, g, b, 1) per pixel, W/(m2 sr).
 
-    `sky`: unoccluded share of the environment at each pixel, (r, g, b, -); None: 1. `layers`: at most four layers of
-    depth peeling; `gbuffer` is the first.
+    `sky`: light of the environment at each pixel, occluded, (r, g, b, 1); None: it is not occluded. `layers`: at most
+    four layers of depth peeling; `gbuffer` is the first.
     """
     direct = _declare_mapped(graph, settings, scene, gbuffer, atlas, ambient, sky, layers)
     if not scene.emitters.leaves:

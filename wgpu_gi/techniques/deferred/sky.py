@@ -1,6 +1,8 @@
-"""The unoccluded share of the environment's light at each pixel, from a few rays and a blur.
+"""The environment's light at each pixel, occluded: the unoccluded light times its visible share.
 
-Interleaved like the gathering of virtual point lights (Segovia et al. 2006), so both share one blur.
+A few rays and a blur find the share, of the base's light and of the coat's: a lobe sees another part of the environment
+than the hemisphere does. Interleaved like the gathering of virtual point lights (Segovia et al. 2006), so both have one
+blur.
 """
 
 from __future__ import annotations
@@ -9,51 +11,101 @@ import numpy as np
 
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer
+from ...gpu.handles import Buffer, Handle
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
-from .environment import EnvironmentSettings
+from .environment import Ambient, EnvironmentSettings
 
 # Side of the squares of pixels that share directions, and of the blur: tools/README.md, "Constants".
 INTERLEAVE = 4
 
 
-def declare_sky_occlusion(
-    graph: Graph, settings: EnvironmentSettings, scene: SceneInputs, gbuffer: Gbuffer, seed: int, frames: int
+def declare_sky(
+    graph: Graph,
+    settings: EnvironmentSettings,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    ambient: Ambient,
+    seed: int,
+    frames: int,
 ) -> Buffer | None:
-    """Declare the unoccluded share of the environment, (r, g, b, -) per pixel; return None if occlusion is off."""
+    """Declare the environment's reflected light, occluded, (r, g, b, 1) per pixel, W/(m2 sr); None: occlusion is off.
+
+    frames: number per still picture.
+    """
     if not (settings.ambient and settings.rays and scene.features["HAS_ENVIRONMENT"]):
         absent = not scene.features["HAS_ENVIRONMENT"]
         graph.skip("sky/occlusion", "there is no environment" if absent else "environment.rays is 0 or ambient off")
         return None
+    base = _declare_share(graph, "sky", settings.rays, scene, gbuffer, ambient, seed, frames, coat=False)
+    coat: Handle = graph.neutral("buffer")
+    if scene.features["HAS_COATS"]:
+        coat = _declare_share(graph, "sky_coat", settings.rays, scene, gbuffer, ambient, seed, frames, coat=True)
     width, height = graph.size
-    pictured = scene.features["HAS_PICTURED_ENVIRONMENT"]
-    arriving = graph.buffer("sky/arriving", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
-    sent = graph.buffer(
-        "sky/sent", dtype=FOUR_FLOATS, count=width * height if pictured else 1, width=width, nonnegative=True
+    light = graph.buffer("sky/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    shader = "deferred/sky/light.wgsl"
+    graph.compute(
+        "sky/light",
+        shader,
+        indirect=gbuffer.tile_groups,
+        reads={
+            **gbuffer.tiles,
+            **ambient.reads,
+            "surfaces": gbuffer.surfaces,
+            "distance": gbuffer.distance,
+            "base_share": base,
+            "coat_share": coat,
+        },
+        writes={"light": light},
+        constants={**scene.constants(shader), **ambient.constants(shader)},
+        clear=[light],
     )
-    normals = graph.buffer("sky/normals", dtype=np.uint32, count=width * height, width=width)
+    return light
+
+
+def _declare_share(
+    graph: Graph,
+    name: str,
+    rays: int,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    ambient: Ambient,
+    seed: int,
+    frames: int,
+    *,
+    coat: bool,
+) -> Buffer:
+    """Declare the unoccluded share of the environment's light of the base or the coat, (r, g, b, -) per pixel."""
+    width, height = graph.size
+    # Of a constant environment, the light that arrives at a base is the share itself.
+    relative = coat or not scene.features["HAS_PICTURED_ENVIRONMENT"]
+    divided = coat or not relative
+    arriving = graph.buffer(f"{name}/arriving", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    sent = graph.buffer(
+        f"{name}/sent", dtype=FOUR_FLOATS, count=width * height if divided else 1, width=width, nonnegative=True
+    )
+    normals = graph.buffer(f"{name}/normals", dtype=np.uint32, count=width * height, width=width)
     shader = "deferred/sky/occlusion.wgsl"
     graph.compute(
-        "sky/occlusion",
+        f"{name}/occlusion",
         shader,
         indirect=gbuffer.tile_groups,
         reads={
             **scene.surfaces,
             **gbuffer.tiles,
             **scene.lights,
+            **ambient.reads,
             "visibility": gbuffer.visibility,
             "surfaces": gbuffer.surfaces,
             "distance": gbuffer.distance,
         },
         writes={"arriving": arriving, "normals": normals, "sent": sent},
-        params={"seed": seed, "rays": settings.rays},
-        constants={**scene.constants(shader), "INTERLEAVE": INTERLEAVE},
+        params={"seed": seed, "rays": rays},
+        constants={**scene.constants(shader), **ambient.constants(shader), "INTERLEAVE": INTERLEAVE, "COAT": coat},
         clear=[arriving, sent],
     )
-    # With a constant environment, the arriving light is the share itself.
-    whole = sent if pictured else None
+    whole = sent if divided else None
     return declare_blur(
-        graph, "sky", gbuffer, arriving, normals, INTERLEAVE, frames=frames, shares=not pictured, glossy=whole
+        graph, name, gbuffer, arriving, normals, INTERLEAVE, frames=frames, shares=relative, lobes=coat, glossy=whole
     )

@@ -10,7 +10,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..deferred.base import Base, declare_base
 from ..deferred.direct import declare_direct
-from ..deferred.sky import declare_sky_occlusion
+from ..deferred.sky import declare_sky
 from ..shared.technique import Light, Technique
 from .compensation import declare_compensation
 from .denoise import declare_denoise, declare_temporal
@@ -59,7 +59,7 @@ def declare_many_light(graph: Graph, settings: ManyLightOptions, scene: ManyLigh
     """Declare direct light, and indirect light from virtual point lights, W/(m2 sr)."""
     reflects = settings.bounces != 0
     base = declare_base(graph, settings, scene, albedo=reflects)
-    sky = declare_sky_occlusion(graph, settings.environment, scene, base.gbuffer, settings.seed, scene.frames)
+    sky = declare_sky(graph, settings.environment, scene, base.gbuffer, base.ambient, settings.seed, scene.frames)
     direct = declare_direct(
         graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, settings.seed, sky
     )

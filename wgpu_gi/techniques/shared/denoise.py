@@ -31,6 +31,7 @@ def declare_blur(
     *,
     frames: int = 1,
     shares: bool = False,
+    lobes: bool = False,
     glossy: Buffer | None = None,
     reflected: bool = False,
     variances: Buffer | None = None,
@@ -41,20 +42,18 @@ def declare_blur(
 
     light: (r, g, b, depth of `shared/denoise/plane.wgsl`) per pixel. normals: packed by that file. reflected: light is
     irradiance, W/m2, `glossy` the coats' light, and the result is radiance, W/(m2 sr); otherwise light is divided by
-    the average of `glossy`, if given. variances: of the luminance of `light`; only the first frame of a still picture,
-    and single frames, are then blurred. shares: light is a share, 0 to 1. frames: number per still picture. stride:
-    distance of the grid's pixels; above 1, `reflected` is not supported. view: uniform of the picture's camera.
+    the average of `glossy`, if given. variances: of the luminance of `light`; then only first frames of still pictures
+    are blurred. shares: light is a share, 0 to 1. lobes: blur by no more than the coats' lobes. frames: number per
+    still picture. stride: distance of the grid's pixels; above 1, not with `reflected`. view: uniform of the picture's
+    camera.
     """
     width, height = (-(-side // stride) for side in graph.size)
     guided = radius > 1 and (variances is not None or frames > GUIDED_FROM)
-    if variances is None:
-        guide: Handle = _declare_moments(graph, name, light, (width, height), stride, view, guided)
-    else:
-        guide = _declare_neighbours(graph, name, light, normals, variances, view)
+    guide = _declare_guide(graph, name, light, normals, variances, (width, height), stride, view, guided)
     layer = partial(graph.buffer, dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)
     nothing, absent = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1), graph.neutral("buffer")
     reads = {"normals": normals, "surfaces": gbuffer.surfaces, "moments": guide}
-    flags = {"GUIDED": guided, "FIRST": variances is not None, "SHARES": shares, "HAS_COATS": glossy is not None}
+    flags = dict(GUIDED=guided, FIRST=variances is not None, SHARES=shares, LOBES=lobes, HAS_COATS=glossy is not None)
     constants = {"RADIUS": radius, "STRIDE": stride, **flags}
     rows, glossy_rows, uniforms = light, glossy, {"view": view}
     if radius > 1:
@@ -81,6 +80,23 @@ def declare_blur(
         uniforms=uniforms,
     )
     return blurred
+
+
+def _declare_guide(
+    graph: Graph,
+    name: str,
+    light: Buffer,
+    normals: Buffer,
+    variances: Buffer | None,
+    size: tuple[int, int],
+    stride: int,
+    view: str,
+    guided: bool,
+) -> Handle:
+    """Declare mean light and its variance: over the frames of a still picture, or of neighbours within one frame."""
+    if variances is None:
+        return _declare_moments(graph, name, light, size, stride, view, guided)
+    return _declare_neighbours(graph, name, light, normals, variances, view)
 
 
 def _declare_neighbours(

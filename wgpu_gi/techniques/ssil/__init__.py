@@ -8,7 +8,7 @@ from __future__ import annotations
 from ...gpu.graph import Graph
 from ..deferred.base import declare_base
 from ..deferred.direct import declare_direct
-from ..deferred.sky import declare_sky_occlusion
+from ..deferred.sky import declare_sky
 from ..shared.technique import Light, Technique
 from .inputs import SsilInputs
 from .ssil import MOST_BOUNCES, declare_bounces, is_amortised
@@ -37,7 +37,7 @@ def declare_ssil(graph: Graph, settings: SsilOptions, scene: SsilInputs) -> Ligh
     seed = settings.seed
     base = declare_base(graph, settings, scene)
     gbuffer = base.gbuffer
-    sky = declare_sky_occlusion(graph, settings.environment, scene, gbuffer, seed, scene.frames)
+    sky = declare_sky(graph, settings.environment, scene, gbuffer, base.ambient, seed, scene.frames)
     direct = declare_direct(graph, settings.direct, scene, gbuffer, base.shadow_atlas, base.ambient, seed, sky)
     light = Light(gbuffer.emission, direct, views={"motion": base.motion})
     if settings.bounces != 0:

@@ -13,10 +13,10 @@
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read> edges: array<u32>;
 @group(1) @binding(13) var<storage, read> edge_groups: array<u32>;
-@group(1) @binding(15) var<storage, read> sky: array<vec4f>;  // share of the environment that is not occluded
+@group(1) @binding(15) var<storage, read> sky: array<vec4f>;  // W/(m2 sr)
 @group(1) @binding(19) var<uniform> params: Params;
 
-override SKY: bool = false;  // the environment is occluded by `sky`
+override SKY: bool = false;  // `sky` has the environment's light, occluded
 
 // The driver cuts loops after a number of iterations (STEP_BUDGET).
 override CUTS_LOOPS: bool = true;
@@ -46,9 +46,11 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let r = receiver(
             ray.origin + ray.direction * load_distance(pixel), surface.normal, surface.geometric_normal,
             gbuffer_brdf(surface), -ray.direction);
-        var ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
+        var ambient: vec3f;
         if (SKY) {
-            ambient *= sky[index].rgb;
+            ambient = sky[index].rgb;
+        } else {
+            ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
         }
         var sum = select(direct[index].rgb, ambient, params.first == 0u);
         let count = load_light_count();

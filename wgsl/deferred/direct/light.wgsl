@@ -1,7 +1,7 @@
 // One invocation computes a pixel's direct light, with filtered shadow maps.
 //
-// L = sum_i f_r(w_o, w_i) E_i cos_i V_i, plus the environment times `sky`, its unoccluded share. In: G-buffer, lights,
-// shadow maps, prefiltered environment. Out: direct, W/(m2 sr), cleared before; the pixels whose shadow filter is
+// L = sum_i f_r(w_o, w_i) E_i cos_i V_i, plus `sky`, the light of the environment. In: G-buffer, lights, shadow maps,
+// prefiltered environment. Out: direct, W/(m2 sr), cleared before; the pixels whose shadow filter is
 // undecided, for `edges.wgsl`. Errs bright by the filter's bias and, without `sky`, where the environment is occluded.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
@@ -13,14 +13,14 @@
 override TILED: bool = false;     // tiles have lists of the lights that reach them
 override FEW: u32 = 0u;           // number of lights if it is at most 3, else 0
 override EDGES: bool = true;      // list the undecided pixels
-override SKY: bool = false;       // the environment is occluded by `sky`
+override SKY: bool = false;       // `sky` has the environment's light, occluded
 override CONTACTS: bool = false;  // search the picture for shadows that the filter's bias lost
 
 @group(1) @binding(11) var<storage, read_write> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> edges: array<u32>;                // pixels, by their index
 @group(1) @binding(13) var<storage, read_write> edge_groups: array<atomic<u32>>;  // x, y, z workgroups; pixels
 @group(1) @binding(14) var<storage, read> tile_lights: array<u32>;                // a bit for each light, by tile
-@group(1) @binding(15) var<storage, read> sky: array<vec4f>;                      // share that is not occluded
+@group(1) @binding(15) var<storage, read> sky: array<vec4f>;                      // W/(m2 sr)
 
 // Largest number of workgroups of `edges.wgsl`; in longer lists each thread takes several pixels. 2^18 threads fill any
 // GPU.
@@ -69,9 +69,11 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let r = receiver(
         ray.origin + ray.direction * distance_seen, surface.normal, surface.geometric_normal, gbuffer_brdf(surface),
         -ray.direction);
-    var ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
+    var ambient: vec3f;
     if (SKY) {
-        ambient *= sky[index].rgb;
+        ambient = sky[index].rgb;
+    } else {
+        ambient = ambient_radiance(r.brdf, r.normal, -ray.direction);
     }
     var sum = Sum(ambient, false);
     let count = load_light_count();

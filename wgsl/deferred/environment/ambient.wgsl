@@ -66,14 +66,20 @@ fn ambient_irradiance(normal: vec3f) -> vec3f {
     return PI * scene.environment_color * load_ambient_map(0u, picture_from_world(normal));
 }
 
-// Returns the radiance reflected to w_o, W/(m2 sr); `normal` and `w_o` are unit, of the world.
-fn ambient_radiance(brdf: Brdf, normal: vec3f, w_o: vec3f) -> vec3f {
+// The environment's light reflected to the eye, W/(m2 sr).
+struct Ambient {
+    base: vec3f,
+    coat: vec3f,  // the lobe, and what the coat scatters more than once
+}
+
+// Returns the light reflected to w_o by base and coat; `normal` and `w_o` are unit, of the world.
+fn ambient_parts(brdf: Brdf, normal: vec3f, w_o: vec3f) -> Ambient {
     if (!HAS_ENVIRONMENT) {
-        return vec3f(0.0);
+        return Ambient(vec3f(0.0), vec3f(0.0));
     }
     let mean = INV_PI * ambient_irradiance(normal);
     if (!brdf.glossy) {
-        return brdf.diffuse * mean;
+        return Ambient(brdf.diffuse * mean, vec3f(0.0));
     }
     let cos_o = clamp(dot(normal, w_o), 0.0, 1.0);
     let entry = load_ambient_albedo(cos_o, brdf.alpha);
@@ -81,5 +87,13 @@ fn ambient_radiance(brdf: Brdf, normal: vec3f, w_o: vec3f) -> vec3f {
     // The lobe's mean direction along the surface, away from the viewer.
     let across = entry.z * (normal * cos_o - w_o);
     let lobe = across + normal * sqrt(max(1.0 - dot(across, across), 0.0));
-    return wide_reflectance(brdf, cos_o) * mean + fresnel * entry.x * ambient_lobe(normalize(lobe), brdf.alpha);
+    let loss = coat_loss(brdf.fit, brdf.alpha, cos_o);
+    let once = fresnel * entry.x * ambient_lobe(normalize(lobe), brdf.alpha);
+    return Ambient(brdf.diffuse * loss.transmitted * mean, once + brdf.multiple * loss.missing * mean);
+}
+
+// Returns the radiance reflected to w_o, W/(m2 sr).
+fn ambient_radiance(brdf: Brdf, normal: vec3f, w_o: vec3f) -> vec3f {
+    let parts = ambient_parts(brdf, normal, w_o);
+    return parts.base + parts.coat;
 }

@@ -1,14 +1,16 @@
-// One invocation estimates the environment's irradiance at a pixel's surface with few rays, with and without occlusion.
-// Their ratio is the unoccluded share.
+// One invocation estimates the environment's light at a pixel's surface with few rays, with and without occlusion. Their
+// ratio is the unoccluded share: of irradiance, which the base reflects, or with COAT of what the coat reflects.
 //
-// Candidate directions are sampled by the cosine and, under a map, also by the map (balance heuristic, Veach and Guibas
-// 1995). Each ray takes one candidate in proportion to its light (importance resampling, Talbot et al. 2005): E = W / K
-// sum_k f_k V_k / w_k, f = L cos / density, w = luminance(f), W the mean of w over the candidates. The pixels of an n x
-// n square share a stratified set of directions and rotate through it from frame to frame; the following blur averages
-// both estimates over such squares before it divides. In: G-buffer, scene. Out: irradiance with occlusion, W/m2 (of a
-// constant environment the share itself), and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to
-// light; irradiance without occlusion; normals. No noise where nothing or everything is occluded. The ratio of means of
-// few samples is consistent, biased either way by O(1 / rays).
+// Candidate directions are sampled by the cosine, or by the coat's lobe, and, under a map, also by the map (balance
+// heuristic, Veach and Guibas 1995). Each ray takes one candidate in proportion to its light (importance resampling,
+// Talbot et al. 2005): E = W / K sum_k f_k V_k / w_k, f = L cos / density, w = luminance(f), W the mean of w over the
+// candidates; with COAT, f = f_r L cos / density over the coat's unoccluded light, so that all pixels count alike in
+// the blur. The pixels of an n x n square share a stratified set of random numbers and rotate through it from frame to
+// frame; the following blur averages both estimates over such squares before it divides. In: G-buffer, scene. Out:
+// light with occlusion (irradiance, W/m2; of a constant environment or a coat relative to the unoccluded light), and
+// the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; light without occlusion; normals. No
+// noise where nothing or everything is occluded. The ratio of means of few samples is consistent, biased either way by
+// O(1 / rays).
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
@@ -17,6 +19,9 @@
 #import "shared/gbuffer/tiles.wgsl"
 #import "shared/denoise/plane.wgsl"
 #import "common/interleave.wgsl"
+#import "deferred/environment/ambient.wgsl"
+
+override COAT: bool = false;  // the light that the coat reflects
 
 @group(1) @binding(11) var<storage, read_write> arriving: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> normals: array<u32>;
@@ -28,10 +33,14 @@ struct Params {
     rays: u32,  // per pixel
 }
 
+// Pairs of the sequence; the coat has further ones.
 const CHOICE_PAIR: u32 = 0u;
-const COSINE_PAIR: u32 = 1u;
+const OWN_PAIR: u32 = 1u;
 const MAP_PAIR: u32 = 2u;
-// Candidates per ray from each density: the cosine and the map. tools/README.md, "Constants".
+const LOBE_PAIR: u32 = 3u;
+const COAT_PAIRS: u32 = 4u;
+
+// Candidates per ray from each density: the surface's own and the map. tools/README.md, "Constants".
 const CANDIDATES: u32 = 2u;
 
 struct SkySample {
@@ -39,39 +48,85 @@ struct SkySample {
     light: vec3f,      // f W / w
 }
 
+// What receives the light.
+struct Target {
+    normal: vec3f,
+    frame: mat3x3f,
+    coat: Brdf,      // without the base
+    w_o: vec3f,      // in the frame
+    inverse: vec3f,  // 1 / the coat's unoccluded light
+}
+
+fn target_of(brdf: Brdf, normal: vec3f, to_eye: vec3f) -> Target {
+    let frame = frame_from_normal(normal);
+    var coat = brdf;
+    coat.diffuse = vec3f(0.0);
+    var inverse = vec3f(0.0);
+    if (COAT) {
+        inverse = 1.0 / max(ambient_parts(brdf, normal, to_eye).coat, vec3f(1e-37));
+    }
+    return Target(normal, frame, coat, to_eye * frame, inverse);
+}
+
+fn random_pair(number: u32, pair: u32) -> vec2f {
+    return sobol_2d(number, hash2(select(pair, pair + COAT_PAIRS, COAT), params.seed));
+}
+
+// Draws a direction of the world by the surface's own density: the cosine or the coat's lobe.
+fn draw_direction(to: Target, number: u32) -> vec3f {
+    let u = random_pair(number, OWN_PAIR);
+    if (COAT) {
+        return to.frame * sample_brdf(to.coat, to.w_o, u, random_pair(number, LOBE_PAIR).x).w_i;
+    }
+    return to.frame * sample_cosine_hemisphere(u);
+}
+
 // Returns f of a direction, given its density by the map.
-fn incident(normal: vec3f, direction: vec3f, by_map: f32) -> vec3f {
-    let cosine = max(dot(normal, direction), 0.0);
-    let density = 0.5 * (cosine * INV_PI + by_map);
-    return environment_radiance(direction) * (cosine / max(density, 1e-20));
+fn incident(to: Target, direction: vec3f, by_map: f32) -> vec3f {
+    let cosine = max(dot(to.normal, direction), 0.0);
+    var share = vec3f(1.0);
+    var density = cosine * INV_PI;
+    if (COAT) {
+        let reflected = evaluate_brdf(to.coat, to.w_o, direction * to.frame);
+        share = reflected.rgb;
+        density = reflected.w;
+    }
+    if (HAS_PICTURED_ENVIRONMENT) {
+        density = 0.5 * (density + by_map);
+    }
+    let light = environment_radiance(direction) * (cosine / max(density, 1e-20));
+    if (COAT) {
+        return light * share * to.inverse;
+    }
+    return light;
 }
 
 // Returns one of the candidates, resampled by its light; `number`: of the ray in its sequence.
-fn resample(normal: vec3f, number: u32) -> SkySample {
-    let frame = frame_from_normal(normal);
+fn resample(to: Target, number: u32) -> SkySample {
     if (!HAS_PICTURED_ENVIRONMENT) {
-        let u = sobol_2d(number, hash2(COSINE_PAIR, params.seed));
-        return SkySample(frame * sample_cosine_hemisphere(u), vec3f(1.0));
+        let direction = draw_direction(to, number);
+        if (COAT) {
+            return SkySample(direction, incident(to, direction, 0.0));
+        }
+        return SkySample(direction, vec3f(1.0));
     }
     // Replace the kept candidate with the probability of the new one's share in the sum so far (reservoir sampling).
-    var kept = SkySample(normal, vec3f(0.0));
+    var kept = SkySample(to.normal, vec3f(0.0));
     var kept_weight = 0.0;
     var sum = 0.0;
-    var choice = sobol_2d(number, hash2(CHOICE_PAIR, params.seed)).x;
+    var choice = random_pair(number, CHOICE_PAIR).x;
     for (var k = 0u; k < 2u * CANDIDATES; k += 1u) {
         var direction: vec3f;
         var by_map: f32;
         if (k < CANDIDATES) {
-            let u = sobol_2d(number * CANDIDATES + k, hash2(COSINE_PAIR, params.seed));
-            direction = frame * sample_cosine_hemisphere(u);
+            direction = draw_direction(to, number * CANDIDATES + k);
             by_map = environment_pdf(direction) / max(scene.environment_pdf, 1e-9);
         } else {
-            let u = sobol_2d(number * CANDIDATES + k - CANDIDATES, hash2(MAP_PAIR, params.seed));
-            let sampled = sample_environment(u);
+            let sampled = sample_environment(random_pair(number * CANDIDATES + k - CANDIDATES, MAP_PAIR));
             direction = sampled.xyz;
             by_map = sampled.w;
         }
-        let light = incident(normal, direction, by_map);
+        let light = incident(to, direction, by_map);
         let weight = luminance(light);
         sum += weight;
         let share = weight / max(sum, 1e-37);
@@ -98,6 +153,10 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     if (seen.x == NONE || (surface.flags & GBUFFER_UNLIT) != 0u) {
         return;
     }
+    let brdf = gbuffer_brdf(surface);
+    if (COAT && !brdf.glossy) {
+        return;
+    }
     let ray = pixel_ray(pixel);
     let distance_seen = load_distance(pixel);
     let position = ray.origin + ray.direction * distance_seen;
@@ -106,11 +165,12 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let start = position + side * pixel_ray_offset(distance_seen);
     // Always `params.rays`, written so that it varies: lavapipe compiles loops up to a uniform anew for each dispatch.
     let rays = select(0u, params.rays, distance_seen > 0.0);
+    let to = target_of(brdf, surface.normal, -ray.direction);
     let first = (sequence.index * class_count() + class_of(pixel, sequence.index)) * rays;
     var visible = vec3f(0.0);
     var unoccluded = vec3f(0.0);
     for (var k = 0u; k < rays; k += 1u) {
-        let picked = resample(surface.normal, first + k);
+        let picked = resample(to, first + k);
         unoccluded += picked.light;
         // The surface occludes directions below it.
         if (dot(picked.direction, side) > 0.0 && max3(picked.light) > 0.0) {
@@ -120,7 +180,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
         }
     }
     arriving[index] = vec4f(visible / f32(rays), plane_depth(ray, distance_seen));
-    if (HAS_PICTURED_ENVIRONMENT) {
+    if (HAS_PICTURED_ENVIRONMENT || COAT) {
         sent[index] = vec4f(unoccluded / f32(rays), 1.0);
     }
     normals[index] = pack_view_normal(surface.normal);

@@ -19,6 +19,7 @@ override FIRST: bool = false;  // blur the first frame of a still picture only; 
 override SHARES: bool = false; // the light is a share, from 0 to 1
 override STRIDE: u32 = 1u;     // picture pixels per side of a pixel of the blurred grid
 override RATIO: bool = false;  // output light over `glossy`
+override LOBES: bool = false;  // the light is that of lobes: blur by no more than their width
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read> normals: array<u32>;
@@ -46,6 +47,7 @@ struct Center {
     depth: f32,
     plane: Plane,
     guide: vec2f,
+    reach: f32,  // half-width of the tent, pixels
 }
 
 // Returns the mean light of a pixel and the variance of that mean.
@@ -67,12 +69,24 @@ fn grid_size() -> vec2u {
     return (view.size + STRIDE - 1u) / STRIDE;
 }
 
+// Returns the half-width of a pixel's tent, pixels. On a flat mirror, the reflected rays of neighbours are a pixel's
+// angle apart: a tent wider than the lobe's angle would blur what the lobe shows sharp, and narrow lobes are not noisy.
+fn tent_reach(pixel: vec2u) -> f32 {
+    if (!LOBES) {
+        return f32(RADIUS);
+    }
+    let roughness = load_surface(pixel * STRIDE).roughness;
+    let angle = 2.0 * length(view.right) / f32(view.size.x);
+    let lobe = 1.0 + roughness * roughness / angle;
+    return select(min(lobe, f32(RADIUS)), f32(RADIUS), view.orthographic != 0u);
+}
+
 fn load_center(pixel: vec2u) -> Center {
     let inside = min(pixel, grid_size() - 1u);
     let index = inside.y * grid_size().x + inside.x;
     let normal = unpack_view_normal(normals[index]);
     let depth = light[index].w;
-    return Center(normal, depth, tangent_plane(inside * STRIDE, depth, normal), load_guide(index));
+    return Center(normal, depth, tangent_plane(inside * STRIDE, depth, normal), load_guide(index), tent_reach(inside));
 }
 
 fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
@@ -138,6 +152,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let guide_mean = vec4f(a.guide.x, b.guide.x, c.guide.x, d.guide.x);
     let guide_variance = vec4f(a.guide.y, b.guide.y, c.guide.y, d.guide.y);
 
+    let reach = vec4f(a.reach, b.reach, c.reach, d.reach);
     let side = i32(RADIUS);
     let start = i32(dot(first, step));
     let end = i32(dot(grid_size(), step));
@@ -153,7 +168,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let tap = light[index];
         let tap_normal = unpack_view_normal(normals[index]);
         let off = abs(f32(k) - vec4f(0.0, 1.0, 2.0, 3.0));
-        let tent = max(1.0 - off / f32(RADIUS), vec4f(0.0));
+        let tent = max(1.0 - off / reach, vec4f(0.0));
         let away = f32(wrapped - start) - vec4f(0.0, 1.0, 2.0, 3.0);
         let off_plane = at + slope * away - factor * tap.w;
         let off_normal = PER_NORMAL - (normal[0] * tap_normal.x + normal[1] * tap_normal.y + normal[2] * tap_normal.z);
