@@ -133,20 +133,3 @@ def test_coats_reflect_what_the_path_tracer_reflects(metallic, roughness, texts)
     off = got["indirect"][away].mean(0) / truth.read_back("indirect")[away].mean(0) - 1
     assert away.sum() > 100
     assert np.abs(off).max() <= 0.06
-
-
-def test_a_mirror_shows_the_wall_before_the_sky():
-    """A mirror reflects no sky where the wall hides it, and all of it above the wall."""
-    scene = glossy_corner(1.0, 0.05, 75)
-    scene.lights.clear()
-    scene.environment = Environment((1.0, 1.0, 1.0))
-    got = render(scene, diffuse=False, size=(32, 24), frames=16)
-    on_floor, _ = floor_and_form_factor(got)
-    # Reflected rays rise as steeply as the rays of the camera fall, and meet z = 0 at this height.
-    x = got["position"] - np.array((0, 1.7, 4.5))
-    height = got["position"][..., 2] * np.abs(x[..., 1]) / np.abs(x[..., 2])
-    hidden, free = on_floor & (height < 0.9 * HEIGHT), on_floor & (height > 1.1 * HEIGHT)
-    assert hidden.sum() > 100
-    tint = np.array((0.9, 0.6, 0.3))
-    assert np.abs(got["direct"][hidden] / tint).mean() <= 0.02
-    assert not free.any() or np.abs(got["direct"][free] / tint - 1).mean() <= 0.05

@@ -6,11 +6,6 @@
 const LOBE_SEED: u32 = 0x9e3779b9u;  // sets the sequence apart from that of other directions
 const CHOICE_SEED: u32 = 0x85ebca6bu;
 
-struct LobeSample {
-    direction: vec3f,
-    weight: vec3f,
-}
-
 // Returns a surface's BRDF without the base.
 fn coat_of(brdf: Brdf) -> Brdf {
     var coat = brdf;
@@ -19,11 +14,10 @@ fn coat_of(brdf: Brdf) -> Brdf {
 }
 
 // Draws direction `number` from a coat; `frame`: axes about the shading normal.
-fn sample_lobe(brdf: Brdf, frame: mat3x3f, to_eye: vec3f, number: u32, seed: u32) -> LobeSample {
+fn sample_lobe(brdf: Brdf, frame: mat3x3f, to_eye: vec3f, number: u32, seed: u32) -> vec3f {
     let u = sobol_2d(number, seed ^ LOBE_SEED);
     let choice = sobol_2d(number, seed ^ CHOICE_SEED).x;
-    let drawn = sample_brdf(coat_of(brdf), to_eye * frame, u, choice);
-    return LobeSample(frame * drawn.w_i, drawn.weight);
+    return frame * sample_brdf(coat_of(brdf), to_eye * frame, u, choice).w_i;
 }
 
 // Returns the weight of a direction that sample_lobe() drew. It varies slowly, so it may be that of a direction nearby.

@@ -6,11 +6,10 @@
 // following blur averages over such squares. L is the environment filtered to about the solid angle of one direction of
 // a set, so a small sun casts a soft shadow. With SAMPLE_ENVIRONMENT every other direction is drawn by importance
 // sampling of the environment (balance heuristic, Veach and Guibas 1995), L is unfiltered, and the blur divides the
-// sums with and without V. A coated pixel draws LOBES further directions from its coat; its V is the mean of their share
-// and that of the other directions, by the light that coat and base reflect. In: G-buffer,
-// depths of all sources, the prefiltered environment. Out: V, whose mean is 1 without occluders, and the depth of
-// `shared/denoise/plane.wgsl`, 0 where there is nothing to light; the surface that each direction hits. Errs bright
-// where the occluder is in no view, dark behind occluders thinner than assumed.
+// sums with and without V. A coated pixel also finds the hits of LOBES directions drawn from its coat; V stays that of
+// the others. In: G-buffer, depths of all sources, the prefiltered environment. Out: V, whose mean is 1 without
+// occluders, and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; the surface that each
+// direction hits. Errs bright where the occluder is in no view, dark behind occluders thinner than assumed.
 #import "scene/sequence.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
@@ -78,22 +77,6 @@ fn radiance_from(direction: vec3f, mean: vec3f) -> vec3f {
     return load_ambient_map(params.lobe, picture_from_world(direction)) / mean;
 }
 
-// Returns L of a direction drawn from a coat, W/(m2 sr), filtered to about the solid angle of one direction of a set.
-fn lobe_radiance_from(direction: vec3f, alpha: f32) -> vec3f {
-    if (!HAS_ENVIRONMENT) {
-        return vec3f(0.0);
-    }
-    return ambient_lobe(direction, max(alpha * exp2(-f32(params.lobe)), MIN_ALPHA));
-}
-
-// Returns the share of the environment's light that a coated surface reflects: `wide` of what its base scatters, and
-// `lobe` of what its coat reflects.
-fn combined_share(brdf: Brdf, normal: vec3f, to_eye: vec3f, wide: vec3f, lobe: vec3f) -> vec3f {
-    let scattered = wide_reflectance(brdf, dot(normal, to_eye)) * INV_PI * ambient_irradiance(normal);
-    let all = ambient_radiance(brdf, normal, to_eye);
-    return mix(lobe, wide, saturate(scattered / max(all, vec3f(1e-30))));
-}
-
 // Finds the hits of a pixel's directions. `slot`: index of the results; `pattern`: number of the pixel's part of its
 // square's directions.
 fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
@@ -123,8 +106,6 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
     }
     var arriving = vec3f(0.0);
     var emitted = vec3f(0.0);
-    var lobe_arriving = vec3f(0.0);
-    var lobe_emitted = vec3f(0.0);
     for (var k = 0u; k < DIRECTIONS + LOBES; k += 1u) {
         let is_lobe = LOBES > 0u && k >= DIRECTIONS;
         if (is_lobe && !brdf.glossy) {
@@ -133,12 +114,9 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
         // March along a direction; directions below the surface see nothing.
         var number = first + k;
         var sample = Sample(vec3f(0.0), 0.0);
-        var lobe_weight = vec3f(0.0);
         if (is_lobe) {
             number = first_lobe + k - DIRECTIONS;
-            let drawn = sample_lobe(brdf, frame, -ray.direction, number, params.seed);
-            sample = Sample(drawn.direction, 1.0);
-            lobe_weight = drawn.weight;
+            sample = Sample(sample_lobe(brdf, frame, -ray.direction, number, params.seed), 1.0);
         } else {
             sample = sample_direction(frame, number);
         }
@@ -162,11 +140,7 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
                     HitDirection(along, select(0.0, weight * factor, sine > 0.0), sine > LEAST_SINE));
             }
         }
-        if (is_lobe) {
-            let light = lobe_radiance_from(direction, brdf.alpha) * lobe_weight;
-            lobe_arriving += light * visible;
-            lobe_emitted += light;
-        } else {
+        if (!is_lobe) {
             let light = radiance_from(direction, mean) * sample.weight;
             arriving += light * visible;
             emitted += light;
@@ -177,13 +151,6 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
     }
     // Store V, or both sums for the blur to divide.
     let count = f32(max(DIRECTIONS, 1u));
-    if (LOBES > 0u && HAS_ENVIRONMENT && brdf.glossy) {
-        // A ratio, so that neither end of the range has noise.
-        let whole = select(vec3f(count), emitted, SAMPLE_ENVIRONMENT);
-        let wide = arriving / max(whole, vec3f(1e-30));
-        let lobe = select(wide, lobe_arriving / max(lobe_emitted, vec3f(1e-30)), lobe_emitted > vec3f(0.0));
-        arriving = whole * combined_share(brdf, normal, -ray.direction, wide, lobe);
-    }
     let depth = plane_depth(ray, seen);
     if (UNREPRESENTED) {
         let share = select(arriving / count, arriving / max(emitted, vec3f(1e-30)), SAMPLE_ENVIRONMENT);
