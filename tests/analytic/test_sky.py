@@ -11,8 +11,8 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene.built_in.scenes import courtyard
-from wgpu_gi.scene.built_in.shapes import quad, sphere
-from wgpu_gi.scene.scene import Environment, Instance, Material, Scene
+from wgpu_gi.scene.built_in.shapes import grid, quad, sphere
+from wgpu_gi.scene.scene import Environment, Image, Instance, Material, Scene, Texture
 
 SIZE = (96, 54)
 # Environments, and the most bias and relMSE of the default preset.
@@ -95,3 +95,19 @@ def test_a_glossy_floor_beside_a_wall_reflects_the_sky_beyond_it(roughness):
     got, wanted = renderer.read_back("direct")[seen], truth["direct"][seen]
     assert abs(bias(got, wanted)) <= 0.02
     assert relmse(got, wanted) <= 0.02
+
+
+def test_a_floor_with_a_tilted_normal_map_reflects_the_sky_as_in_the_path_tracer():
+    """A sheet seen at grazing angles, where tilted normals are turned to the viewer: directions below it count, too."""
+    sheet = grid(8.0, 1, Material(), (0.0, 0.0, -3.0))
+    sheet.texcoords0 = (0.25 * sheet.positions[:, [0, 2]]).astype(np.float32)
+    tilts = np.array([[[0.6, 0.5, 0.62], [-0.6, 0.2, 0.77]], [[0.0, 0.8, 0.6], [0.3, -0.7, 0.65]]])
+    pixels = np.round(np.concatenate([tilts * 0.5 + 0.5, np.ones((2, 2, 1))], -1) * 255).astype(np.uint8)
+    sheet.materials[0].normal_texture = Texture(Image(pixels), filter="nearest")
+    camera = Camera.look_at((0, 0.8, 2), (0, 0, -2), yfov_deg=40)
+    scene = Scene([Instance(sheet)], environment=Environment(), cameras=[camera])
+    path, light = (
+        shoot(scene, (48, 27), show=("direct", "depth"), gi=gi, bounces=0, diffuse=False, spp=128)
+        for gi in ("path", "many-light")
+    )
+    assert abs(bias(light["direct"][path["depth"] > 0], path["direct"][path["depth"] > 0])) <= 0.01

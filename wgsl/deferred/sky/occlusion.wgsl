@@ -160,9 +160,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let ray = pixel_ray(pixel);
     let distance_seen = load_distance(pixel);
     let position = ray.origin + ray.direction * distance_seen;
-    let front = dot(surface.geometric_normal, ray.direction) < 0.0;
-    let side = select(-surface.geometric_normal, surface.geometric_normal, front);
-    let start = position + side * pixel_ray_offset(distance_seen);
+    let offset = pixel_ray_offset(distance_seen);
     // Always `params.rays`, written so that it varies: lavapipe compiles loops up to a uniform anew for each dispatch.
     let rays = select(0u, params.rays, distance_seen > 0.0);
     let to = target_of(brdf, surface.normal, -ray.direction);
@@ -172,8 +170,9 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     for (var k = 0u; k < rays; k += 1u) {
         let picked = resample(to, first + k);
         unoccluded += picked.light;
-        // The surface occludes directions below it.
-        if (dot(picked.direction, side) > 0.0 && max3(picked.light) > 0.0) {
+        if (max3(picked.light) > 0.0) {
+            // As in the path tracer, directions below a triangle with a tilted normal leave it on the other side.
+            let start = offset_origin(position, surface.geometric_normal, offset, picked.direction);
             let way = Ray(start, picked.direction);
             let found = trace_shadow(way, FLOAT_MAX);
             visible += select(picked.light, vec3f(0.0), found.occluded_a);
