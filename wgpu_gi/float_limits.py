@@ -10,8 +10,8 @@ MAX_COORDINATE = 1e15
 LARGEST_LIGHT = 1e20
 SMALLEST_LIGHT = 1e-30  # any less counts as none
 
-# Full vertical angles from half a thousandth of a degree to just below 180 degrees: beyond, projections degenerate.
-SMALLEST_YFOV, LARGEST_YFOV = 1e-5, math.pi - 1e-5
+# Full vertical angles, radians, from 0.2 seconds of arc to just below 180 degrees. Beyond, projections degenerate.
+SMALLEST_YFOV, LARGEST_YFOV = 1e-6, math.pi - 1e-5
 
 # Heights of orthographic pictures, metres.
 SMALLEST_HEIGHT, LARGEST_HEIGHT = 1e-12, MAX_COORDINATE

@@ -251,7 +251,7 @@ _TABLE: list[tuple[tuple[str, ...], Callable[[], tuple[list[Any], list[Any]]]]] 
     (("outer_cone_angle",), lambda: ([*_POSITIVE, 0.1, 4.0], [0.2, 0.2 + 1e-12, math.pi])),
     (("Environment.image",), _image),
     (("pixels",), _pixels),
-    (("yfov",), lambda: ([*_POSITIVE, 0, 1e-300, 1e-40, 1e-6, math.pi, 4, 1e300], [1e-5, 1e-3, 3.05, math.pi - 1e-5])),
+    (("yfov",), lambda: ([*_POSITIVE, 0, 1e-300, 1e-40, 1e-7, math.pi, 4, 1e300], [1e-6, 1e-3, 3.05, math.pi - 1e-5])),
     (
         ("orthographic_height",),
         lambda: ([*_POSITIVE[1:], 0, 1e-300, 1e-40, 1e39, 1e300], [None, 1e-12, 1e-6, 1.0, 1e12, 1e15]),
