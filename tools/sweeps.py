@@ -145,7 +145,13 @@ SWEEPS = (
     Sweep("many_light/vpl/weights.wgsl", "WEIGHT_FLOOR", "0.005, 0.02, 0.1", "many-light"),
     Sweep("many_light/gather/sampled.wgsl", "RUNS", "4u, 16u, 64u", "many-light"),
     Sweep("many_light/gather/bound.wgsl", "BOUND_SHARE", "0.125, 0.25, 0.5, 1.0", "many-light"),
-    Sweep("techniques/many_light/__init__.py", "POINTS", "1 << 14, 1 << 17, 1 << 19", "many-light"),
+    Sweep(
+        "techniques/many_light/__init__.py",
+        "POINTS",
+        "1 << 14, 1 << 17, 1 << 19",
+        "many-light",
+        "gather.visibility=ism ism.mode=pull-push",
+    ),
     Sweep(
         "many_light/near_field/share.wgsl", "MAX_PLANE_DISTANCE", "0.5, 1.0, 4.0", "many-light", "ssdo.near_field=true"
     ),

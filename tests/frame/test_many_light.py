@@ -10,6 +10,7 @@ from helpers.techniques import SCENES, make_settings
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.renderer import Renderer
+from wgpu_gi.scene.built_in.scenes import courtyard
 
 SHOW = ("radiance",)
 LIGHT = {"rsm", "vpl/light_paths", "vpl/weights", "vpl/prefix_sum", "vpl/resample", "ism/rays", "ism/fill"}
@@ -27,9 +28,9 @@ def passes(renderer):
 
 @pytest.fixture
 def renderer():
-    """A room rendered once, with VPLs resampled by flux alone and imperfect shadow maps."""
+    """A room rendered once, with VPLs resampled by flux alone and imperfect shadow maps of points."""
     settings = make_settings("many-light")
-    settings.vpl.importance, settings.gather.visibility = "flux", "ism"
+    settings.vpl.importance, settings.gather.visibility, settings.ism.points = "flux", "ism", 256
     renderer = Renderer(SCENES["cornell-point"](), size=(48, 27), settings=settings)
     ran, _ = passes(renderer)
     assert ran >= LIGHT | VIEW | {"points"}
@@ -82,6 +83,17 @@ def test_frames_of_a_picture_have_different_vpls(renderer):
         lists.append(renderer.graph.read_back("vpl/table").tobytes())
         assert "points" not in renderer.graph.last_run
     assert len(set(lists)) == 3
+
+
+def test_light_paths_from_the_sky_start_elsewhere_in_each_frame():
+    """Fixed starts would leave their error in the mean of many frames."""
+    settings = make_settings("many-light")
+    settings.camera.frames = 3
+    renderer = Renderer(courtyard(), size=(32, 18), settings=settings)
+    starts = []
+    while renderer.step(show=SHOW):
+        starts.append(renderer.graph.read_back("vpl/sky_points").tobytes())
+    assert len(set(starts)) == len(starts) == 3
 
 
 def view(name, **sections):

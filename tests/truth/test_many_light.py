@@ -24,11 +24,12 @@ FINE = (
     "vpl.max_bounces=128",
 )
 # Bounds of bias and relMSE for one bounce and for all, little above the measured values. The small blur leaves noise of
-# the rays that compensate for the bound.
+# the rays that compensate for the bound. All bounces err dark by up to 1 %: few VPLs estimate what the bound removes at
+# a hit (512 candidates instead of 32: Cornell, point light, -1.0 to -0.6 %).
 BOUNDS = {
     "cornell_area": [(0.005, 0.0035), (0.013, 0.004)],
     "cornell_point": [(0.004, 0.005), (0.014, 0.0065)],
-    "cornell_spot": [(0.002, 0.0075), (0.007, 0.0045)],
+    "cornell_spot": [(0.002, 0.0075), (0.0085, 0.0045)],
     "leak_corridor_a": [(0.012, 0.018), (0.006, 0.022)],
     "courtyard_sun": [(0.01, 0.0115), (0.015, 0.015)],
     "courtyard_sky": [(0.008, 0.013), (0.012, 0.019)],
@@ -41,7 +42,7 @@ DEFAULT_BOUNDS = {
     "leak_corridor_a": [(0.015, 0.1), (0.01, 0.04)],
     "curtain": [(0.02, 0.12), (0.015, 0.033)],
     "courtyard_sun": [(0.01, 0.009), (0.01, 0.009)],
-    "courtyard_sky": [(0.02, 0.011), (0.022, 0.011)],
+    "courtyard_sky": [(0.012, 0.009), (0.015, 0.009)],
 }
 
 ROOMS = (100, 102, 104, 106)  # seeds of random rooms that no constant was tuned on
@@ -94,7 +95,7 @@ def test_compensation_restores_the_light_that_the_bound_takes(name):
     """Both use the same VPLs and share their noise; `test_defaults_agree_with_mitsuba` bounds the bias."""
     truth = truth_of(name, None)
     lost, found = (rendered(name, None, f"gather.compensation={on}") for on in ("false", "true"))
-    assert 0.007 < bias(found, truth) - bias(lost, truth) < 0.03
+    assert 0.006 < bias(found, truth) - bias(lost, truth) < 0.03
     assert abs(bias(found, truth)) <= 0.018
 
 

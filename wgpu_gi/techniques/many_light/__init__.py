@@ -30,7 +30,7 @@ from .views import (
 )
 from .vpl import declare_light_paths, declare_vpls
 
-POINTS = 1 << 17  # on all surfaces; tools/README.md, "Constants"
+POINTS = 1 << 17  # on all surfaces, for imperfect shadow maps; tools/README.md, "Constants"
 
 NO_RSM = "there is no reflective shadow map: it needs a point, spot or directional light, and bounces"
 NO_ISM = "there are no imperfect shadow maps; they need --set gather.visibility=ism and light that is reflected"
@@ -81,14 +81,15 @@ def _declare_indirect(
     gbuffer, ambient, seed = base.gbuffer, base.ambient, settings.seed
     # Place virtual point lights on reflective shadow maps, and along light paths for emitters and further bounces.
     albedo = ambient.reads["ambient_albedo"]
-    points = declare_points(graph, scene, POINTS, albedo)
     rsm = declare_rsm(graph, settings.rsm, scene, albedo, seed)
-    light_paths = declare_light_paths(graph, settings.vpl, scene, points, albedo, settings.bounces, seed)
+    light_paths = declare_light_paths(graph, settings.vpl, scene, albedo, settings.bounces, seed)
     if rsm is None and light_paths is None:
         return None
     vpls = declare_vpls(graph, settings.vpl, rsm, light_paths, gbuffer, seed)
     # Gather from them, with rays or imperfect shadow maps.
-    ism = declare_ism(graph, settings.ism, scene, points, vpls) if settings.gather.visibility == "ism" else None
+    ism = None
+    if settings.gather.visibility == "ism":
+        ism = declare_ism(graph, settings.ism, scene, declare_points(graph, scene, POINTS, albedo), vpls)
     near_field = declare_near_shares(graph, settings.ssdo, gbuffer, vpls)
     gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, seed, near_field)
     views |= declare_vpl_view(graph, vpls) | declare_list_view(graph, settings.gather, gbuffer, gathered.clusters, vpls)

@@ -19,7 +19,7 @@ from ...gpu.wgsl.load import load
 from ...settings import setting
 from ..shared.gbuffer import Gbuffer
 from .inputs import ManyLightInputs
-from .points import Points
+from .points import declare_sky_points
 from .rsm import CANDIDATE, Rsm
 
 VIEW_SAMPLES = 64  # pixels that represent the view; tools/README.md, "Constants"
@@ -72,7 +72,6 @@ def declare_light_paths(
     graph: Graph,
     settings: VplSettings,
     scene: ManyLightInputs,
-    points: Points,
     albedo: Handle,
     bounces: int | None,
     seed: int,
@@ -91,13 +90,14 @@ def declare_light_paths(
     others = has_emitters or (scene.vpl.rsm_texels > 0 and vertices > 1)
     sky_paths = (settings.paths // 2 if others else settings.paths) if has_sky else 0
     count = settings.paths * vertices
+    points = declare_sky_points(graph, scene, sky_paths, albedo, seed).buffer if sky_paths else graph.neutral("buffer")
     light_paths = graph.buffer("vpl/light_paths", dtype=CANDIDATE, count=2 * count)
     shader = "many_light/vpl/light_paths.wgsl"
     graph.compute(
         "vpl/light_paths",
         shader,
         over=settings.paths,
-        reads={**scene.surfaces, **scene.lights, "points": points.buffer, "ambient_albedo": albedo},
+        reads={**scene.surfaces, **scene.lights, "points": points, "ambient_albedo": albedo},
         writes={"light_paths": light_paths},
         params={
             "paths": settings.paths,

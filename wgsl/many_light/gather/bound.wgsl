@@ -1,8 +1,8 @@
 // The bound on the geometry term of near VPLs: cos cos / (d^2 + s A / pi).
 #import "many_light/vpl/vpl.wgsl"
 
-// Share of a VPL's area that bounds its light. Eight random rooms, Lambert, all bounces, 64x36, with compensation: 0.25 is
-// noisier (a single frame has relMSE 0.047, with 0.5 0.042); 1 leaves a bias of -0.9 %, 0.5 one of -0.6 %.
+// Share of a VPL's area that bounds its light. Eight random rooms, Lambert, all bounces, 64x36, with compensation: 0.25
+// is noisier (a single frame has relMSE 0.047, with 0.5 0.042); 1 leaves a bias of -0.9 %, 0.5 one of -0.6 %.
 const BOUND_SHARE: f32 = 0.5;
 
 override BOUNDED: bool = true;  // bound the geometry term by the VPL's area

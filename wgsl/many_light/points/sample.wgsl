@@ -1,85 +1,13 @@
 // One invocation places a point on the scene's surfaces, in proportion to their area.
 //
-// Inverse transform sampling by cumulative areas: first the instance, then the triangle of its mesh, each with a
-// low-discrepancy sequence. In: cumulative areas, scene. Out: points as `many_light/points/table.wgsl` reads them.
-// Exact: where a transform stretches a mesh unevenly, triangles are drawn by their area before it, and each point's
-// represented area corrects for that.
-#import "scene/surface.wgsl"
-#import "common/random.wgsl"
-#import "deferred/environment/reflectance.wgsl"
-
-struct AreaInstance {
-    cumulative: f32,   // area of this instance and those before it, over that of all
-    share: f32,        // area of this instance over that of all
-    first: u32,        // first triangle of its mesh
-    count: u32,        // of triangles
-    instance: u32,     // of the scene, which transforms the triangles; NONE: they are in world space
-    local_area: f32,   // of the mesh before the transform, m2
-}
-
-@group(1) @binding(11) var<storage, read> area_instances: array<AreaInstance>;
-@group(1) @binding(12) var<storage, read> area_cdf: array<f32>;  // by triangle, cumulative over its mesh
-@group(1) @binding(13) var<storage, read_write> points: array<vec4u>;
-
-// Seeds that scramble the sequences of triangles and of places in them; any two different numbers will do.
-const PLACE_SEED: u32 = 0x5bd1e995u;
-const WEIGHTS_SEED: u32 = 0x1b873593u;
-
-// Mean cosine of the angle of incidence of light from all directions, weighted by that cosine.
-const MEAN_COSINE: f32 = 2.0 / 3.0;
+// In: cumulative areas, scene. Out: points as `many_light/points/table.wgsl` reads them. Exact.
+#import "many_light/points/draw.wgsl"
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let index = id.y * groups.x * 64u + id.x;
     let count = arrayLength(&points) / 2u;
-    if (index >= count) {
-        return;
+    if (index < count) {
+        store_point(index, index, count, 0u);
     }
-    // Find the instance.
-    let choice = sobol_2d(index, PLACE_SEED).x;
-    var low = 0u;
-    var high = arrayLength(&area_instances) - 1u;
-    while (low < high) {
-        let middle = (low + high) / 2u;
-        if (area_instances[middle].cumulative > choice) {
-            high = middle;
-        } else {
-            low = middle + 1u;
-        }
-    }
-    // Find the triangle of its mesh.
-    let placed = area_instances[low];
-    let inside = (choice - (placed.cumulative - placed.share)) / max(placed.share, 1e-30);
-    low = placed.first;
-    // A scene without triangles has one instance of 0 triangles.
-    high = placed.first + max(placed.count, 1u) - 1u;
-    while (low < high) {
-        let middle = (low + high) / 2u;
-        if (area_cdf[middle] > inside) {
-            high = middle;
-        } else {
-            low = middle + 1u;
-        }
-    }
-    // Draw a point of the triangle.
-    let weights = sample_triangle(sobol_2d(index, WEIGHTS_SEED));
-    let t = load_triangle(low);
-    let stored_area = 0.5 * length(cross(t.edge1, t.edge2));
-    let s = surface_at(Hit(0.0, low, placed.instance, weights), vec3f(0.0, 0.0, 1.0));
-    // Compute the area that the point represents: area / (probability of the triangle * number of points).
-    var edge1 = t.edge1;
-    var edge2 = t.edge2;
-    if (HAS_INSTANCES && t.instance == NONE) {
-        let world_from_local = instances[placed.instance].world_from_local;
-        edge1 = world_from_local * vec4f(edge1, 0.0);
-        edge2 = world_from_local * vec4f(edge2, 0.0);
-    }
-    let area = 0.5 * length(cross(edge1, edge2));
-    let share = area * placed.local_area / max(stored_area * placed.share * f32(count), 1e-37);
-    // Store the point with its reflectance.
-    let b = surface_brdf(s);
-    let albedo = select(directional_reflectance(b, MEAN_COSINE), vec3f(0.0), (s.flags & UNLIT) != 0u);
-    points[2u * index] = vec4u(bitcast<vec3u>(s.position), pack2x16snorm(octahedral_encode(s.geometric_normal)));
-    points[2u * index + 1u] = vec4u(
-        bitcast<u32>(sqrt(share * INV_PI)), pack4x8unorm(vec4f(albedo, 1.0)), low, placed.instance);
 }

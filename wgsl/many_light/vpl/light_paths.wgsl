@@ -1,7 +1,7 @@
 // One invocation traces a light path and stores a candidate for a virtual point light at each vertex (Keller 1997,
 // "Instant Radiosity"): flux = emitted flux / density * product of the reflectances, W.
 //
-// The first `sky_paths` paths carry the environment's light. They start at a point on a surface, with a direction from
+// The first `sky_paths` paths carry the environment's light. They start at one of the sky points, with a direction from
 // which light arrives, so none misses the scene. All others start at a light. Their first vertex is black for point,
 // spot and directional lights, because the reflective shadow maps already hold it. Paths end by Russian roulette and
 // after `bounces`. The last candidate of a path stands for all vertices from there on: it is one of them, drawn by its
@@ -95,8 +95,8 @@ fn first_vertex(path: u32, index: u32) -> FirstVertex {
     let u_point = sobol_2d(index, hash2(POINT_PAIR, params.seed));
     let u_direction = sobol_2d(index, hash2(DIRECTION_PAIR, params.seed));
     if (path < params.sky_paths) {
-        let point = load_point(index % point_count());
-        let area = PI * point.radius * point.radius * f32(point_count()) / f32(params.sky_paths);
+        let point = load_point(path);
+        let area = PI * point.radius * point.radius;
         let v = sky_vertex(point, area, u_direction, vec2f(choices.y, u_point.x));
         return FirstVertex(v, v);
     }
