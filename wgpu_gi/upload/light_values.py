@@ -16,6 +16,7 @@ from ..float_limits import SMALLEST_LIGHT
 from ..scene.scene import Environment, Light, Material, Scene
 
 Color = NDArray[np.float64]
+UNIT_STEP = 16  # of the exponent of `light_unit`
 
 
 def punctual_light(light: Light) -> Color:
@@ -34,7 +35,11 @@ def environment_radiance(environment: Environment | None) -> Color:
 
 
 def light_unit(scene: Scene) -> float:
-    """Return a power of two from one to two times the brightest light; 1 without light."""
+    """Return a power of two from one to 2^17 times the brightest light; 1 without light.
+
+    Its exponent is a multiple of 16: a light that dims or brightens a little leaves the uniform as it is, so that the
+    G-buffer is kept. Float32 holds the square of 2^-46 of the brightest light.
+    """
     materials = scene.materials
     lights = [punctual_light(light) for light in scene.lights] + [emitted_radiance(m) for m in materials]
     lights += [np.asarray(m.base_color[:3], np.float64) for m in materials if m.unlit]
@@ -42,7 +47,10 @@ def light_unit(scene: Scene) -> float:
     if environment is not None:
         lights.append(environment_radiance(environment) * (1 if environment.image is None else environment.image.max()))
     brightest = float(max((light.max() for light in lights), default=0.0))
-    return 2.0 ** math.frexp(max(brightest, SMALLEST_LIGHT))[1] if brightest > 0 else 1.0
+    if brightest == 0:
+        return 1.0
+    exponent = math.frexp(max(brightest, SMALLEST_LIGHT))[1]
+    return 2.0 ** (UNIT_STEP * math.ceil(exponent / UNIT_STEP))
 
 
 def _or_none(values: Sequence[float] | Color) -> Color:
