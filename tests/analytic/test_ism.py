@@ -80,7 +80,7 @@ def visibility(tmp_path, scene, lights, normals, receivers, facing, on_surfaces=
         over=(len(receivers), len(lights)),
         reads={**reads, "vpl_table": vpls.table, **maps.reads},
         writes={"seen": seen},
-        constants=maps.constants,
+        constants={**maps.constants, **vpls.constants},
     )
     graph.compile([seen])
     graph.run(check=True)

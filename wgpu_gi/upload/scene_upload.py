@@ -239,6 +239,7 @@ class SceneUpload:
             "HAS_NORMAL_MAPS": not self.diffuse and any(m.normal_texture for m in materials),
             "HAS_VERTEX_COLORS": any(place.data.mesh.colors is not None for place in self._hierarchy.placements()),
             "HAS_COATS": not self.diffuse,
+            "HAS_METALS": not self.diffuse and any(m.metallic > 0 and not m.unlit for m in materials),
             "HAS_EMISSION": emissive or any(m.unlit for m in materials),
             "HAS_EMITTERS": emissive,
             "HAS_ENVIRONMENT": bool(environment_radiance(environment).any()),

@@ -85,7 +85,7 @@ def _declare_indirect(
     light_paths = declare_light_paths(graph, settings.vpl, scene, albedo, settings.bounces, seed)
     if rsm is None and light_paths is None:
         return None
-    vpls = declare_vpls(graph, settings.vpl, rsm, light_paths, gbuffer, seed)
+    vpls = declare_vpls(graph, settings.vpl, scene, rsm, light_paths, gbuffer, seed)
     # Gather from them, with rays or imperfect shadow maps.
     ism = None
     if settings.gather.visibility == "ism":

@@ -65,6 +65,6 @@ def declare_clusters(graph: Graph, culling: str, gbuffer: Gbuffer, vpls: Vpls, i
         reads={"bounds": bounds, "vpl_table": vpls.table},
         writes={"lists": lists},
         params={"vpl_count": vpls.count},
-        constants={"INTERLEAVE": interleave, "SLICES": slices},
+        constants={"INTERLEAVE": interleave, "SLICES": slices, **vpls.constants},
     )
     return Clusters({"lists": lists}, {"CULLED": True, "SLICES": slices})

@@ -43,6 +43,7 @@ def declare_compensation(
         reads={"vpl_table": vpls.table},
         writes={"mean_bound": mean_bound},
         params={"vpl_count": vpls.count},
+        constants=vpls.constants,
     )
     width, height = graph.size
     graph.compute(
@@ -62,6 +63,7 @@ def declare_compensation(
         params={"vpl_count": vpls.count, "seed": seed, "near_radius": near_radius(gathered.near_field)},
         constants={
             **scene.constants(SHADER),
+            **vpls.constants,
             "SEGMENTS": min(bounces or MOST_SEGMENTS, MOST_SEGMENTS),
             "NEAR_FIELD": gathered.near_field is not None,
         },

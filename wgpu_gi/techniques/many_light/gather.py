@@ -133,6 +133,7 @@ def declare_gather(
             params={"vpl_count": vpls.count, "first_word": first, "seed": seed, "near_radius": near_radius(near_field)},
             constants={
                 **scene.constants(shader),
+                **vpls.constants,
                 **clusters.constants,
                 **constants,
                 "INTERLEAVE": n,

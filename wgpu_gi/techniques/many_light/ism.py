@@ -117,7 +117,13 @@ def declare_ism(graph: Graph, settings: IsmSettings, scene: SceneInputs, points:
         reads={**scene.surfaces, "vpl_table": vpls.table},
         writes={"ray_hits": ray_hits, "samples": samples},
         params={"vpl_count": vpls.count, "atlas_width": width},
-        constants={**scene.constants(shader), **constants, "RAY_SPACING": settings.ray_spacing, "SINGLE": single},
+        constants={
+            **scene.constants(shader),
+            **constants,
+            **vpls.constants,
+            "RAY_SPACING": settings.ray_spacing,
+            "SINGLE": single,
+        },
         clear=[samples] if single and not layout.points else [],
     )
 
@@ -185,7 +191,7 @@ def _declare_splats(
             "max_radius": 0.0 if settings.mode == "pull-push" else settings.max_splat_radius,
             "splat_scale": settings.splat_scale,
         },
-        constants={"ISM_RESOLUTION": settings.resolution},
+        constants={"ISM_RESOLUTION": settings.resolution, **vpls.constants},
         clear=[samples],
     )
 
@@ -256,7 +262,7 @@ def _declare_fill(
             indirect=groups,
             reads={**scene.surfaces, "vpl_table": vpls.table, **listing},
             writes={"blocks": texels},
-            constants={**scene.constants(shader), **constants},
+            constants={**scene.constants(shader), **constants, **vpls.constants},
         )
         graph.compute(
             f"ism/store_blocks{suffix}",

@@ -39,6 +39,7 @@ def declare_near_shares(graph: Graph, settings: SsdoSettings, gbuffer: Gbuffer, 
         reads={"vpl_table": vpls.table, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
         writes={"near_shares": shares},
         params={"count": vpls.count},
+        constants=vpls.constants,
     )
     return NearField(shares, settings.near_field_radius)
 

@@ -15,7 +15,12 @@ from ...gpu.handles import Buffer, Handle
 from ...settings import setting
 from .inputs import ManyLightInputs
 
-CANDIDATE = np.dtype((np.uint32, 4))  # half a candidate for a virtual point light
+CANDIDATE = np.dtype((np.uint32, 4))  # a word of a candidate for a virtual point light
+
+
+def candidate_words(scene: ManyLightInputs) -> int:
+    """Return the number of words of a candidate, `vpl_words` of `wgsl/many_light/vpl/vpl.wgsl`."""
+    return 4 if scene.features["HAS_METALS"] else 2
 
 
 @dataclass
@@ -46,7 +51,7 @@ def declare_rsm(graph: Graph, settings: RsmSettings, scene: ManyLightInputs, alb
     if count == 0:
         graph.skip("rsm", "no point, spot or sun light")
         return None
-    buffer = graph.buffer("rsm", dtype=CANDIDATE, count=2 * count)
+    buffer = graph.buffer("rsm", dtype=CANDIDATE, count=candidate_words(scene) * count)
     shader = "many_light/rsm/trace.wgsl"
     graph.compute(
         "rsm",

@@ -32,7 +32,7 @@ def declare_rsm_views(graph: Graph, scene: ManyLightInputs, rsm: Rsm) -> dict[st
             over=graph.size,
             reads={"rsm_lights": scene.vpl.rsm_lights, "rsm": rsm.buffer},
             writes={"picture": picture},
-            constants={"KIND": number},
+            constants={"KIND": number, "HAS_METALS": scene.features["HAS_METALS"]},
         )
     return views
 
@@ -47,6 +47,7 @@ def declare_vpl_view(graph: Graph, vpls: Vpls) -> dict[str, Buffer]:
         reads={"vpl_table": vpls.table},
         writes={"picture": picture},
         params={"vpl_count": vpls.count},
+        constants=vpls.constants,
         clear=[picture],
     )
     return {"vpl/flux": picture}

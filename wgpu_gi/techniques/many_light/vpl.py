@@ -20,7 +20,7 @@ from ...settings import setting
 from ..shared.gbuffer import Gbuffer
 from .inputs import ManyLightInputs
 from .points import declare_sky_points
-from .rsm import CANDIDATE, Rsm
+from .rsm import CANDIDATE, Rsm, candidate_words
 
 VIEW_SAMPLES = 64  # pixels that represent the view; tools/README.md, "Constants"
 DENSITY_VPLS = 512  # most VPLs from which the area of each is estimated; tools/README.md, "Constants"
@@ -62,10 +62,19 @@ class LightPaths:
 
 @dataclass
 class Vpls:
-    """The table of VPLs, in the layout of `wgsl/many_light/vpl/table.wgsl`, and its number of slots."""
+    """The table of VPLs, in the layout of `wgsl/many_light/vpl/table.wgsl`, and its number of slots.
+
+    metals: the VPLs have the lobes of metals.
+    """
 
     table: Texture
     count: int
+    metals: bool = False
+
+    @property
+    def constants(self) -> dict[str, bool]:
+        """The constants of shaders that load VPLs."""
+        return {"HAS_METALS": self.metals}
 
 
 def declare_light_paths(
@@ -91,7 +100,7 @@ def declare_light_paths(
     sky_paths = (settings.paths // 2 if others else settings.paths) if has_sky else 0
     count = settings.paths * vertices
     points = declare_sky_points(graph, scene, sky_paths, albedo, seed).buffer if sky_paths else graph.neutral("buffer")
-    light_paths = graph.buffer("vpl/light_paths", dtype=CANDIDATE, count=2 * count)
+    light_paths = graph.buffer("vpl/light_paths", dtype=CANDIDATE, count=candidate_words(scene) * count)
     shader = "many_light/vpl/light_paths.wgsl"
     graph.compute(
         "vpl/light_paths",
@@ -113,6 +122,7 @@ def declare_light_paths(
 def declare_vpls(
     graph: Graph,
     settings: VplSettings,
+    scene: ManyLightInputs,
     rsm: Rsm | None,
     light_paths: LightPaths | None,
     gbuffer: Gbuffer,
@@ -126,8 +136,9 @@ def declare_vpls(
         "rsm": rsm.buffer if rsm is not None else graph.neutral("buffer"),
         "light_paths": light_paths.buffer if light_paths is not None else graph.neutral("buffer"),
     }
-    cumulative, totals = _declare_weights(graph, settings, found, texels, candidates, gbuffer)
-    size = (TABLE_WIDTH, -(-2 * count // TABLE_WIDTH))
+    metals = scene.features["HAS_METALS"]
+    cumulative, totals = _declare_weights(graph, settings, found, texels, candidates, gbuffer, metals)
+    size = (TABLE_WIDTH, -(-candidate_words(scene) * count // TABLE_WIDTH))
     resampled, table = (graph.texture(f"vpl/{name}", "rgba32uint", size=size) for name in ("resampled", "table"))
     graph.compute(
         "vpl/resample",
@@ -136,6 +147,7 @@ def declare_vpls(
         reads={**found, "cumulative": cumulative, "totals": totals},
         writes={"vpls": resampled},
         params={"texels": texels, "candidates": candidates, "count": count, "seed": seed},
+        constants={"HAS_METALS": metals},
     )
     graph.compute(
         "vpl/areas",
@@ -144,12 +156,19 @@ def declare_vpls(
         reads={"resampled": resampled},
         writes={"vpls": table},
         params={"count": count, "stride": -(-count // DENSITY_VPLS)},
+        constants={"HAS_METALS": metals},
     )
-    return Vpls(table, count)
+    return Vpls(table, count, metals)
 
 
 def _declare_weights(
-    graph: Graph, settings: VplSettings, found: dict[str, Handle], texels: int, candidates: int, gbuffer: Gbuffer
+    graph: Graph,
+    settings: VplSettings,
+    found: dict[str, Handle],
+    texels: int,
+    candidates: int,
+    gbuffer: Gbuffer,
+    metals: bool,
 ) -> tuple[Buffer, Buffer]:
     """Declare the weights of all candidates; return them cumulative within blocks, and the blocks' cumulative sums."""
     by_view = settings.importance == "view"
@@ -175,7 +194,7 @@ def _declare_weights(
         reads={**found, "view_samples": view_samples},
         writes={"cumulative": cumulative, "block_sums": block_sums},
         params={"texels": texels, "candidates": candidates},
-        constants={"VIEW": by_view, "GRID": settings.importance == "grid"},
+        constants={"VIEW": by_view, "GRID": settings.importance == "grid", "HAS_METALS": metals},
     )
     totals = graph.buffer("vpl/totals", count=block_sums.count)
     graph.compute(

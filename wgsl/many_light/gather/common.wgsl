@@ -1,5 +1,6 @@
 // Code shared by all gathering passes: light lists, the bound of near VPLs, the receivers of a thread, the results.
 #import "many_light/vpl/table.wgsl"
+#import "many_light/vpl/lobe.wgsl"
 #import "many_light/gather/pixels.wgsl"
 #import "many_light/gather/bound.wgsl"
 #import "many_light/gather/clusters.wgsl"

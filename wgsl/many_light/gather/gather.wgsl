@@ -44,6 +44,18 @@ fn shines_of(vpl: Vpl, reach: vec4f, at: Receivers) -> Shines {
         vec4f(a.transmitted, b.transmitted, c.transmitted, d.transmitted));
 }
 
+// Returns the flux towards the four pixels, rows of red, green, blue.
+fn fluxes_of(vpl: Vpl, reach: vec4f, at: Receivers) -> mat3x4f {
+    if (!HAS_METALS) {
+        return mat3x4f(vec4f(vpl.flux.r), vec4f(vpl.flux.g), vec4f(vpl.flux.b));
+    }
+    return transpose(mat4x3f(
+        flux_towards(vpl, at.a.position - vpl.position, reach.x),
+        flux_towards(vpl, at.b.position - vpl.position, reach.y),
+        flux_towards(vpl, at.c.position - vpl.position, reach.z),
+        flux_towards(vpl, at.d.position - vpl.position, reach.w)));
+}
+
 // Gathers from the VPLs of some words of the pixels' class and stores the results.
 fn gather(place: Place, first_word: u32, word_count: u32) {
     if (any(place.pixel >= view.size)) {
@@ -76,9 +88,10 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
             // Add the light that arrives. The near field takes its share of diffuse light only, not of the coats'.
             let term = geometry.terms * visibility(slot, vpl, at);
             let far = far_field_shares(slot, geometry.squared, at);
-            let red = vpl.flux.r * term;
-            let green = vpl.flux.g * term;
-            let blue = vpl.flux.b * term;
+            let flux = fluxes_of(vpl, geometry.squared + bound, at);
+            let red = flux[0] * term;
+            let green = flux[1] * term;
+            let blue = flux[2] * term;
             if (HAS_COATS) {
                 let coats = shines_of(vpl, geometry.squared + bound, at);
                 let transmitted = far * coats.transmitted;

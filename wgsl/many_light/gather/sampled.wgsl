@@ -40,7 +40,7 @@ fn light_of(vpl: Vpl, near: f32, at: Receiver) -> VplLight {
     let leaving = max(dot(way, vpl.normal), 0.0);
     let arriving = max(-dot(way, at.normal), 0.0);
     let term = leaving * arriving / max(squared * reach, 1e-37);
-    let flux = vpl.flux * term;
+    let flux = flux_towards(vpl, way, reach) * term;
     let far = far_field_share(near, squared, at.near_radius);
     if (!HAS_COATS) {
         return VplLight(flux * far, vec3f(0.0), luminance(flux) * far);

@@ -23,6 +23,16 @@ struct Params {
     seed: u32,
 }
 
+fn store(texel: u32, packed: PackedVpl) {
+    let first = vpl_words() * texel;
+    rsm[first] = packed.place;
+    rsm[first + 1u] = packed.light;
+    if (HAS_METALS) {
+        rsm[first + 2u] = packed.arriving;
+        rsm[first + 3u] = packed.lobe;
+    }
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let texel = id.x;
@@ -50,8 +60,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let sent = sample_ray_of(light, 0.0, uv, uv);
     let hit = trace(sent.ray, FLOAT_MAX);
     if (hit.triangle == NONE || max3(sent.flux) <= 0.0) {
-        rsm[2u * texel] = vec4u(0u);
-        rsm[2u * texel + 1u] = vec4u(0u);
+        store(texel, PackedVpl(vec4u(0u), vec4u(0u), vec4u(0u), vec4u(0u)));
         return;
     }
     // The area is the inverse density of rays on the surface.
@@ -59,7 +68,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
     let falloff = select(1.0 / (hit.distance * hit.distance), 1.0, sent.parallel);
     let area = 1.0 / max(texels * sent.ray_density * cosine * falloff, 1e-30);
-    let v = reflect_flux(s, sent.ray.direction, sent.flux * (light.probability / texels), area);
-    rsm[2u * texel] = pack_vpl_place(v);
-    rsm[2u * texel + 1u] = pack_vpl_light(v);
+    let nearness = select(1.0 / hit.distance, 0.0, sent.parallel);
+    let flux = sent.flux * (light.probability / texels);
+    store(texel, pack_vpl(reflect_flux(s, sent.ray.direction, flux, area, nearness)));
 }

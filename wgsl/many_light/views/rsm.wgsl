@@ -27,7 +27,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let map = rsm_lights[light];
         let texel = (id.xy % cell) * (1u << map.level) / cell;
         let number = map.first + number_of_texel(texel, map.level);
-        let v = unpack_vpl(rsm[2u * number], rsm[2u * number + 1u]);
+        let first = vpl_words() * number;
+        let v = unpack_vpl(PackedVpl(rsm[first], rsm[first + 1u], vec4u(0u), vec4u(0u)));
         let seen = select(0.0, 1.0, v.area > 0.0);
         shown = seen * select(select(v.flux, v.normal, KIND == 1u), v.position, KIND == 0u);
     }

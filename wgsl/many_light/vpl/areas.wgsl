@@ -28,7 +28,15 @@ var<workgroup> discs: array<vec4f, GROUP>;  // position, squared radius
 var<workgroup> normals: array<vec3f, GROUP>;
 
 fn load_resampled(slot: u32) -> Vpl {
-    return unpack_vpl(textureLoad(resampled, vpl_texel(2u * slot)), textureLoad(resampled, vpl_texel(2u * slot + 1u)));
+    let first = vpl_words() * slot;
+    var packed: PackedVpl;
+    packed.place = textureLoad(resampled, vpl_texel(first));
+    packed.light = textureLoad(resampled, vpl_texel(first + 1u));
+    if (HAS_METALS) {
+        packed.arriving = textureLoad(resampled, vpl_texel(first + 2u));
+        packed.lobe = textureLoad(resampled, vpl_texel(first + 3u));
+    }
+    return unpack_vpl(packed);
 }
 
 @compute @workgroup_size(64)
@@ -54,7 +62,13 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     }
     v.area /= max(covered, 1.0);
     if (id.x < params.count) {
-        textureStore(vpls, vpl_texel(2u * slot), pack_vpl_place(v));
-        textureStore(vpls, vpl_texel(2u * slot + 1u), pack_vpl_light(v));
+        let packed = pack_vpl(v);
+        let first = vpl_words() * slot;
+        textureStore(vpls, vpl_texel(first), packed.place);
+        textureStore(vpls, vpl_texel(first + 1u), packed.light);
+        if (HAS_METALS) {
+            textureStore(vpls, vpl_texel(first + 2u), packed.arriving);
+            textureStore(vpls, vpl_texel(first + 3u), packed.lobe);
+        }
     }
 }

@@ -32,9 +32,32 @@ const FIRST_BOUNCE_PAIR: u32 = 3u;
 const MAX_SURVIVAL: f32 = 0.95;
 
 fn store(path: u32, vertex: u32, v: Vpl) {
-    let slot = vertex * params.paths + path;
-    light_paths[2u * slot] = pack_vpl_place(v);
-    light_paths[2u * slot + 1u] = pack_vpl_light(v);
+    let packed = pack_vpl(v);
+    let first = vpl_words() * (vertex * params.paths + path);
+    light_paths[first] = packed.place;
+    light_paths[first + 1u] = packed.light;
+    if (HAS_METALS) {
+        light_paths[first + 2u] = packed.arriving;
+        light_paths[first + 3u] = packed.lobe;
+    }
+}
+
+// Returns the surface at a point, seen along `direction`.
+fn surface_of_point(point: SurfacePoint, direction: vec3f) -> Surface {
+    let t = load_triangle(point.triangle);
+    var position = point.position;
+    if (HAS_INSTANCES && t.instance == NONE) {
+        position = instances[point.instance].local_from_world * vec4f(position, 1.0);
+    }
+    // Scaling keeps the products of tiny or huge edges in range.
+    let scale = 1.0 / max(max3(abs(t.edge1)), max3(abs(t.edge2)));
+    let edge1 = t.edge1 * scale;
+    let edge2 = t.edge2 * scale;
+    let inside = (position - t.v0) * scale;
+    let normal = cross(edge1, edge2);
+    let weights = vec2f(dot(cross(inside, edge2), normal), dot(cross(edge1, inside), normal))
+        / max(dot(normal, normal), 1e-37);
+    return surface_on(t, Hit(0.0, point.triangle, point.instance, saturate(weights)), direction);
 }
 
 // Returns the environment's light that a side of a surface point reflects. The direction is drawn by the environment's
@@ -54,7 +77,7 @@ fn sky_vertex(point: SurfacePoint, area: f32, u: vec2f, choice: vec2f) -> Vpl {
     }
     let cosine = dot(normal, direction);
     let density = mix(cosine * INV_PI, environment_pdf(direction) / max(scene.environment_pdf, 1e-9), picture_share);
-    var v = Vpl(point.position, normal, vec3f(0.0), area);
+    var v = Vpl(point.position, normal, vec3f(0.0), area, no_lobe());
     let radiance = environment_radiance(direction);
     if (cosine <= 0.0 || density <= 0.0 || max3(radiance) <= 0.0) {
         return v;
@@ -63,7 +86,12 @@ fn sky_vertex(point: SurfacePoint, area: f32, u: vec2f, choice: vec2f) -> Vpl {
     let start = point.position + normal * ray_offset(scene_extent());
     if (trace(Ray(start, direction), FLOAT_MAX).triangle == NONE) {
         // Divide by the probability of the side, 1/2.
-        v.flux = point.albedo * radiance * (2.0 * area * cosine / density);
+        let inverse_density = 2.0 * area * cosine / density;
+        v.flux = point.albedo * radiance * inverse_density;
+        if (HAS_METALS && materials[load_triangle(point.triangle).material].metallic > 0.0) {
+            let s = surface_of_point(point, -direction);
+            v = reflect_flux(s, -direction, radiance * inverse_density, area, 0.0);
+        }
     }
     return v;
 }
@@ -73,14 +101,15 @@ fn light_vertex(light: Light, count: f32, choice: f32, u_point: vec2f, u_directi
     let sent = sample_ray_of(light, choice, u_point, u_direction);
     let hit = trace(sent.ray, FLOAT_MAX);
     if (hit.triangle == NONE || max3(sent.flux) <= 0.0) {
-        return Vpl(vec3f(0.0), vec3f(0.0, 0.0, 1.0), vec3f(0.0), 0.0);
+        return Vpl(vec3f(0.0), vec3f(0.0, 0.0, 1.0), vec3f(0.0), 0.0, no_lobe());
     }
     // The area is the inverse density of such rays on the surface.
     let s = surface_at(hit, sent.ray.direction);
     let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
     let falloff = select(1.0 / (hit.distance * hit.distance), 1.0, sent.parallel);
     let area = 1.0 / max(count * light.probability * sent.ray_density * cosine * falloff, 1e-30);
-    return reflect_flux(s, sent.ray.direction, sent.flux / count, area);
+    let nearness = select(1.0 / hit.distance, 0.0, sent.parallel);
+    return reflect_flux(s, sent.ray.direction, sent.flux / count, area, nearness);
 }
 
 // The first vertex of a path: for the path's continuation, and as a candidate.
@@ -110,6 +139,34 @@ fn first_vertex(path: u32, index: u32) -> FirstVertex {
     return FirstVertex(v, candidate);
 }
 
+// A path's next segment.
+struct Sent {
+    direction: vec3f,
+    flux: vec3f,       // W, over the density of the direction
+}
+
+// Draws the direction in which a path leaves a vertex: by the cosine, or by a metal's lobe; `choice` in [0, 1) picks
+// one by its flux.
+fn send_on(v: Vpl, choice: f32, u: vec2f) -> Sent {
+    var wide = 1.0;  // probability
+    if (HAS_METALS && v.lobe.roughness > 0.0) {
+        wide = luminance(v.flux * v.lobe.wide) / max(luminance(v.flux), 1e-37);
+        if (choice >= wide) {
+            let alpha = v.lobe.roughness * v.lobe.roughness;
+            let coat = Brdf(vec3f(0.0), alpha, v.lobe.f0, true, vec3f(0.0), no_coat());
+            let frame = frame_from_normal(v.lobe.normal);
+            let drawn = sample_brdf(coat, v.lobe.to_light * frame, u, 0.0);
+            let direction = frame * drawn.w_i;
+            // Light, unlike importance, leaves by the cosine with the geometric normal (Veach 1997, section 5.3.2).
+            let cosine = dot(v.normal, direction);
+            let share = select(0.0, cosine / (drawn.w_i.z * (1.0 - wide)), cosine > 0.0 && drawn.pdf > 0.0);
+            return Sent(direction, v.lobe.arriving * drawn.weight * share);
+        }
+    }
+    let direction = frame_from_normal(v.normal) * sample_cosine_hemisphere(u);
+    return Sent(direction, v.flux * select(vec3f(1.0), v.lobe.wide / max(wide, 1e-6), v.lobe.roughness > 0.0));
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let path = id.x;
@@ -117,7 +174,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let index = path + sequence.index * params.paths;
-    let vertices = arrayLength(&light_paths) / (2u * params.paths);  // candidates of a path
+    let vertices = arrayLength(&light_paths) / (vpl_words() * params.paths);  // candidates of a path
     let last = vertices - 1u;
 
     let first = first_vertex(path, index);
@@ -143,17 +200,20 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         if (random.x >= survival) {
             break;
         }
-        flux = v.flux / survival;
-        // Trace the next segment in a direction drawn by the cosine.
-        let local = sample_cosine_hemisphere(sobol_2d(index, hash2(pair + 1u, params.seed)));
+        // Trace the next segment.
+        let sent = send_on(v, random.x / survival, sobol_2d(index, hash2(pair + 1u, params.seed)));
+        flux = sent.flux / survival;
         let start = v.position + v.normal * ray_offset(scene_extent());
-        let ray = Ray(start, frame_from_normal(v.normal) * local);
-        let hit = trace(ray, FLOAT_MAX);
+        let ray = Ray(start, sent.direction);
         v.flux = vec3f(0.0);
+        if (max3(flux) <= 0.0) {
+            break;
+        }
+        let hit = trace(ray, FLOAT_MAX);
         if (hit.triangle == NONE) {
             break;
         }
-        v = reflect_flux(surface_at(hit, ray.direction), ray.direction, flux, later_area);
+        v = reflect_flux(surface_at(hit, ray.direction), ray.direction, flux, later_area, 1.0 / hit.distance);
         if (vertex < last) {
             store(path, vertex, v);
         } else if (max3(v.flux) > 0.0) {
@@ -168,7 +228,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     if (last_sum > 0.0) {
         let share = last_sum / luminance(kept.flux);
-        store(path, last, Vpl(kept.position, kept.normal, kept.flux * share, kept.area * share));
+        store(path, last, scale_vpl(kept, share));
     }
     // Leave the other candidates black.
     v.flux = vec3f(0.0);

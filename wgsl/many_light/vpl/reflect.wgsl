@@ -1,4 +1,5 @@
-// The VPL of light that arrives at a surface. All reflected light leaves as diffuse, so there are no caustics.
+// The VPL of light that arrives at a surface. Metals reflect by their lobe. What the coats of other materials reflect
+// leaves as diffuse, so these have no caustics.
 #import "scene/surface.wgsl"
 #import "many_light/vpl/vpl.wgsl"
 #import "deferred/environment/reflectance.wgsl"
@@ -7,13 +8,21 @@
 // surface with a normal map, and bounds the brightest VPLs. tools/README.md, "Constants".
 const MAX_SHADING_RATIO: f32 = 4.0;
 
-// Returns the VPL of a ray that carries `flux`, W, along `direction` and represents `area`, m2, of the surface it hits.
-fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32) -> Vpl {
+// Returns the VPL of a ray that carries `flux`, W, along `direction` and represents `area`, m2, of the surface it hits;
+// `nearness`: inverse distance of its start, 1/m.
+fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32, nearness: f32) -> Vpl {
     let normal = select(-s.geometric_normal, s.geometric_normal, s.front);
     let geometric = max(-dot(normal, direction), 1e-6);
     let shading = max(-dot(s.normal, direction), 0.0);
     let ratio = min(shading / geometric, MAX_SHADING_RATIO);
     let is_lit = (s.flags & UNLIT) == 0u;
-    let reflected = flux * directional_reflectance(surface_brdf(s), shading) * ratio;
-    return Vpl(s.position, normal, select(vec3f(0.0), reflected, is_lit), area);
+    let b = surface_brdf(s);
+    let reflectance = directional_reflectance(b, shading);
+    let reflected = flux * reflectance * ratio;
+    var v = Vpl(s.position, normal, select(vec3f(0.0), reflected, is_lit), area, no_lobe());
+    if (HAS_METALS && b.glossy && s.metallic > 0.0) {
+        let wide = wide_reflectance(b, shading) / max(reflectance, vec3f(1e-6));
+        v.lobe = VplLobe(sqrt(b.alpha), flux * ratio, -direction, nearness, s.normal, b.f0, wide);
+    }
+    return v;
 }

@@ -98,10 +98,14 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     // Divide by the candidate's probability. Rounding of the sums may select a candidate of weight 0, which makes a
     // black VPL.
     let weight = cumulative[s.low] - select(0.0, cumulative[max(s.low, 1u) - 1u], s.low > first);
-    var v = load_candidate(s.low, params.texels);
+    let candidate = load_candidate(s.low, params.texels);
     let share = select(0.0, total / (f32(params.count) * weight), weight > 0.0 && total > 0.0);
-    v.flux *= share;
-    v.area *= share;
-    textureStore(vpls, vpl_texel(2u * slot), pack_vpl_place(v));
-    textureStore(vpls, vpl_texel(2u * slot + 1u), pack_vpl_light(v));
+    let packed = pack_vpl(scale_vpl(candidate, share));
+    let texel = vpl_words() * slot;
+    textureStore(vpls, vpl_texel(texel), packed.place);
+    textureStore(vpls, vpl_texel(texel + 1u), packed.light);
+    if (HAS_METALS) {
+        textureStore(vpls, vpl_texel(texel + 2u), packed.arriving);
+        textureStore(vpls, vpl_texel(texel + 3u), packed.lobe);
+    }
 }

@@ -1,7 +1,7 @@
 // The table of virtual point lights, one slot per light. It is a texture, which CPUs loop over fastest.
 #import "many_light/vpl/vpl.wgsl"
 
-// Two texels per slot, in rows of VPL_TABLE_WIDTH texels.
+// vpl_words() texels per slot, in rows of VPL_TABLE_WIDTH texels.
 @group(1) @binding(40) var vpl_table: texture_storage_2d<rgba32uint, read>;
 
 const VPL_TABLE_WIDTH: u32 = 2048u;
@@ -11,5 +11,13 @@ fn vpl_texel(index: u32) -> vec2u {
 }
 
 fn load_vpl(slot: u32) -> Vpl {
-    return unpack_vpl(textureLoad(vpl_table, vpl_texel(2u * slot)), textureLoad(vpl_table, vpl_texel(2u * slot + 1u)));
+    let first = vpl_words() * slot;
+    var packed: PackedVpl;
+    packed.place = textureLoad(vpl_table, vpl_texel(first));
+    packed.light = textureLoad(vpl_table, vpl_texel(first + 1u));
+    if (HAS_METALS) {
+        packed.arriving = textureLoad(vpl_table, vpl_texel(first + 2u));
+        packed.lobe = textureLoad(vpl_table, vpl_texel(first + 3u));
+    }
+    return unpack_vpl(packed);
 }

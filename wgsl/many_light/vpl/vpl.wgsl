@@ -1,24 +1,78 @@
 // A virtual point light (VPL): a surface point that reflects light like a diffuse emitter (Keller 1997, "Instant
-// Radiosity").
+// Radiosity"); metals also have a lobe (`lobe.wgsl`).
 #import "common/math.wgsl"
+
+override HAS_METALS: bool = true;  // compiled out where no material is metallic
 
 struct Vpl {
     position: vec3f,  // metres relative to the scene's origin
     normal: vec3f,    // unit, geometric, on the side that it lights
-    flux: vec3f,      // W; intensity in a direction w is flux / pi * max(dot(normal, w), 0)
+    flux: vec3f,      // W, reflected; without a lobe, intensity in a direction w is flux / pi * max(dot(normal, w), 0)
     area: f32,        // m2, of the surface that it represents
+    lobe: VplLobe,
 }
 
-// A VPL is two vec4u: position and normal, flux and area.
-fn unpack_vpl(a: vec4u, b: vec4u) -> Vpl {
-    return Vpl(
-        bitcast<vec3f>(a.xyz), octahedral_decode(unpack2x16snorm(a.w)), bitcast<vec3f>(b.xyz), bitcast<f32>(b.w));
+// The GGX lobe of a metal.
+struct VplLobe {
+    roughness: f32,   // 0: no lobe
+    arriving: vec3f,  // W, flux that the surface receives
+    to_light: vec3f,  // unit
+    nearness: f32,    // 1/m, inverse distance of the light
+    normal: vec3f,    // unit, shading
+    f0: vec3f,        // reflectance at normal incidence
+    wide: vec3f,      // share of the flux that does not leave by the lobe: diffuse, or scattered more than once
 }
 
-fn pack_vpl_place(v: Vpl) -> vec4u {
-    return vec4u(bitcast<vec3u>(v.position), pack2x16snorm(octahedral_encode(v.normal)));
+// A VPL in memory: position and normal, flux and area; in scenes with metals also the lobe.
+struct PackedVpl {
+    place: vec4u,
+    light: vec4u,
+    arriving: vec4u,
+    lobe: vec4u,
 }
 
-fn pack_vpl_light(v: Vpl) -> vec4u {
-    return vec4u(bitcast<vec3u>(v.flux), bitcast<u32>(v.area));
+// Returns the number of vec4u of a packed VPL.
+fn vpl_words() -> u32 {
+    return select(2u, 4u, HAS_METALS);
+}
+
+fn no_lobe() -> VplLobe {
+    return VplLobe(0.0, vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0), vec3f(0.0), vec3f(1.0));
+}
+
+fn unpack_vpl(p: PackedVpl) -> Vpl {
+    var v = Vpl(
+        bitcast<vec3f>(p.place.xyz), octahedral_decode(unpack2x16snorm(p.place.w)), bitcast<vec3f>(p.light.xyz),
+        bitcast<f32>(p.light.w), no_lobe());
+    if (HAS_METALS) {
+        let reflectance = unpack4x8unorm(p.lobe.x);
+        v.lobe = VplLobe(
+            reflectance.w, bitcast<vec3f>(p.arriving.xyz), octahedral_decode(unpack2x16snorm(p.arriving.w)),
+            bitcast<f32>(p.lobe.w), octahedral_decode(unpack2x16snorm(p.lobe.z)), reflectance.rgb,
+            unpack4x8unorm(p.lobe.y).rgb);
+    }
+    return v;
+}
+
+fn pack_vpl(v: Vpl) -> PackedVpl {
+    var p = PackedVpl(
+        vec4u(bitcast<vec3u>(v.position), pack2x16snorm(octahedral_encode(v.normal))),
+        vec4u(bitcast<vec3u>(v.flux), bitcast<u32>(v.area)), vec4u(0u), vec4u(0u));
+    if (HAS_METALS && v.lobe.roughness > 0.0) {
+        let l = v.lobe;
+        p.arriving = vec4u(bitcast<vec3u>(l.arriving), pack2x16snorm(octahedral_encode(l.to_light)));
+        p.lobe = vec4u(
+            pack4x8unorm(vec4f(l.f0, max(l.roughness, 1.0 / 255.0))), pack4x8unorm(vec4f(l.wide, 0.0)),
+            pack2x16snorm(octahedral_encode(l.normal)), bitcast<u32>(l.nearness));
+    }
+    return p;
+}
+
+// Returns a VPL of `share` times the light and the area.
+fn scale_vpl(v: Vpl, share: f32) -> Vpl {
+    var scaled = v;
+    scaled.flux *= share;
+    scaled.area *= share;
+    scaled.lobe.arriving *= share;
+    return scaled;
 }

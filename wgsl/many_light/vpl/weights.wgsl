@@ -5,6 +5,7 @@
 // the scene's radius, r = R / 10 bounds near candidates. In: candidates, W, and view samples, metres. Out: cumulative
 // weights within each block, and the blocks' sums. Weights cause no bias: resampling divides by them.
 #import "many_light/vpl/candidates.wgsl"
+#import "many_light/vpl/lobe.wgsl"
 #import "many_light/vpl/view_sample.wgsl"
 #import "scene/info.wgsl"
 
@@ -28,6 +29,13 @@ const WEIGHT_FLOOR: f32 = 0.02;
 
 var<workgroup> sums: array<f32, BLOCK>;
 
+// Returns the light of a candidate in a direction over that of a diffuse one, half of it as if it were diffuse: the view
+// samples may miss the lobe. It is at least as wide as the gaps between 64 samples.
+fn share_towards(v: Vpl, way: vec3f) -> f32 {
+    let reach = 4.0 * v.area;
+    return 0.5 + 0.5 * luminance(flux_towards(v, way, reach)) / max(luminance(v.flux), 1e-37);
+}
+
 // Returns the mean geometry term between a candidate and the view samples, times R^2.
 fn view_importance(v: Vpl) -> f32 {
     let squared_radius = scene.radius * scene.radius;
@@ -36,7 +44,10 @@ fn view_importance(v: Vpl) -> f32 {
         let p = view_samples[k];
         let between = p.position - v.position;
         let squared = dot(between, between);
-        let cosines = max(dot(between, v.normal), 0.0) * max(-dot(between, p.normal), 0.0);
+        var cosines = max(dot(between, v.normal), 0.0) * max(-dot(between, p.normal), 0.0);
+        if (HAS_METALS && cosines > 0.0) {
+            cosines *= share_towards(v, between);
+        }
         importance += p.weight * cosines / max(squared * (squared + 0.01 * squared_radius), 1e-37);
     }
     return importance * squared_radius / f32(arrayLength(&view_samples));
