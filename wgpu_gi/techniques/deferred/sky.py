@@ -42,6 +42,16 @@ def declare_sky(
     coat: Handle = graph.neutral("buffer")
     if scene.features["HAS_COATS"]:
         coat = _declare_share(graph, "sky_coat", settings.rays, scene, gbuffer, ambient, seed, frames, coat=True)
+    return declare_sky_light(graph, scene, gbuffer, ambient, base, coat)
+
+
+def declare_sky_light(
+    graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, ambient: Ambient, base: Handle, coat: Handle
+) -> Buffer:
+    """Declare the environment's reflected light, (r, g, b, 1) per pixel, W/(m2 sr), of given unoccluded shares.
+
+    base, coat: shares of the base's and the coat's light, (r, g, b, -) per pixel; `coat` is read if there are coats.
+    """
     width, height = graph.size
     light = graph.buffer("sky/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     shader = "deferred/sky/light.wgsl"

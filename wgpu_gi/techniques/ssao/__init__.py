@@ -50,7 +50,7 @@ def declare_ssao(graph: Graph, settings: OcclusionOptions, scene: SsdoInputs) ->
         base.shadow_atlas,
         base.ambient,
         settings.seed,
-        occlusion.share,
+        occlusion.sky,
         sources.layers,
     )
     return Light(base.gbuffer.emission, direct, views={"motion": base.motion})

@@ -38,7 +38,7 @@ def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Ligh
     occlusion = declare_occlusion(graph, s, scene, sources, base.ambient, history, seed, scene.frames)
     atlas, layers = base.shadow_atlas, sources.layers
     direct = declare_direct(
-        graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, seed, occlusion.share, layers
+        graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, seed, occlusion.sky, layers
     )
     light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
     # Gather one bounce from the same occluders.

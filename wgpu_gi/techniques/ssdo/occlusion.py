@@ -1,8 +1,7 @@
-"""The share of the environment's light that reaches each pixel past the occluders in screen space.
+"""The environment's light that reaches each pixel past the occluders in screen space.
 
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departures: those of
-`search.py`; the result is a share of the unoccluded irradiance, per colour, that scales the prefiltered environment's
-light.
+`search.py`; a share of the unoccluded irradiance, per colour, scales the prefiltered environment's light.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
+from ..deferred.sky import declare_sky_light
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import Gbuffer
 from ..shared.temporal import TemporalSettings, declare_accumulate
@@ -24,9 +24,9 @@ from .sources import Sources
 
 @dataclass
 class Occlusion:
-    """share: unoccluded share of the environment, (r, g, b, -) per pixel; None: no environment. search: its search."""
+    """sky: the environment's light, occluded, (r, g, b, 1) per pixel, W/(m2 sr); None: no environment."""
 
-    share: Buffer | None
+    sky: Buffer | None
     search: SearchResult
 
 
@@ -56,7 +56,7 @@ def declare_occlusion(
     *,
     directional: bool = True,
 ) -> Occlusion:
-    """Declare the search from each pixel, and the share of the environment's light that arrives.
+    """Declare the search from each pixel, and the environment's light past the occluders.
 
     `frames`: number per still picture. `directional`: False makes the share grey (ambient occlusion).
     """
@@ -81,7 +81,9 @@ def declare_occlusion(
         divisor=search.unoccluded,
     )
     declare_unrepresented(request, search, share)
-    return Occlusion(history.declare(graph, scene, gbuffer, share, "ssdo/share"), search)
+    averaged = history.declare(graph, scene, gbuffer, share, "ssdo/share")
+    # Coats take the base's share.
+    return Occlusion(declare_sky_light(graph, scene, gbuffer, ambient, averaged, averaged), search)
 
 
 def declare_full_resolution(
