@@ -124,8 +124,10 @@ def lamp_room(glossy=False):
     return Scene([Instance(part) for part in parts], cameras=[camera])
 
 
-@pytest.mark.parametrize("glossy", [False, True])
-def test_error_falls_to_below_one_per_cent(glossy):
+# Metals: the mean of 96 frames has a standard error of 0.7 % between seeds, so the bound is three of them. Over four
+# seeds it is 0.4 % from five truths, within the noise.
+@pytest.mark.parametrize(("glossy", "largest_bias"), [(False, 0.01), (True, 0.02)])
+def test_error_falls_with_the_frames(glossy, largest_bias):
     """The mean of more and more frames approaches the path tracer; the bias over the picture is noise."""
     scene = lamp_room(glossy)
     truth = shoot(scene, SIZE, show=("direct",), gi="path", bounces=0, spp=768, diffuse=False)["direct"]
@@ -134,7 +136,7 @@ def test_error_falls_to_below_one_per_cent(glossy):
         got = still(scene, frames, diffuse=False)
         squares.append((((got - truth) / (truth + 0.1 * truth.mean())) ** 2).mean())
     assert squares[1] < squares[0] / 5  # 16 times the frames; the truth has noise, too
-    assert got.mean() == pytest.approx(truth.mean(), rel=0.01)
+    assert got.mean() == pytest.approx(truth.mean(), rel=largest_bias)
 
 
 def test_a_mirror_reflects_a_lamp():

@@ -466,7 +466,7 @@ def test_motion_of_a_camera_is_the_reprojection(jitter):
     renderer.camera = Camera.look_at((0.8, 2.0, 5.5), (0.1, 1.0, 0), yfov_deg=50)
     renderer.step(show=("motion",))
     motion, g = renderer.read_back("motion"), read_surfaces(renderer.graph)
-    offset = pixel_offset(0, picture_count(renderer.settings, renderer.scene))
+    offset = pixel_offset(0, picture_count(renderer.settings, renderer.scene) if jitter else 1)
     position = renderer.camera.position + rays(renderer.camera, SIZE, offset) * g.distance[..., None]
     now, _ = place_of(renderer.camera, SIZE, position)
     then, distance = place_of(before, SIZE, position)
