@@ -33,12 +33,13 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
         return;
     }
     let ray = pixel_ray(pixel);
-    // Rays start from the triangle itself: a pixel on a silhouette may see a point beside it.
+    // Rays start from the triangle itself: a pixel on a silhouette may see a point beside it, and the point is in the
+    // triangle's plane whatever the distance to the camera, so that the offset need not grow with it.
     let seen = load_visibility(pixel);
     let triangle = load_triangle(seen.x);
     let position = point_of_hit(triangle, hit_on_triangle(ray, triangle, seen.x, seen.y));
     let r = receiver(position, surface.normal, surface.geometric_normal, gbuffer_brdf(surface), -ray.direction);
-    let found = scattered_from_emitters(r, pixel_ray_offset(distance_seen), pixel, sequence.index, params.seed);
+    let found = scattered_from_emitters(r, ray_offset(scene_extent()), pixel, sequence.index, params.seed);
     let index = pixel.y * view.size.x + pixel.x;
     let tint = emitter_tint(r.brdf, r.normal, -ray.direction);
     let sum = sum_of(found) / tint;
