@@ -44,7 +44,7 @@ def assert_finite(renderer, what):
         assert name not in LIGHT or (values >= 0).all(), f"{what}: {name} is negative"
 
 
-SLOW = [pytest.param(technique, 1, marks=pytest.mark.slow) for technique in TECHNIQUES]
+SLOW = [pytest.param(technique, 5, marks=pytest.mark.slow) for technique in TECHNIQUES]
 
 
 @pytest.mark.parametrize(("technique", "part"), [("path", 8), *SLOW])

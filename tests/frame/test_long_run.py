@@ -90,7 +90,7 @@ def test_old_gpu_objects_do_not_wait_for_the_cycle_collector():
         gc.enable()
 
 
-@pytest.mark.slow
+@pytest.mark.hour
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("technique", TECHNIQUES)
 @pytest.mark.parametrize(("kind", "count"), [("frames", 3000), ("loads", 300), ("resizes", 1000)])
