@@ -310,7 +310,7 @@ def read_scene(path: Path) -> None:
 
 def read_environment(path: Path) -> None:
     """Load an environment map."""
-    check_scene(Scene(environment=load_environment(path, [], max_memory=MAX_MEMORY)))
+    check_scene(Scene(environment=load_environment(path, max_memory=MAX_MEMORY)))
 
 
 def read_cameras(path: Path) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.files.environment_files import load_environment, read_hdr
+from wgpu_gi.scene.files.notes import Notes
 
 HEADER = b"#?RADIANCE\n# a comment\nFORMAT=32-bit_rle_rgbe\n"
 
@@ -123,10 +124,11 @@ def test_row_zero_is_the_top(tmp_path):
 
 def test_invalid_pixels_are_replaced_with_a_note(tmp_path):
     plane = np.array([[1, np.nan, np.inf, -np.inf], [-1, 1e20, 0, 2]], np.float32)
-    notes = []
+    notes = Notes()
     image = load_environment(write_exr(tmp_path / "bad.exr", dict.fromkeys("RGB", plane)), notes).image
     np.testing.assert_array_equal(image[..., 0], np.array([[1, 0, 0, 0], [0, 1e10, 0, 2]], np.float32))
-    assert len(notes) == 1 and "12 negative, NaN or infinite" in notes[0] and "3 limited" in notes[0]
+    (note,) = notes.sentences
+    assert "12 negative, NaN or infinite" in note and "3 limited" in note
 
 
 @pytest.mark.parametrize(

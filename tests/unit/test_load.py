@@ -185,3 +185,13 @@ def test_no_environment_to_change():
 def test_bad_lights(text, sentence):
     with pytest.raises(GiError, match=sentence):
         parse_light(text)
+
+
+def test_strict_loading_refuses_damage_but_not_approximation(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text("mtllib missing.mtl\n" + TRIANGLE)
+    assert "missing.mtl" in load(path).notes[0]
+    with pytest.raises(GiError, match=r"missing\.mtl.*--strict"):
+        load(path, strict=True)
+    path.write_text(TRIANGLE + "f 1 2 2\n")
+    assert "degenerate" in load(path, strict=True).notes[0]

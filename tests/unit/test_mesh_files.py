@@ -11,6 +11,7 @@ from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.color import linear_from_srgb
 from wgpu_gi.scene.files.memory import MemoryBudget
 from wgpu_gi.scene.files.mesh_files import load_mesh_file
+from wgpu_gi.scene.files.notes import Notes
 from wgpu_gi.scene.files.obj import Textures, read_mtl
 
 SQUARE = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
@@ -176,9 +177,9 @@ def test_unusable_mtl_rows_become_notes(tmp_path, row, sentence):
     ihdr = b"IHDR" + (9000).to_bytes(4, "big") * 2 + bytes([8, 2, 0, 0, 0])
     ihdr_chunk = bytes([0, 0, 0, 13]) + ihdr + zlib.crc32(ihdr).to_bytes(4, "big")
     write(tmp_path, "huge.png", b"\x89PNG\r\n\x1a\n" + ihdr_chunk + bytes(4) + b"IDAT" + bytes(4))
-    notes = []
+    notes = Notes()
     material = read_mtl(f"newmtl m\n{row}\n", ["m"], Textures(tmp_path, notes, MemoryBudget()))["m"]
-    assert len(notes) == 1 and sentence in notes[0]
+    assert len(notes.sentences) == 1 and sentence in notes.sentences[0]
     assert max(material.base_color) <= 1 and min(material.emission) >= 0 and np.isfinite(material.emission).all()
 
 

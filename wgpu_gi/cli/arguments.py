@@ -78,6 +78,7 @@ def build_parser() -> Parser:
 
 USAGE = "[OPTIONS] [SCENE]"
 ADAPTER_HELP = "use the adapter whose name contains NAME (wgpu-gi info lists them)"
+STRICT_HELP = "refuse damaged files; by default a damaged part is left out, with a note"
 SET_HELP = "change a setting, repeatable; 'help' lists the technique's settings, 'help=all' lists all"
 
 
@@ -147,6 +148,7 @@ def _add_loading_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="GIB",
         help=f"the most that a file may unpack to, default {MAX_MEMORY / GIB:g} GiB",
     )
+    add("--strict", action="store_true", help=STRICT_HELP)
 
 
 def _add_render_arguments(parser: Parser) -> None:
@@ -251,6 +253,7 @@ def _add_stress_arguments(parser: Parser) -> None:
     add("--kinds", metavar="A,B,C", help="kinds of random scenes, default all")
     add("--seeds", type=parse_seeds, default=range(0, 100), metavar="A:B", help="seeds A to B-1, default 0:100")
     add("--scene", metavar="FILE", help="a file or a built-in scene instead of random ones")
+    add("--strict", action="store_true", help=f"with --scene: {STRICT_HELP}")
     add("--env", metavar="ENV", help="with --scene: an .hdr or .exr file, or a constant radiance R,G,B")
     add("--size", type=parse_size, default=(64, 36), metavar="WxH", help="pixels, default 64x36")
 

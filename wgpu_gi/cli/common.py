@@ -19,6 +19,7 @@ from ..scene.files.camera_files import choose_camera
 from ..scene.files.environment_files import load_environment
 from ..scene.files.light_texts import parse_light, relight
 from ..scene.files.memory import MAX_MEMORY
+from ..scene.files.notes import Notes
 from ..scene.load import NO_CAMERA_NOTE, load
 from ..scene.scene import Scene
 from ..settings import apply_quality, assign, cells_of, describe, format_rows, validate
@@ -100,14 +101,19 @@ def without_effect(settings: Settings, texts: Sequence[str]) -> list[str]:
 
 
 def load_scene(
-    source: str, env: str | None, lights: Sequence[str], changes: Sequence[str], max_memory: int = MAX_MEMORY
+    source: str,
+    env: str | None,
+    lights: Sequence[str],
+    changes: Sequence[str],
+    max_memory: int = MAX_MEMORY,
+    strict: bool = False,
 ) -> Scene:
     """Load a scene, set its environment, add `lights` and apply `changes` to lights; all in command-line syntax."""
-    notes: list[str] = []
+    notes = Notes(strict)
     added = [parse_light(text) for text in lights]
     environment = None if env is None else load_environment(env, notes, max_memory=max_memory)
-    scene = load(source, environment=environment, lights=added, max_memory=max_memory)
-    scene.notes.extend(notes)
+    scene = load(source, environment=environment, lights=added, max_memory=max_memory, strict=strict)
+    scene.notes.extend(notes.sentences)
     for text in changes:
         relight(scene, text)
     return scene
@@ -116,7 +122,14 @@ def load_scene(
 def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Scene, Camera]:
     """Load the scene of the arguments, choose its camera and print its notes."""
     with say.timed(f"loading {source}"):
-        scene = load_scene(source, arguments.env, arguments.light, arguments.relight, arguments.max_memory)
+        scene = load_scene(
+            source,
+            arguments.env,
+            arguments.light,
+            arguments.relight,
+            arguments.max_memory,
+            arguments.strict,
+        )
         camera = choose_camera(scene, arguments.camera, Path(source).parent)
     for note in scene.notes:
         if note != NO_CAMERA_NOTE or arguments.camera is None:

@@ -100,7 +100,7 @@ def _scenes(arguments: Namespace) -> tuple[Callable[[str, int], Scene], tuple[st
         if arguments.env is not None:
             raise GiError("--env goes with --scene; random scenes have their own sky")
         return make_scene, _chosen("--kinds", arguments.kinds, KINDS), []
-    scene = load_scene(arguments.scene, arguments.env, [], [])
+    scene = load_scene(arguments.scene, arguments.env, [], [], strict=arguments.strict)
 
     def the_scene(kind: str, seed: int) -> Scene:
         return scene

@@ -12,6 +12,7 @@ from .check import check_scene
 from .files.camera_files import framing_camera
 from .files.memory import MAX_MEMORY, MemoryBudget
 from .files.mesh_files import MESH_EXTENSIONS, load_mesh_file
+from .files.notes import Notes
 from .files.read import read_file
 from .rules import shown
 from .scene import Environment, Light, Scene
@@ -30,27 +31,31 @@ def load(
     environment: Environment | None = None,
     lights: Sequence[Light] = (),
     max_memory: int = MAX_MEMORY,
+    strict: bool = False,
 ) -> Scene:
     """Load a scene: a built-in name ("cornell") or a .glb, .gltf, .obj, .ply, .stl or .off file.
 
     `environment` replaces the scene's, `lights` are added to its own. A scene that then has no source of light gets a
     white sky of radiance 1, and one without a camera gets a camera that frames it; `Scene.notes` says so. A bare name
-    is a built-in scene, even if a file has that name; files need their extension. Raises GiError for unknown names and
-    extensions, with a list of the known ones, for missing, empty and damaged files, and for a file that unpacks to more
-    than `max_memory` bytes (decoded textures, decompressed geometry).
+    is a built-in scene, even if a file has that name; files need their extension. A damaged part of a file is left out
+    with a note, or raises GiError if `strict`.
+
+    Raises GiError for unknown names and extensions, with a list of the known ones, for missing, empty and truncated
+    files and those with nothing to show, and for a file that unpacks to more than `max_memory` bytes (decoded textures,
+    decompressed geometry).
     """
     if not isinstance(source, (str, os.PathLike)):
         raise GiError(f"a scene is loaded from a name or a path, not from {shown(source)}")
-    path, budget = Path(source), MemoryBudget(max_memory)
+    path, budget, notes = Path(source), MemoryBudget(max_memory), Notes(strict)
     extension = path.suffix.lower()
     if str(source) in BUILTIN_SCENES:
         scene = builtin_scene(str(source))
     elif extension in GLTF_EXTENSIONS:
         from .gltf.load import load_gltf
 
-        scene = load_gltf(path, budget)
+        scene = load_gltf(path, budget, notes)
     elif extension in MESH_EXTENSIONS:
-        scene = load_mesh_file(path, budget)
+        scene = load_mesh_file(path, budget, notes)
     else:
         raise _unknown(path)
     if environment is not None:

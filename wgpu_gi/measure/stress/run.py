@@ -175,7 +175,7 @@ def _failure(plan: Plan, studio: Studio, record: Record, finding: Finding, scene
 
 
 def _loaded(path: str, environment: str | None) -> Scene:
-    return load(path, environment=None if environment is None else load_environment(environment, []))
+    return load(path, environment=None if environment is None else load_environment(environment))
 
 
 def _fails_alike(studio: Studio, case: Case, state: State, failure: str) -> bool:

@@ -19,6 +19,7 @@ from ...pictures.exr_files import read_exr
 from ...webgpu_limits import MAX_TEXTURE_SIDE
 from ..scene import Environment
 from .memory import MAX_MEMORY, MemoryBudget
+from .notes import Notes
 from .read import read_file
 
 ENVIRONMENT_EXTENSIONS = (".hdr", ".pic", ".exr")
@@ -32,7 +33,7 @@ MOST_PIXELS = 16384 * 8192
 LARGEST_RADIANCE = 1e10
 
 
-def load_environment(text: str | Path, notes: list[str] | None = None, *, max_memory: int = MAX_MEMORY) -> Environment:
+def load_environment(text: str | Path, notes: Notes | None = None, *, max_memory: int = MAX_MEMORY) -> Environment:
     """Return the environment that `text` names: "R,G,B" (constant radiance, W/(m2 sr)) or a .hdr, .pic or .exr file.
 
     Maps are equirectangular with -Z at the left edge, +X at a quarter of the width and +Y on top. Negative, NaN and
@@ -66,7 +67,7 @@ def _constant_color(text: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _sanitise(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> None:
+def _sanitise(image: NDArray[np.float32], path: Path, notes: Notes | None) -> None:
     """Replace values that cannot be radiance by 0, and limit others to LARGEST_RADIANCE, in place."""
     bad = absurd = 0
     for row in image:
@@ -76,13 +77,13 @@ def _sanitise(image: NDArray[np.float32], path: Path, notes: list[str] | None) -
         absurd += int(np.count_nonzero(row > LARGEST_RADIANCE))
         np.minimum(row, np.float32(LARGEST_RADIANCE), out=row)
     if (bad or absurd) and notes is not None:
-        notes.append(
+        notes.damage(
             f"environment {path}: {bad} negative, NaN or infinite values were set to 0, "
             f"{absurd} limited to {LARGEST_RADIANCE:g}"
         )
 
 
-def _reduced(image: NDArray[np.float32], path: Path, notes: list[str] | None) -> NDArray[np.float32]:
+def _reduced(image: NDArray[np.float32], path: Path, notes: Notes | None) -> NDArray[np.float32]:
     """Average blocks of a map that is too large for a texture; radiance keeps its mean."""
     height, width, _ = image.shape
     step = -(-max(height, width) // MAX_TEXTURE_SIDE)
@@ -90,7 +91,7 @@ def _reduced(image: NDArray[np.float32], path: Path, notes: list[str] | None) ->
         return image
     rows, columns = height // step, width // step
     if notes is not None:
-        notes.append(f"environment {path}: {width}x{height} pixels were averaged to {columns}x{rows}")
+        notes.add(f"environment {path}: {width}x{height} pixels were averaged to {columns}x{rows}")
     total = np.zeros((rows, columns, 3), np.float32)
     for y in range(step):
         for x in range(step):

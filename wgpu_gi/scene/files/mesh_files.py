@@ -25,6 +25,7 @@ from ...errors import GiError
 from ...pictures.color import linear_from_srgb
 from ..scene import Scene
 from .memory import MemoryBudget
+from .notes import Notes
 from .obj import read_obj
 from .raw_mesh import RawMesh, fans, scene_from_raw
 from .read import read_file
@@ -32,7 +33,7 @@ from .read import read_file
 MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off")
 
 
-def load_mesh_file(path: str | Path, budget: MemoryBudget | None = None) -> Scene:
+def load_mesh_file(path: str | Path, budget: MemoryBudget | None = None, notes: Notes | None = None) -> Scene:
     """Load an OBJ, PLY, STL or OFF file as a scene of one mesh, without lights and cameras.
 
     Positions are stored relative to the box centre, which is the instance's translation (float64). `Scene.notes` says
@@ -44,12 +45,12 @@ def load_mesh_file(path: str | Path, budget: MemoryBudget | None = None) -> Scen
     extension = path.suffix.lower()
     if extension not in MESH_EXTENSIONS:
         raise GiError(f"{path}: {extension or 'no extension'} is not a mesh format; use {' '.join(MESH_EXTENSIONS)}")
-    notes: list[str] = []
+    notes = notes or Notes()
     raw = _READERS[extension](path, notes, budget or MemoryBudget())
     return scene_from_raw(raw, path.stem, str(path), notes)
 
 
-def _read_ply(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
+def _read_ply(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
     from trimesh.exchange.ply import load_ply
 
     data = read_file(path, "PLY file")
@@ -64,7 +65,7 @@ def _read_ply(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
             raise GiError(f"{path} is not a readable PLY file: {reason}") from None
 
 
-def _read_stl(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
+def _read_stl(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
     from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
 
     data = read_file(path, "STL file")
@@ -88,11 +89,11 @@ def _read_stl(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
         except Exception:  # trimesh lets any of numpy's exceptions through
             raise GiError(f"{path} is not a readable STL file: damaged or another format") from None
     if len(meshes) > 1:
-        notes.append(f"{path}: its {len(meshes)} solids were joined into one mesh")
+        notes.add(f"{path}: its {len(meshes)} solids were joined into one mesh")
     return _join(meshes)
 
 
-def _read_off(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
+def _read_off(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
     """Read a text OFF file; skip colours and normals. trimesh cannot read its polygons of five corners."""
     text = read_file(path, "OFF file").decode("utf-8-sig", errors="replace")
     lines = [words for line in text.splitlines() if (words := line.split("#")[0].split())]
@@ -177,7 +178,7 @@ def _join(meshes: list[RawMesh]) -> RawMesh:
     )
 
 
-_READERS: dict[str, Callable[[Path, list[str], MemoryBudget], RawMesh]] = {
+_READERS: dict[str, Callable[[Path, Notes, MemoryBudget], RawMesh]] = {
     ".obj": read_obj,
     ".ply": _read_ply,
     ".stl": _read_stl,

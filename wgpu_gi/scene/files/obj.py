@@ -19,6 +19,7 @@ from ...float_limits import LARGEST_LIGHT
 from ...pictures.color import linear_from_srgb
 from ..scene import Image, Material, Texture
 from .memory import MemoryBudget
+from .notes import Notes
 from .raw_mesh import RawMesh, clay, default_material, fans
 from .read import path_inside, read_file
 
@@ -26,7 +27,7 @@ from .read import path_inside, read_file
 TEXTURE_OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
 
 
-def read_obj(path: Path, notes: list[str], budget: MemoryBudget) -> RawMesh:
+def read_obj(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
     """Read polygons, normals, texture coordinates, vertex colours and materials of an OBJ file.
 
     There is one vertex for each distinct `v/vt/vn`. Vertex colours (`v x y z r g b`) are sRGB, as Blender and MeshLab
@@ -150,7 +151,7 @@ def _flip_v(texcoords: NDArray[np.float64] | None) -> NDArray[np.float64] | None
 
 
 def _materials(
-    path: Path, libraries: list[str], names: list[str], notes: list[str], budget: MemoryBudget
+    path: Path, libraries: list[str], names: list[str], notes: Notes, budget: MemoryBudget
 ) -> list[Material]:
     """Return a material for each name in use; a missing one becomes grey, with a note."""
     known: dict[str, Material] = {}
@@ -159,19 +160,19 @@ def _materials(
     for library in dict.fromkeys(libraries):
         file = path_inside(path.parent, library)
         if file is None:
-            notes.append(f"material library {library!r} lies outside the scene's folder; its materials become grey")
+            notes.damage(f"material library {library!r} lies outside the scene's folder; its materials become grey")
             unread += 1
             continue
         try:
             text = read_file(file, "material library").decode("utf-8-sig", errors="replace")
         except GiError as error:
-            notes.append(f"{error}; its materials become grey")
+            notes.damage(f"{error}; its materials become grey")
             unread += 1
             continue
         known |= read_mtl(text, names, textures)
     missing = [name for name in names if name not in known]
     if missing and not unread:
-        notes.append(f"{path}: no material library defines {', '.join(map(repr, missing[:5]))}; they become grey")
+        notes.damage(f"{path}: no material library defines {', '.join(map(repr, missing[:5]))}; they become grey")
     return [known.get(name) or clay() for name in names]
 
 
@@ -203,7 +204,7 @@ def _material(name: str, block: dict[str, str], textures: Textures) -> Material:
     material.base_color_texture = textures.of_row(block.get("map_kd"))
     if diffuse is not None:
         if max(diffuse) > 1:
-            notes.append(f"material {name!r}: Kd is above 1, more than a surface can reflect; it was limited to 1")
+            notes.add(f"material {name!r}: Kd is above 1, more than a surface can reflect; it was limited to 1")
         material.base_color = (*(min(c, 1.0) for c in diffuse), 1.0)  # type: ignore[assignment]
     if material.base_color_texture and (diffuse is None or max(diffuse) == 0):
         material.base_color = (1.0, 1.0, 1.0, 1.0)
@@ -216,7 +217,7 @@ def _material(name: str, block: dict[str, str], textures: Textures) -> Material:
     # Transparency.
     opaque = min(_values(block, "d"), default=1.0 - max(_values(block, "tr"), default=0.0)) >= 1.0
     if "map_d" in block or not opaque:
-        notes.append(f"material {name!r}: transparency is ignored; it is shown opaque")
+        notes.add(f"material {name!r}: transparency is ignored; it is shown opaque")
     return material
 
 
@@ -228,14 +229,14 @@ def _values(block: dict[str, str], key: str) -> list[float]:
         return []
 
 
-def _color(name: str, key: str, block: dict[str, str], notes: list[str]) -> tuple[float, float, float] | None:
+def _color(name: str, key: str, block: dict[str, str], notes: Notes) -> tuple[float, float, float] | None:
     """Return an MTL colour (one number means grey); None if it is absent, or malformed, with a note."""
     if key.lower() not in block:
         return None
     values = _values(block, key.lower())
     values = values * 3 if len(values) == 1 else values
     if len(values) != 3 or not all(0.0 <= value <= LARGEST_LIGHT for value in values):
-        notes.append(f"material {name!r}: {key} {block[key.lower()]!r} is not a colour; it was ignored")
+        notes.damage(f"material {name!r}: {key} {block[key.lower()]!r} is not a colour; it was ignored")
         return None
     return values[0], values[1], values[2]
 
@@ -243,7 +244,7 @@ def _color(name: str, key: str, block: dict[str, str], notes: list[str]) -> tupl
 class Textures:
     """The textures in the files below `folder`, each decoded once; `notes` receives what cannot be shown."""
 
-    def __init__(self, folder: Path, notes: list[str], budget: MemoryBudget) -> None:
+    def __init__(self, folder: Path, notes: Notes, budget: MemoryBudget) -> None:
         self.notes = notes
         self._folder = folder
         self._budget = budget
@@ -276,17 +277,17 @@ class Textures:
         )  # imports Pillow, which few scenes here need
 
         if file is None:
-            self.notes.append(f"texture {name!r} lies outside the scene's folder; the plain colour is used")
+            self.notes.damage(f"texture {name!r} lies outside the scene's folder; the plain colour is used")
             return None
         try:
             encoded = read_file(file, "texture")
         except GiError as error:
-            self.notes.append(f"{error}; the plain colour is used")
+            self.notes.damage(f"{error}; the plain colour is used")
             return None
         with without_warnings():
             pixels = decode_image(open_image(encoded, self._budget, f"texture {file}"))
         if isinstance(pixels, str):
-            self.notes.append(f"texture {file} cannot be used: {pixels}; the plain colour is used")
+            self.notes.damage(f"texture {file} cannot be used: {pixels}; the plain colour is used")
             return None
         return Texture(Image(pixels, name))
 

@@ -11,6 +11,7 @@ from ...errors import GiError
 from ...float_limits import MAX_COORDINATE
 from ..mesh_cleaning import has_area, unit_rows, used_vertices
 from ..scene import Instance, Material, Mesh, Scene
+from .notes import Notes
 
 
 @dataclass
@@ -48,7 +49,7 @@ def default_material(colors: NDArray | None) -> Material:
     return clay() if colors is None else Material(name="vertex colours")
 
 
-def scene_from_raw(raw: RawMesh, name: str, source: str, notes: list[str]) -> Scene:
+def scene_from_raw(raw: RawMesh, name: str, source: str, notes: Notes) -> Scene:
     """Check `raw`, drop what cannot be shown, move it to its box centre and return a Scene with one instance.
 
     Positions are stored relative to the centre of the bounding box, which goes into `world_from_local` in float64:
@@ -64,7 +65,7 @@ def scene_from_raw(raw: RawMesh, name: str, source: str, notes: list[str]) -> Sc
     if not kept.any():
         raise GiError(f"{source}: all {len(kept)} triangles are degenerate (no area); nothing to render")
     if not kept.all():
-        notes.append(f"{source}: {np.count_nonzero(~kept)} degenerate triangles (no area) were left out")
+        notes.add(f"{source}: {np.count_nonzero(~kept)} degenerate triangles (no area) were left out")
     # Make the mesh and place it.
     mesh = Mesh(
         positions=positions,
@@ -78,7 +79,7 @@ def scene_from_raw(raw: RawMesh, name: str, source: str, notes: list[str]) -> Sc
     )
     world_from_local = np.eye(4)
     world_from_local[:3, 3] = centre
-    return Scene(instances=[Instance(mesh, world_from_local, name)], name=name, notes=notes)
+    return Scene(instances=[Instance(mesh, world_from_local, name)], name=name, notes=notes.sentences)
 
 
 def _check_indices(raw: RawMesh, source: str) -> None:

@@ -14,6 +14,7 @@ from urllib.parse import unquote, unquote_to_bytes
 
 from ...errors import GiError
 from ..files.memory import MemoryBudget
+from ..files.notes import Notes
 from ..files.read import path_inside, read_file
 from .json_object import JsonObject
 
@@ -38,12 +39,12 @@ SUPPORTED_EXTENSIONS = {
 
 
 class Document:
-    """The JSON of a glTF file (`root`), its binary chunk or None, its budget, and the notes collected while reading."""
+    """The JSON of a glTF file (`root`), its binary chunk or None, its budget, and the notes of the load."""
 
-    def __init__(self, path: Path, budget: MemoryBudget) -> None:
+    def __init__(self, path: Path, budget: MemoryBudget, notes: Notes) -> None:
         self.path = path
         self.budget = budget
-        self._notes: dict[str, None] = {}  # an ordered set
+        self.notes = notes
         self._arrays: dict[str, list[JsonObject]] = {}
         data = read_file(path, "scene file")
         self.binary: memoryview | None = None
@@ -71,15 +72,6 @@ class Document:
             label = f" {name[:40]!r}" if isinstance(name, str) and name else ""
             objects.append(JsonObject(element, f"{self.path.name}: {key}[{i}]{label}"))
         return objects
-
-    def note(self, sentence: str) -> None:
-        """Add a sentence for the user about a change or an omission, unless it is already there."""
-        self._notes[sentence] = None
-
-    @property
-    def notes(self) -> list[str]:
-        """All sentences in order."""
-        return list(self._notes)
 
     def read_uri(self, owner: JsonObject) -> bytes:
         """Return the bytes of `owner`'s uri: a data URI, or a file inside the folder of the scene.
@@ -119,7 +111,7 @@ class Document:
             raise GiError(f"{self.path.name} requires {names}, which are not supported; export without them")
         ignored = sorted(set(lists["extensionsUsed"]) - SUPPORTED_EXTENSIONS)
         if ignored:
-            self.note(f"Extensions that are not supported and were ignored: {', '.join(map(repr, ignored))}.")
+            self.notes.add(f"Extensions that are not supported and were ignored: {', '.join(map(repr, ignored))}.")
 
 
 def _split_glb(name: str, data: bytes) -> tuple[memoryview, memoryview | None]:

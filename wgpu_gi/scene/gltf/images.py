@@ -66,6 +66,6 @@ class Images:
         uri = image.text("uri")
         name = image.text("name") or ("" if uri[:5].lower() == "data:" else uri)
         if isinstance(pixels, str):
-            self._document.note(f"{image.where} {name[:80]!r} was left out: {pixels}.")
+            self._document.notes.damage(f"{image.where} {name[:80]!r} was left out: {pixels}.")
             return None
         return Image(pixels, name)

@@ -16,6 +16,7 @@ from ...camera import Camera
 from ...errors import GiError
 from ...float_limits import LARGEST_HEIGHT, LARGEST_LIGHT, LARGEST_YFOV, MAX_COORDINATE, SMALLEST_HEIGHT, SMALLEST_YFOV
 from ..files.memory import MemoryBudget
+from ..files.notes import Notes
 from ..scene import DirectionalLight, Instance, Light, PointLight, Scene, SpotLight
 from .accessors import Accessors
 from .document import Document
@@ -30,14 +31,14 @@ _RIGID = 1e-14  # error of the products of a rotation's axes: some roundings of 
 _NOTHING = 1e-18  # scale at which anything is invisible
 
 
-def load_gltf(path: Path, budget: MemoryBudget | None = None) -> Scene:
+def load_gltf(path: Path, budget: MemoryBudget | None = None, notes: Notes | None = None) -> Scene:
     """Return the default scene of a .gltf or .glb file, which may unpack to the bytes of `budget`.
 
     Each glTF mesh becomes one Mesh, shared by the instances of all nodes that refer to it. Lights and cameras have the
     name of their node, or else their own. Raises GiError if the file is damaged, needs an extension that is not
     supported or a decoder that is not installed, refers to files outside its folder, or has no triangles.
     """
-    document = Document(path, budget or MemoryBudget())
+    document = Document(path, budget or MemoryBudget(), notes or Notes())
     nodes = Nodes(document)
     shown = nodes.shown()
     scene = Scene(name=nodes.scene_name() or path.stem)
@@ -45,7 +46,7 @@ def load_gltf(path: Path, budget: MemoryBudget | None = None) -> Scene:
     scene.lights = _lights(document, nodes, shown)
     scene.cameras = _cameras(document, nodes, shown)
     _note_rest_pose(document)
-    scene.notes = document.notes
+    scene.notes = document.notes.sentences
     return scene
 
 
@@ -83,9 +84,10 @@ def _instances(document: Document, nodes: Nodes, shown: list[int]) -> list[Insta
     # Note what was left out.
     meshes.note_left_out()
     if flat:
-        document.note(f"Objects scaled to zero were left out: {some(flat)}.")
+        document.notes.add(f"Objects scaled to zero were left out: {some(flat)}.")
     if not instances:
-        raise GiError(f"{document.path.name}: there are no triangles to show. {' '.join(document.notes)}".rstrip())
+        reasons = " ".join(document.notes.sentences)
+        raise GiError(f"{document.path.name}: there are no triangles to show. {reasons}".rstrip())
     return instances
 
 
@@ -116,7 +118,7 @@ def _lights(document: Document, nodes: Nodes, shown: list[int]) -> list[Light]:
             source = descriptions[reference.index("light", len(descriptions), "lights")]
             light = _light(source, nodes.world[node], description.text("name") or source.text("name"))
             if light is None:
-                document.note(f"{description.where}: its light was left out, because its direction is scaled to zero.")
+                document.notes.add(f"{description.where}: its light was left out; its direction is scaled to zero.")
             else:
                 lights.append(light)
     return lights
@@ -161,7 +163,7 @@ def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]
         name = description.text("name") or source.text("name")
         pose = _rigid(nodes.world[node])
         if pose is None:
-            document.note(f"{description.where}: its camera was left out, because its axes are scaled to zero.")
+            document.notes.add(f"{description.where}: its camera was left out, because its axes are scaled to zero.")
         elif source.choice("type", {"perspective": False, "orthographic": True}):
             height = 2.0 * source.child("orthographic").number("ymag", low=SMALLEST_HEIGHT / 2, high=LARGEST_HEIGHT / 2)
             cameras.append(Camera(pose, orthographic_height=height, name=name))
@@ -202,4 +204,4 @@ def _note_rest_pose(document: Document) -> None:
     kinds = [kind for kind, present in moving.items() if present]
     if kinds:
         listed = " and ".join([", ".join(kinds[:-1])] * (len(kinds) > 1) + kinds[-1:])
-        document.note(f"{listed.capitalize()} are shown in their rest pose.")
+        document.notes.add(f"{listed.capitalize()} are shown in their rest pose.")

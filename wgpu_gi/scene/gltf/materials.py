@@ -42,7 +42,7 @@ class Materials:
             self._materials[index] = self._read(description)
         blended = [d.text("name") or f"materials[{i}]" for i, d in wanted if d.raw.get("alphaMode") == "BLEND"]
         if blended:
-            self._document.note(
+            self._document.notes.add(
                 f"Alpha blending is not supported; {some(blended)} became alpha masks: surfaces below 50 % opacity are "
                 "cut away, all others are opaque."
             )
@@ -86,7 +86,7 @@ class Materials:
     def _fractions(self, pbr: JsonObject, key: str, values: Sequence[float]) -> list[float]:
         """Return `values` limited to 1, above which a surface would reflect more light than it receives."""
         if max(values) > 1.0:
-            self._document.note(f"{pbr.where}: {key} is above 1; it was set to 1.")
+            self._document.notes.add(f"{pbr.where}: {key} is above 1; it was set to 1.")
         return [min(value, 1.0) for value in values]
 
     def _texture(self, info: JsonObject) -> Texture | None:
@@ -96,7 +96,7 @@ class Materials:
         transform = info.extension("KHR_texture_transform") or JsonObject({}, info.where)
         texcoord = transform.integer("texCoord", info.integer("texCoord", 0))
         if image is not None and texcoord not in _TEXCOORDS:
-            self._document.note(
+            self._document.notes.add(
                 f"{info.where} was left out: it uses texture coordinate set {texcoord}; only 0 and 1 are supported."
             )
             return None
@@ -129,7 +129,7 @@ class Materials:
         for owner in (texture.extension("EXT_texture_webp"), texture):
             if owner is not None and "source" in owner:
                 return owner.index("source", len(self._images), "images")
-        self._document.note(f"{texture.where} was left out: it has no PNG, JPEG or WebP image.")
+        self._document.notes.add(f"{texture.where} was left out: it has no PNG, JPEG or WebP image.")
         return None
 
 

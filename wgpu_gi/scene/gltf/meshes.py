@@ -87,8 +87,8 @@ class Meshes:
         """Note how many degenerate triangles were left out."""
         count = sum(self._without_area.values())
         if count:
-            names = some(list(self._without_area))
-            self._document.note(f"{count} degenerate triangle{'s' * (count > 1)} (no area) were left out, in {names}.")
+            names, s = some(list(self._without_area)), "s" * (count > 1)
+            self._document.notes.add(f"{count} degenerate triangle{s} (no area) were left out, in {names}.")
 
     def _material(self, primitive: JsonObject) -> int | None:
         if "material" not in primitive:
@@ -103,10 +103,10 @@ class Meshes:
         for number, primitive in enumerate(self._descriptions[index].objects("primitives")):
             mode = primitive.integer("mode", _TRIANGLES, high=6)
             if mode < _TRIANGLES:
-                self._document.note("Points and lines were left out; only triangles are shown.")
+                self._document.notes.add("Points and lines were left out; only triangles are shown.")
                 continue
             if "POSITION" not in primitive.child("attributes"):
-                self._document.note(f"{primitive.where} was left out: it has no POSITION.")
+                self._document.notes.add(f"{primitive.where} was left out: it has no POSITION.")
                 continue
             draco = self._draco(primitive)
             if draco is not None or joints is not None:
@@ -122,7 +122,7 @@ class Meshes:
         finished = [self._finish(index, part) for part in parts.values()]
         finished = [part for part in finished if len(part.triangles[0])]
         if not finished:
-            self._document.note(f"Mesh {self.name(index)[:60]!r} was left out: none of its triangles has an area.")
+            self._document.notes.add(f"Mesh {self.name(index)[:60]!r} was left out: none of its triangles has an area.")
             return None
         return self._merge(index, finished, [self._materials.get(material) for material in slot_of_material])
 
@@ -184,7 +184,7 @@ class Meshes:
         """Return an attribute in the form of a Mesh, with a note if some of its values are not finite."""
         cleaned, bad = clean_attribute(name, values)
         if bad:
-            self._document.note(f"{primitive.where}: {bad} values of {name} are not finite; they were left out.")
+            self._document.notes.add(f"{primitive.where}: {bad} values of {name} are not finite; they were left out.")
         return cleaned
 
     def _triangles(
@@ -207,7 +207,7 @@ class Meshes:
             raise primitive.error(f"index {indices.max()} is beyond its {vertex_count} vertices; the file is damaged")
         self._document.budget.take(4 * len(indices) * (1 if mode == _TRIANGLES else 3), primitive.where)
         if mode == _TRIANGLES and len(indices) % 3:
-            self._document.note(
+            self._document.notes.add(
                 f"{primitive.where}: {len(indices)} is not a multiple of 3; {len(indices) % 3} indices were left out."
             )
         return assemble(indices.astype(np.uint32), mode)

@@ -53,7 +53,7 @@ class Nodes:
             return [node for node, parent in enumerate(self._parents) if parent is None]
         scene = scenes[index]
         if len(scenes) > 1:
-            self._document.note(f"The file has {len(scenes)} scenes; scene {index} is shown.")
+            self._document.notes.add(f"The file has {len(scenes)} scenes; scene {index} is shown.")
         roots = scene.indices("nodes", len(self._nodes), "nodes")
         if len(set(roots)) < len(roots):
             raise scene.error("it lists a node twice; the file is damaged")
