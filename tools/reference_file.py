@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wgpu_gi.errors import GiError
 from wgpu_gi.measure.metrics import noise_floor
 from wgpu_gi.pictures.atomic_file import atomic_file
-from wgpu_gi.scene.scene import Scene
+from wgpu_gi.scene.scene import Scene, values_of
 
 Array = NDArray[np.float32]
 
@@ -94,7 +94,7 @@ def scene_hash(source: str, scene: Scene) -> str:
         parts += [instance.world_from_local, mesh.positions, mesh.triangles]
         parts += [value for m in mesh.materials for value in (m.base_color, m.emission, m.double_sided)]
     for light in scene.lights:
-        parts += [value for name, value in vars(light).items() if name not in ("name", "range")]
+        parts += [value for name, value in values_of(light).items() if name not in ("name", "range")]
     if scene.environment is not None:
         parts.append(scene.environment.color)
     for part in parts:

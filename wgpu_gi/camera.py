@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import GiError
+from .errors import GiError, KnownAttributes
 from .float_limits import LARGEST_YFOV, MAX_COORDINATE, SMALLEST_YFOV
 
 YFOV_DEG = math.degrees(SMALLEST_YFOV), math.degrees(LARGEST_YFOV)  # range of full vertical angles
 
 
-@dataclass
-class Camera:
+@dataclass(slots=True)
+class Camera(KnownAttributes):
     """A pinhole or orthographic camera.
 
     `world_from_view` is a rigid (4, 4) float64 transform (no scale), `yfov` the full vertical angle in radians. With

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from .errors import GiError
+from .errors import GiError, KnownAttributes
 from .gpu.device import Device
 from .scene.rules import is_whole, shown
 from .scene.scene import Scene
@@ -45,8 +45,8 @@ TECHNIQUES = {
 FOR_ALL = ("gi", "exposure", "diffuse", "camera")  # settings and sections that the renderer itself uses
 
 
-@dataclass
-class Settings:
+@dataclass(slots=True)
+class Settings(KnownAttributes):
     """What to render and how well. `--set` reaches sections as `section.name`."""
 
     gi: str = setting(

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from copy import copy, deepcopy
-from dataclasses import is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -393,7 +393,8 @@ class Renderer:
 
 def _copy(settings: Settings) -> Settings:
     """Return a copy with copies of the sections; all other values are immutable."""
-    sections: dict[str, Any] = {name: copy(value) for name, value in vars(settings).items() if is_dataclass(value)}
+    values = {field.name: getattr(settings, field.name) for field in fields(settings)}
+    sections: dict[str, Any] = {name: copy(value) for name, value in values.items() if is_dataclass(value)}
     return replace(settings, **sections)
 
 

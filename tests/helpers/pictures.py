@@ -6,7 +6,7 @@ import numpy as np
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
-from wgpu_gi.scene.scene import Instance, Scene
+from wgpu_gi.scene.scene import Instance, Scene, values_of
 
 BOUND = 0.005  # closed forms hold within 0.5 %
 
@@ -50,7 +50,7 @@ def moved(scene: Scene, matrix: np.ndarray) -> Scene:
     instances = [Instance(i.mesh, m @ i.world_from_local, i.name) for i in scene.instances]
     lights = []
     for light in scene.lights:
-        fields = dict(vars(light))
+        fields = values_of(light)
         if "position" in fields:
             fields["position"] = m[:3, :3] @ np.asarray(fields["position"], np.float64) + m[:3, 3]
         if "direction" in fields:

@@ -8,28 +8,29 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
+from ..errors import KnownAttributes
 from ..pictures.tables import html_table
 
 Wrap = Literal["repeat", "clamp", "mirror"]
 
 
-@dataclass(eq=False)
-class Image:
+@dataclass(eq=False, slots=True)
+class Image(KnownAttributes):
     """8-bit pixels, (height, width, 4) uint8 RGBA, row 0 on top. Treated as immutable once in use."""
 
     pixels: NDArray[np.uint8]
     name: str = ""
 
 
-@dataclass(eq=False)
-class Texture:
+@dataclass(eq=False, slots=True)
+class Texture(KnownAttributes):
     """An image, its sampler and its transform on the surface (glTF texture, sampler, KHR_texture_transform)."""
 
     image: Image
@@ -42,8 +43,8 @@ class Texture:
     rotation: float = 0.0  # radians, counter-clockwise, as KHR_texture_transform
 
 
-@dataclass(eq=False)
-class Material:
+@dataclass(eq=False, slots=True)
+class Material(KnownAttributes):
     """glTF metallic-roughness material. Colours are linear; factors multiply their textures.
 
     `emission` is radiance in W/(m2 sr) (emissiveFactor times emissiveStrength). Emitters shine from the
@@ -67,8 +68,8 @@ class Material:
     emission_texture: Texture | None = None  # sRGB colour
 
 
-@dataclass(eq=False)
-class Mesh:
+@dataclass(eq=False, slots=True)
+class Mesh(KnownAttributes):
     """An indexed triangle mesh in its local space; its arrays are treated as immutable once in use.
 
     positions (n, 3) float32; triangles (m, 3) uint32; material_of_triangle (m,) uint32 into `materials`.
@@ -88,8 +89,8 @@ class Mesh:
     name: str = ""
 
 
-@dataclass(eq=False)
-class Instance:
+@dataclass(eq=False, slots=True)
+class Instance(KnownAttributes):
     """A mesh placed in the world by an affine (4, 4) float64 matrix, which may mirror it."""
 
     mesh: Mesh
@@ -97,8 +98,8 @@ class Instance:
     name: str = ""
 
 
-@dataclass(eq=False)
-class PointLight:
+@dataclass(eq=False, slots=True)
+class PointLight(KnownAttributes):
     """KHR_lights_punctual point: `intensity` in candela (W/sr), times `color`. E = I cos / d2.
 
     `range` (metres) limits the light only if a setting asks for it, since physical light has no range.
@@ -111,8 +112,8 @@ class PointLight:
     name: str = ""
 
 
-@dataclass(eq=False)
-class SpotLight:
+@dataclass(eq=False, slots=True)
+class SpotLight(KnownAttributes):
     """KHR_lights_punctual spot: a point light times saturate((cos - cos_outer)/(cos_inner - cos_outer))^2."""
 
     position: Sequence[float]
@@ -125,8 +126,8 @@ class SpotLight:
     name: str = ""
 
 
-@dataclass(eq=False)
-class DirectionalLight:
+@dataclass(eq=False, slots=True)
+class DirectionalLight(KnownAttributes):
     """KHR_lights_punctual directional: `intensity` in lux (W/m2 on a plane facing the light), times `color`."""
 
     direction: Sequence[float]  # direction of travel, any length
@@ -138,8 +139,13 @@ class DirectionalLight:
 Light = PointLight | SpotLight | DirectionalLight
 
 
-@dataclass(eq=False)
-class Environment:
+def values_of(part: Light | Texture) -> dict[str, Any]:
+    """Return the values of the fields of a light or a texture by name."""
+    return {field.name: getattr(part, field.name) for field in fields(part)}
+
+
+@dataclass(eq=False, slots=True)
+class Environment(KnownAttributes):
     """Light from infinitely far away: radiance `color`, times an equirectangular `image` if there is one.
 
     `image` is (height, width, 3) float32 linear radiance, row 0 on top; u = atan2(x, -z)/2pi + rotation/2pi (so -Z is
@@ -152,8 +158,8 @@ class Environment:
     name: str = ""
 
 
-@dataclass(eq=False)
-class Scene:
+@dataclass(eq=False, slots=True)
+class Scene(KnownAttributes):
     """Everything that a frame shows. `notes` are sentences on what loading changed, assumed or left out."""
 
     instances: list[Instance] = field(default_factory=list)

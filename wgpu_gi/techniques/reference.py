@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from ..errors import KnownAttributes
 from ..gpu.formats import FOUR_FLOATS
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
@@ -21,8 +22,8 @@ from .shared.technique import Kept, Light, Shot, Technique
 UNLIMITED = 0x7FFFFFFF
 
 
-@dataclass
-class PathSettings:
+@dataclass(slots=True)
+class PathSettings(KnownAttributes):
     """How the path tracer divides its work, and which light it counts."""
 
     samples_per_run: int = setting(

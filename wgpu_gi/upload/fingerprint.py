@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..scene.scene import Environment, Instance, Light, Material, Scene, Texture
+from ..scene.scene import Environment, Instance, Light, Material, Scene, Texture, values_of
 
 _material_values = attrgetter(*[f.name for f in fields(Material) if f.name != "name"])
 _texture_values = attrgetter(*[f.name for f in fields(Texture) if f.name != "image"])
@@ -61,7 +61,7 @@ def _material(material: Material) -> tuple[Any, ...]:
 
 def _light(light: Light) -> tuple[Any, ...]:
     """Return the values of a light in comparable form."""
-    return type(light), *[_frozen(value) for name, value in vars(light).items() if name != "name"]
+    return type(light), *[_frozen(value) for name, value in values_of(light).items() if name != "name"]
 
 
 def _environment(environment: Environment) -> tuple[Any, ...]:

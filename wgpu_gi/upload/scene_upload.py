@@ -16,7 +16,7 @@ from ..camera import Camera
 from ..gpu.device import Device
 from ..gpu.wgsl.load import load
 from ..scene.check import check_scene
-from ..scene.scene import Light, Material, Scene, Texture
+from ..scene.scene import Light, Material, Scene, Texture, values_of
 from .area_cdf import AreaCdf
 from .direct_lights import build_direct_lights
 from .draw_list import DrawList, RasterMesh, build_draw_list
@@ -268,7 +268,7 @@ def _without_empty(scene: Scene) -> Scene:
 def _light_values(lights: Sequence[Light]) -> list[tuple[Any, ...]]:
     """Return the values of punctual lights that the light table depends on, in comparable form."""
     return [
-        (type(light), *(np.asarray(v).tobytes() for k, v in vars(light).items() if k not in ("name", "range")))
+        (type(light), *(np.asarray(v).tobytes() for k, v in values_of(light).items() if k not in ("name", "range")))
         for light in lights
     ]
 
@@ -289,5 +289,5 @@ def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
 
 def _texture_values(texture: Texture | None) -> tuple[Any, ...]:
     """Return the values of a texture in comparable form."""
-    values = () if texture is None else vars(texture).values()
+    values = () if texture is None else values_of(texture).values()
     return tuple(tuple(v) if isinstance(v, (list, np.ndarray)) else v for v in values)

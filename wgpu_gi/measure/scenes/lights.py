@@ -7,7 +7,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...scene.scene import DirectionalLight, Environment, Instance, Light, Material, Mesh, PointLight, Scene, SpotLight
+from ...scene.scene import (
+    DirectionalLight,
+    Environment,
+    Instance,
+    Light,
+    Material,
+    Mesh,
+    PointLight,
+    Scene,
+    SpotLight,
+    values_of,
+)
 from .draws import Draws, Rgb, place, unit
 from .solids import ball, box, plane, torus
 from .surfaces import grey, rgba, screen
@@ -138,7 +149,7 @@ def light_room(draws: Draws, scene: Scene, size: Point, kinds: Sequence[str], co
 
 def scaled_light(light: Light, factor: float) -> Light:
     """Return the light with its intensity times `factor`."""
-    fields = dict(vars(light))
+    fields = values_of(light)
     fields["intensity"] = light.intensity * factor
     return type(light)(**fields)
 

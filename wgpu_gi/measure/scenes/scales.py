@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...camera import Camera
-from ...scene.scene import DirectionalLight, Instance, Light, Scene
+from ...scene.scene import DirectionalLight, Instance, Light, Scene, values_of
 from .draws import Draws
 from .outdoors import street
 from .rooms import furnished_room
@@ -77,7 +77,7 @@ def transformed(scene: Scene, scale: float, offset: object = (0.0, 0.0, 0.0)) ->
 
 
 def _transformed_light(light: Light, scale: float, shift: np.ndarray) -> Light:
-    fields = dict(vars(light))
+    fields = values_of(light)
     if not isinstance(light, DirectionalLight):
         x, y, z = (np.asarray(light.position, np.float64) * scale + shift).tolist()
         reach = None if light.range is None else light.range * scale

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...scene.scene import DirectionalLight, Instance, Material, Mesh, Scene
+from ...scene.scene import DirectionalLight, Instance, Material, Mesh, Scene, values_of
 from .edits import copied, with_triangles
 
 T = TypeVar("T")
@@ -173,7 +173,7 @@ def _rounder_lights(scene: Scene) -> Iterator[Scene]:
             if not isinstance(light, DirectionalLight):
                 changes["position"] = tuple(_rounded(v, digits) for v in light.position)
             rounder = replace(light, **changes)  # type: ignore[arg-type]
-            if vars(rounder) != vars(light):
+            if values_of(rounder) != values_of(light):
                 yield replace(scene, lights=[*scene.lights[:k], rounder, *scene.lights[k + 1 :]])
 
 

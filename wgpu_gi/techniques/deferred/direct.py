@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import KnownAttributes
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
@@ -32,8 +33,8 @@ EDGE_LIGHTS = 64
 TILED_FROM = 8  # number of bounded lights from which lists save time: tools/README.md, "Constants"
 
 
-@dataclass
-class DirectSettings:
+@dataclass(slots=True)
+class DirectSettings(KnownAttributes):
     """Direct light."""
 
     samples: int = setting(

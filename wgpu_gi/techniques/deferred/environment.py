@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Handle, Shared
 from ...gpu.wgsl.load import load
@@ -19,8 +20,8 @@ from ..shared.scene_inputs import SceneInputs
 TABLE_SIZE = (64, 64)
 
 
-@dataclass
-class EnvironmentSettings:
+@dataclass(slots=True)
+class EnvironmentSettings(KnownAttributes):
     """Lighting by the environment."""
 
     ambient: bool = setting(True, "Light surfaces by the environment.")

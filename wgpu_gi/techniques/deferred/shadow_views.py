@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import KnownAttributes
 from ...gpu.wgsl.load import load
 from ...pictures.color import REC709_LUMINANCE
 from ...settings import setting
@@ -41,8 +42,8 @@ OWN_FACES = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (
 OWN_UPS = np.array([(0, 1, 0), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 1, 0)], float)
 
 
-@dataclass
-class ShadowSettings:
+@dataclass(slots=True)
+class ShadowSettings(KnownAttributes):
     """Resolution of shadow maps; sides are rounded down to powers of two."""
 
     atlas: int = setting(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...settings import setting
@@ -38,8 +39,8 @@ def declare_temporal(
     return Accumulated(replace(gathered, irradiance=found.averaged), found.rejected)
 
 
-@dataclass
-class DenoiseSettings:
+@dataclass(slots=True)
+class DenoiseSettings(KnownAttributes):
     """The blur of gathered light."""
 
     radius: int = setting(

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import DTypeLike
 
+from ...errors import KnownAttributes
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
@@ -30,8 +31,8 @@ _GROUP = tuple(int(load("many_light/gather/pixels.wgsl").constants[name]) for na
 _PIXELS = int(load("many_light/gather/pixels.wgsl").constants["PIXELS"])
 
 
-@dataclass
-class GatherSettings:
+@dataclass(slots=True)
+class GatherSettings(KnownAttributes):
     """Gathering of light from VPLs."""
 
     interleave: int = setting(

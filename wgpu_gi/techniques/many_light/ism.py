@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import GiError
+from ...errors import GiError, KnownAttributes
 from ...gpu.formats import FOUR_FLOATS, FOUR_WORDS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
@@ -36,8 +36,8 @@ REFINE_GROUP = int(load("many_light/ism/silhouette_cells.wgsl").constants["REFIN
 DEFAULT_POINTS = {"splat": 0, "pull-push": 1024}
 
 
-@dataclass
-class IsmSettings:
+@dataclass(slots=True)
+class IsmSettings(KnownAttributes):
     """Imperfect shadow maps of virtual point lights."""
 
     mode: str = setting(

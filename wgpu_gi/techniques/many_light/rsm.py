@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
 from ...settings import setting
@@ -23,8 +24,8 @@ def candidate_words(scene: ManyLightInputs) -> int:
     return 4 if scene.features["HAS_METALS"] else 2
 
 
-@dataclass
-class RsmSettings:
+@dataclass(slots=True)
+class RsmSettings(KnownAttributes):
     """Reflective shadow maps."""
 
     texels: int = setting(

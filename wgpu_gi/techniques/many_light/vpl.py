@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
@@ -31,8 +32,8 @@ TABLE_WIDTH = int(load("many_light/vpl/table.wgsl").constants["VPL_TABLE_WIDTH"]
 BLOCK = int(load("many_light/vpl/candidates.wgsl").constants["BLOCK"])
 
 
-@dataclass
-class VplSettings:
+@dataclass(slots=True)
+class VplSettings(KnownAttributes):
     """Virtual point lights."""
 
     count: int = setting(2048, "Virtual point lights.", "lights", range=(64, 16384), presets={"low": 512, "high": 4096})

@@ -6,12 +6,13 @@ import math
 from dataclasses import dataclass
 from functools import cache
 
+from ...errors import KnownAttributes
 from ...settings import setting
 from ...upload.surface_samples import GOLDEN, R2
 
 
-@dataclass
-class CameraSettings:
+@dataclass(slots=True)
+class CameraSettings(KnownAttributes):
     """Pixel sampling."""
 
     jitter: bool = setting(True, "Average over the pixel's square (box filter) instead of sampling its centre.")

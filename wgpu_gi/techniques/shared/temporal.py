@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...errors import KnownAttributes
 from ...gpu.formats import FOUR_FLOATS, FOUR_WORDS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
@@ -18,8 +19,8 @@ from .scene_inputs import SceneInputs
 SHADER = "shared/temporal/reproject.wgsl"
 
 
-@dataclass
-class TemporalSettings:
+@dataclass(slots=True)
+class TemporalSettings(KnownAttributes):
     """Temporal accumulation of indirect light."""
 
     frames: int = setting(1, "Frames over which indirect light is averaged; 1: no average.", "frames", range=(1, 255))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...errors import KnownAttributes
 from ...settings import setting
 
 MAX_LAYERS = MAX_CAMERAS = 4
@@ -11,8 +12,8 @@ MAX_LAYERS = MAX_CAMERAS = 4
 PLACEMENTS = {"wide": ("wide", "above", "behind", "left"), "aside": ("left", "right", "above", "behind")}
 
 
-@dataclass
-class SsdoSettings:
+@dataclass(slots=True)
+class SsdoSettings(KnownAttributes):
     """The search for light in screen space."""
 
     directions: int = setting(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...settings import setting
@@ -28,8 +29,8 @@ STARTS = ("full", "half", "quarter")
 MOST_BOUNCES = 16
 
 
-@dataclass
-class SsilSettings:
+@dataclass(slots=True)
+class SsilSettings(KnownAttributes):
     """Gathering of light from visible surfaces."""
 
     start: str = setting(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
@@ -26,8 +27,8 @@ LEAST_CELLS = 160
 TRIANGLE_ROW, CELL_ROW = (int(load(f"ssil/voxels/{name}.wgsl").constants["ROW"]) for name in ("voxelize", "fill"))
 
 
-@dataclass
-class VoxelSettings:
+@dataclass(slots=True)
+class VoxelSettings(KnownAttributes):
     """Visibility by voxels."""
 
     slices: int = setting(
