@@ -170,6 +170,43 @@ def test_normal_map_follows_a_mirrored_and_rotated_instance(tangents, shared):
     assert np.allclose(got["normal"][0, 0], expected, atol=1e-3)
 
 
+TRANSFORMS = {
+    "turned": dict(rotation=0.7, offset=(0.3, 0.1)),
+    "turned by a right angle": dict(rotation=math.pi / 2),
+    "turned by half": dict(rotation=math.pi, offset=(1.0, 1.0)),
+    "mirrored in u": dict(scale=(-2.0, 2.0)),
+    "mirrored in v, turned": dict(scale=(3.0, -3.0), rotation=-1.9),
+    "scaled unevenly": dict(scale=(0.5, -3.0), rotation=2.4),
+}
+
+
+@pytest.mark.parametrize("name", TRANSFORMS)
+@pytest.mark.parametrize("tangents", [False, True])
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("second", [False, True])
+def test_normal_map_turns_with_its_texture(name, tangents, mirrored, second):
+    """Its +X points along the u of the transformed picture, its +Y away from v, in a mirrored instance, too."""
+    mesh, _ = normal_mapped((0.3, 0.5, 0.8), tangents=tangents)
+    texture = mesh.materials[0].normal_texture
+    for field, value in TRANSFORMS[name].items():
+        setattr(texture, field, value)
+    if second:
+        texture.texcoord = 1
+        mesh.texcoords1, mesh.texcoords0 = mesh.texcoords0, np.zeros_like(mesh.texcoords0)
+    # u of the mesh is +X, v is +Z. Invert uv' = R S uv.
+    c, s = math.cos(texture.rotation), math.sin(texture.rotation)
+    along_u, along_v = np.linalg.inv(np.array([[c, s], [-s, c]]) @ np.diag(texture.scale)).T
+    right = along_u / np.linalg.norm(along_u)
+    up = np.array([right[1], -right[0]])
+    up *= -np.sign(up @ along_v)
+    x, y, z = texture.image.pixels[0, 0, :3] / 255 * 2 - 1
+    flat = right * x + up * y
+    normal = np.array([-flat[0] if mirrored else flat[0], z, flat[1]]) / np.linalg.norm([x, y, z])
+    instance = Instance(mesh, np.diag([-1.0 if mirrored else 1.0, 1, 1, 1]))
+    got = shoot(Scene([instance], [SUN]), (4, 4), camera=from_above(), spp=1, diffuse=False, show=("normal",))
+    assert np.allclose(got["normal"], normal, atol=1e-3)
+
+
 def test_normal_scale_multiplies_x_and_y():
     mesh, normal = normal_mapped((0.6, 0.2, 0.77), scale=0.5)
     got = shoot(Scene([Instance(mesh)], [SUN]), (2, 2), camera=from_above(), spp=1, diffuse=False, show=("normal",))

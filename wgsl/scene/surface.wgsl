@@ -112,21 +112,34 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
     return s;
 }
 
-// Returns the normal bent by a normal map's vector. The tangent is that of the file, else the texture's u direction.
+// Returns the normal bent by a normal map's vector. The tangent is the direction of the picture's u: derived from the
+// texture coordinates, or that of the file, turned as the slot's transform turns the texture. Khronos' viewer derives it
+// from transformed coordinates, too.
 fn bend_normal(normal: vec3f, map: vec3f, triangle: Triangle, k: Corners, instance: u32) -> vec3f {
     let world_from_local = instances[instance].world_from_local;
+    let material = triangle.material;
+    // The linear part of the texture's transform.
+    let row_u = materials[material].textures[NORMAL_SLOT].transform_u.xy;
+    let row_v = materials[material].textures[NORMAL_SLOT].transform_v.xy;
     var tangent: vec3f;
     var handedness = 1.0;
+    var tilt = map.xy * materials[material].normal_scale;
     if ((triangle.flags & HAS_TANGENTS) != 0u) {
         let local = k.weights.x * unpack_normal(k.a.tangent) + k.weights.y * unpack_normal(k.b.tangent)
             + k.weights.z * unpack_normal(k.c.tangent);
         tangent = world_from_local * vec4f(local, 0.0);
         handedness = select(1.0, -1.0, (k.a.tangent & 1u) != 0u);
+        // The file's frame is (dP/du, -dP/dv); the transformed dP/du is the first column of the inverse transform in it.
+        let mirror = select(1.0, -1.0, row_u.x * row_v.y - row_u.y * row_v.x < 0.0);
+        let turn = normalize_or(vec3f(row_v.y, row_v.x, 0.0) * mirror, vec3f(1.0, 0.0, 0.0)).xy;
+        tilt = turn * tilt.x + vec2f(-turn.y, turn.x) * (mirror * tilt.y);
     } else {
-        let second = (materials[triangle.material].textures[NORMAL_SLOT].flags & TEXCOORD_1) != 0u;
+        let second = (materials[material].textures[NORMAL_SLOT].flags & TEXCOORD_1) != 0u;
         let a = select(k.a.texcoord0, k.a.texcoord1, second);
-        let d1 = select(k.b.texcoord0, k.b.texcoord1, second) - a;
-        let d2 = select(k.c.texcoord0, k.c.texcoord1, second) - a;
+        let b = select(k.b.texcoord0, k.b.texcoord1, second) - a;
+        let c = select(k.c.texcoord0, k.c.texcoord1, second) - a;
+        let d1 = vec2f(dot(row_u, b), dot(row_v, b));
+        let d2 = vec2f(dot(row_u, c), dot(row_v, c));
         let area = d1.x * d2.y - d1.y * d2.x;
         tangent = (triangle.edge1 * d2.y - triangle.edge2 * d1.y) * sign(area);
         if (triangle.instance == NONE) {
@@ -143,7 +156,6 @@ fn bend_normal(normal: vec3f, map: vec3f, triangle: Triangle, k: Corners, instan
     }
     let t = normalize_or(tangent - normal * dot(normal, tangent), frame_from_normal(normal)[0]);
     let b = cross(normal, t) * handedness;
-    let tilt = map.xy * materials[triangle.material].normal_scale;
     return normalize_or(t * tilt.x + b * tilt.y + normal * map.z, normal);
 }
 
