@@ -15,7 +15,7 @@ from ..version import __version__
 if TYPE_CHECKING:
     from ..gpu.device import AdapterInfo
 
-CORE_PACKAGES = ("wgpu", "numpy", "trimesh", "Pillow", "OpenEXR", "rich")
+CORE_PACKAGES = ("wgpu", "numpy", "mapbox-earcut", "Pillow", "OpenEXR", "rich")
 EXTRAS = {
     "gltf": ("compressed glTF (Draco, meshopt)", ("DracoPy", "meshoptimizer")),
     "bench": ("perceptual errors and plots", ("flip-evaluator", "matplotlib")),

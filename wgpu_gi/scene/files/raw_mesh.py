@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from ...float_limits import MAX_COORDINATE
 from ..mesh_cleaning import has_area, unit_rows, used_vertices
 from ..scene import Instance, Material, Mesh, Scene
 from .notes import Notes
+from .polygons import Floats, Ints, triangulate
 
 
 @dataclass
@@ -27,16 +30,39 @@ class RawMesh:
     colors: NDArray[np.float64] | None = None
 
 
-def fans(ids: NDArray[np.int64], corner_counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Triangulate polygons as fans about their first corners; return triangles (m, 3) and the face of each, (m,).
+def polygon_mesh(
+    positions: Floats,
+    ids: Ints,
+    corner_counts: Ints,
+    source: str,
+    notes: Notes,
+    *,
+    normals: Floats | None = None,
+    texcoords: Floats | None = None,
+    colors: Floats | None = None,
+    corner_texcoords: Floats | None = None,
+    face_colors: Floats | None = None,
+    materials: Sequence[Material] = (),
+    material_of_face: NDArray[Any] | None = None,
+) -> RawMesh:
+    """Cut polygons into triangles; see `polygons.triangulate` for `ids`, `corner_counts` and what is left out.
 
-    `ids` holds the corners of all polygons in sequence, `corner_counts` the number of corners of each.
+    `normals`, `texcoords` and `colors` belong to the positions, `corner_texcoords` to the `ids`, `face_colors` and
+    `material_of_face` to the polygons. With values of corners or faces, triangles share no vertices.
     """
-    triangles_per_face = np.maximum(corner_counts - 2, 0)
-    face = np.repeat(np.arange(len(corner_counts)), triangles_per_face)
-    first = (np.cumsum(corner_counts) - corner_counts)[face]
-    step = np.arange(len(face)) - (np.cumsum(triangles_per_face) - triangles_per_face)[face]
-    return np.stack([ids[first], ids[first + step + 1], ids[first + step + 2]], axis=1), face
+    corners, face = triangulate(positions, ids, corner_counts, source, notes)
+    triangles = ids[corners]
+    if corner_texcoords is not None or face_colors is not None:
+        vertex = triangles.ravel()
+        positions = positions[vertex]
+        normals, texcoords, colors = (None if rows is None else rows[vertex] for rows in (normals, texcoords, colors))
+        if corner_texcoords is not None:
+            texcoords = corner_texcoords[corners.ravel()]
+        if face_colors is not None:
+            colors = np.repeat(face_colors[face], 3, axis=0)
+        triangles = np.arange(len(positions)).reshape(-1, 3)
+    material_of_triangle = None if material_of_face is None else material_of_face[face].astype(np.uint32)
+    return RawMesh(positions, triangles, list(materials), material_of_triangle, normals, texcoords, colors)
 
 
 def clay() -> Material:
@@ -54,9 +80,11 @@ def scene_from_raw(raw: RawMesh, name: str, source: str, notes: Notes) -> Scene:
 
     Positions are stored relative to the centre of the bounding box, which goes into `world_from_local` in float64:
     a mesh a million metres away keeps the precision of one at the origin. Messages begin with `source`.
-    Raises GiError for no faces, indices out of range, NaN or infinite vertices and boundless extent.
+    Vertices of triangles exist and are finite, as `polygon_mesh` returns them. Raises GiError for no faces and for
+    boundless extent.
     """
-    _check_indices(raw, source)
+    if len(raw.triangles) == 0:
+        raise GiError(f"{source}: there are no faces to show. {' '.join(notes.sentences)[:300]}".rstrip())
     raw = _drop_unused_vertices(raw)
     centre = _centre(raw, source)
     positions = (raw.positions - centre).astype(np.float32)
@@ -82,16 +110,6 @@ def scene_from_raw(raw: RawMesh, name: str, source: str, notes: Notes) -> Scene:
     return Scene(instances=[Instance(mesh, world_from_local, name)], name=name, notes=notes.sentences)
 
 
-def _check_indices(raw: RawMesh, source: str) -> None:
-    """Raise GiError if there are no faces, or if one of them refers to a vertex that does not exist."""
-    if len(raw.triangles) == 0 or len(raw.positions) == 0:
-        raise GiError(f"{source} has no faces; point clouds and lines are not supported")
-    low, high = int(raw.triangles.min()), int(raw.triangles.max())
-    if low < 0 or high >= len(raw.positions):
-        wrong = low if low < 0 else high
-        raise GiError(f"{source}: a face uses vertex {wrong} of {len(raw.positions)}; the file is damaged")
-
-
 def _drop_unused_vertices(raw: RawMesh) -> RawMesh:
     """Return `raw` without the vertices that no face uses: they must neither widen the bounds nor be an error."""
     used = used_vertices(raw.triangles, len(raw.positions))
@@ -108,10 +126,7 @@ def _drop_unused_vertices(raw: RawMesh) -> RawMesh:
 
 
 def _centre(raw: RawMesh, source: str) -> NDArray[np.float64]:
-    """Return the centre of the bounding box. Raises GiError for vertices that are not finite, or too far apart."""
-    finite = np.isfinite(raw.positions).all(1)
-    if not finite.all():
-        raise GiError(f"{source}: {np.count_nonzero(~finite)} vertices are NaN or infinite; repair the mesh")
+    """Return the centre of the bounding box. Raises GiError for vertices that are too far apart."""
     low, high = raw.positions.min(0), raw.positions.max(0)
     with np.errstate(over="ignore"):
         extent = float((high - low).max())

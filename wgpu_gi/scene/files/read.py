@@ -35,3 +35,34 @@ def path_inside(folder: Path, name: str) -> Path | None:
     except (OSError, ValueError, RuntimeError):  # NUL characters, link loops
         return None
     return path if path.is_relative_to(root) else None
+
+
+def find_inside(root: Path, name: str, start: Path) -> Path | None:
+    """Return the existing file that a scene file in `start` calls `name`; None unless it lies below `root`.
+
+    Where no file has exactly that name, one that differs in capitals is taken, as on Windows.
+    """
+    try:
+        root = root.resolve()
+        path = (start / name.strip().replace("\\", "/")).resolve()
+        if not path.is_relative_to(root):
+            return None
+        if path.is_file():
+            return path
+        found = root
+        for part in path.relative_to(root).parts:
+            exact = found / part
+            if not exact.exists():
+                exact = next((each for each in sorted(found.iterdir()) if each.name.lower() == part.lower()), exact)
+            found = exact
+        return found if found.is_file() and found.resolve().is_relative_to(root) else None
+    except (OSError, ValueError, RuntimeError):  # NUL characters, link loops, no such folder
+        return None
+
+
+def decode_text(data: bytes) -> str:
+    """Return a text in UTF-8, or else in Windows-1252, which older exporters write."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
