@@ -13,7 +13,7 @@ from wgpu_gi.scene.scene import Instance, Mesh, Scene
 TRACE = """
 fn traced(i: u32) -> vec4f {
     let hit = trace(Ray(origins(i), directions(i)), limits(i));
-    return vec4f(hit.distance, bitcast<f32>(hit.triangle), hit.barycentric);
+    return vec4f(hit.distance, bitcast<f32>(hit.triangle), hit.from_anchor);
 }
 """
 TRACE_ALL = """
@@ -178,7 +178,7 @@ fn plane_hit(i: u32) -> vec4f {
     t.edge1 = edges1(i);
     t.edge2 = edges2(i);
     let h = hit_plane(vec3f(0.0, 0.0, 1.0), directions(i), t);
-    return vec4f(h.distance, h.barycentric, select(0.0, 1.0, h.exists) + select(0.0, 2.0, is_in_triangle(h, 9.0)));
+    return vec4f(h.distance, h.from_anchor, select(0.0, 1.0, h.exists) + select(0.0, 2.0, is_in_triangle(h, t, 9.0)));
 }
 """
 

@@ -12,6 +12,7 @@ from helpers.medley import at
 from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
 from wgpu_gi.upload import draw_list
+from wgpu_gi.upload.anchors import corners_of
 from wgpu_gi.upload.draw_list import (
     MANY_INSTANCES,
     SMALL_GAP,
@@ -139,8 +140,7 @@ def check(draws, hierarchy, instances):
             instance = int(draws.slots[slot]) if triangle["instance"] == NONE else int(triangle["instance"])
             assert (draws.slots[slot] == NONE) == (triangle["instance"] != NONE)
             found[instance, number] += 1
-            v0 = triangle["v0"].astype(np.float64)
-            corners = np.stack([v0, v0 + triangle["edge1"], v0 + triangle["edge2"]])
+            corners = corners_of(hierarchy.triangles[number : number + 1])[0]
             if triangle["instance"] == NONE:
                 m = hierarchy.instances["world_from_local"][instance, :, :3].astype(np.float64)
                 corners = corners @ m[:3] + m[3]

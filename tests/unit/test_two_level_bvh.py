@@ -11,6 +11,7 @@ from helpers.medley import at
 from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
 from wgpu_gi.upload import top_level
+from wgpu_gi.upload.anchors import corners_of
 from wgpu_gi.upload.mesh_data import COLORED, HAS_TANGENTS, MASKED, NONE, SMOOTH, octahedral_encode, prepare_meshes
 from wgpu_gi.upload.node_quantization import QuantizationGrid
 from wgpu_gi.upload.two_level_bvh import INSTANCE_FLAG, TwoLevelBvh
@@ -55,8 +56,7 @@ def check(hierarchy, instances):
         assert (record["instance"] == (NONE if entered else number)).all()
         size = np.abs(world).max()
         edge1, edge2 = record["edge1"].astype(np.float64), record["edge2"].astype(np.float64)
-        stored = record["v0"][:, None].astype(np.float64) + np.stack([0 * edge1, edge1, edge2], 1)
-        assert np.allclose(stored, world[ids], rtol=0, atol=3e-7 * size)
+        assert np.allclose(corners_of(record), world[ids], rtol=0, atol=3e-7 * size)
         # Mirroring keeps the counter-clockwise side: the normal is the transformed local normal.
         a, b, c = local[indices].transpose(1, 0, 2)
         normal = np.cross(b - a, c - a) @ np.linalg.inv(matrix[:3, :3])
@@ -235,7 +235,7 @@ def test_a_scene_far_from_the_origin(dtypes, far):
     update(here, near)
     update(there, moved)
     assert np.allclose(there.origin - here.origin, (far, 2 * far, -far), rtol=1e-12)
-    for field in ("v0", "edge1", "edge2"):
+    for field in ("anchor", "edge1", "edge2"):
         assert np.allclose(there.triangles[field], here.triangles[field], rtol=0, atol=1e-6 + 1e-15 * abs(far))
     moved[2].world_from_local = at(far + 1, 2 * far, -far)
     assert update(there, moved) == {"nodes", "instances"}

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance
+from .anchors import corners_of
 from .mesh_data import MASKED, NONE, MeshData, Placement
 from .two_level_bvh import TwoLevelBvh
 
@@ -264,7 +265,7 @@ class _Part:
         # Box each cluster.
         starts = np.arange(0, len(chosen), len(chosen) if whole else CLUSTER)
         t = hierarchy.triangles[self.place.triangles][chosen]
-        corners = np.stack([t["v0"], t["v0"] + t["edge1"], t["v0"] + t["edge2"]], 1)
+        corners = corners_of(t).astype(np.float32)
         boxes = np.stack(
             [np.minimum.reduceat(corners.min(1), starts), np.maximum.reduceat(corners.max(1), starts)], axis=1
         )

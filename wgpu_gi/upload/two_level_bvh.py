@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance, Mesh
+from .anchors import FLAG_BITS, anchor_triangles
 from .bvh import refit
 from .mesh_data import MASKED, NONE, MeshData, Placement, prepare_meshes
 from .node_quantization import QuantizationGrid
+from .scene_origin import scene_origin
 from .top_level import OPEN_UP_TO, Subtrees, build_top_level, open_subtrees
 
 INSTANCE_FLAG = 1 << 30  # in a child reference: the other bits are the number of an instance
@@ -75,7 +77,7 @@ class TwoLevelBvh:
             drifted = np.abs(bounds.mean(0) - self.origin).max() > MAX_DRIFT * self.radius
             if new_layout or drifted:
                 # Otherwise the origin stays, so that moving one instance does not move all others relative to it.
-                self.origin = bounds.mean(0)
+                self.origin = scene_origin([self._prepared[id(i.mesh)] for i in instances], matrices, bounds)
                 self._lay_out(meshes, instances, matrices, bounds)
             else:
                 self._unbake_moved(instances, matrices)
@@ -158,7 +160,8 @@ class TwoLevelBvh:
             place = self._places[id(mesh)]
             number, masked = np.array(pairs, np.uint32)[place.data.material].T
             self.triangles["material"][place.triangles] = number
-            self.triangles["flags"][place.triangles] = place.data.flags | MASKED * masked
+            flags = self.triangles["flags"][place.triangles]
+            flags[:] = flags >> FLAG_BITS << FLAG_BITS | place.data.flags | MASKED * masked
         self.changed |= {"triangles"}
 
     def _needs_own_grid(self, place: Placement, world_from_local: NDArray[np.float64]) -> bool:
@@ -171,25 +174,24 @@ class TwoLevelBvh:
         """Store a mesh in world space, placed by its only instance, `number`."""
         d = place.data
         linear, translation = world_from_local[:3, :3], world_from_local[:3, 3] - self.origin
-        corners = (d.corners.astype(np.float64) @ linear.T + translation).astype(np.float32)
+        exact = d.corners.astype(np.float64) @ linear.T + translation
+        corners = exact.astype(np.float32)
         place.baked, place.tree = number, refit(d.bvh, corners.min(1), corners.max(1))
         place.box = np.stack([corners.min((0, 1)), corners.max((0, 1))])
         # A mirrored mesh keeps its counter-clockwise side if two corners change places (glTF 2.0, section 3.7.2.1).
         turn = [0, 2, 1] if np.linalg.det(linear) < 0 else [0, 1, 2]
-        self._write_triangles(place, corners[:, turn], d.indices[:, turn], number)
+        self._write_triangles(place, exact[:, turn], d.indices[:, turn], number)
         self._write_nodes(place, place.tree, self.world)
 
     def _write_local(self, place: Placement) -> None:
         """Store a mesh in its local space."""
         place.baked = place.tree = place.box = None
-        self._write_triangles(place, place.data.corners, place.data.indices, NONE)
+        self._write_triangles(place, place.data.corners.astype(np.float64), place.data.indices, NONE)
         self._write_nodes(place, place.data.bvh.nodes, place.grid)
 
-    def _write_triangles(self, place: Placement, corners: NDArray, indices: NDArray, instance: int) -> None:
+    def _write_triangles(self, place: Placement, corners: NDArray[np.float64], indices: NDArray, instance: int) -> None:
         triangles = self.triangles[place.triangles]
-        triangles["v0"] = corners[:, 0]
-        triangles["edge1"] = corners[:, 1] - corners[:, 0]
-        triangles["edge2"] = corners[:, 2] - corners[:, 0]
+        anchor_triangles(triangles, corners)
         triangles["instance"] = instance
         triangles["corners"] = indices + np.uint32(place.vertices.start)
 

@@ -18,7 +18,7 @@ struct PathVertex {
 struct LightVertex {
     brdf: Brdf,
     position: vec3f,
-    offset: f32,             // of rays that leave it, metres; 0: there is no hit
+    offset: f32,             // of rays that leave it, metres; below 0: there is no hit
     normal: vec3f,           // shading, turned to the light
     ray_density: f32,        // of the light ray, 1/m2
     geometric_normal: vec3f,

@@ -120,7 +120,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             }
             sample += 1u;
             path_radiance = vec3f(0.0);
-            lit.offset = 0.0;
+            lit.offset = -1.0;
             from_light = use_light_rays;
             if (use_light_rays) {
                 let index = done + sample - 1u;
@@ -241,7 +241,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             rays.limit_a = to_light.limit;
             pending_a = to_light.radiance;
         }
-        if (lit.offset > 0.0 && depth < params.bounces) {
+        if (lit.offset >= 0.0 && depth < params.bounces) {
             let to_vertex = connect_light_vertex(vertex, lit);
             rays.shadow_b = to_vertex.ray;
             rays.limit_b = to_vertex.limit;

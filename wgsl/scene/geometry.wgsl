@@ -12,7 +12,7 @@ const NONE: u32 = 0xffffffffu;
 // child references: an inner node's index, or one of these flags
 const REF_LEAF: u32 = 0x80000000u;      // | (count - 1) << 28 | first triangle
 const REF_INSTANCE: u32 = 0x40000000u;  // | instance
-// triangle flags
+// triangle flags; above them the weights of the anchor, 14 bits each
 const SMOOTH: u32 = 1u;       // has vertex normals
 const COLORED: u32 = 2u;      // has vertex colours
 const MASKED: u32 = 4u;       // its material has an alpha cutoff
@@ -25,8 +25,12 @@ struct Node {
     child1: u32,
 }
 
+const ANCHOR_SHIFT: u32 = 4u;
+const ANCHOR_BITS: u32 = 14u;
+
 struct Triangle {
-    v0: vec3f,
+    anchor: vec3f,  // the point that hits are relative to: the first corner, or of large triangles that nearest to the
+                    // origin (`upload/anchors.py`)
     material: u32,
     edge1: vec3f,
     instance: u32,  // of a mesh in the world's tree; NONE: the mesh has its own tree
@@ -93,5 +97,27 @@ struct Hit {
     distance: f32,   // in lengths of the ray's direction
     triangle: u32,   // NONE: the ray left the scene
     instance: u32,
-    barycentric: vec2f,
+    from_anchor: vec2f,  // point - anchor = from_anchor.x edge1 + from_anchor.y edge2
+}
+
+// Returns the barycentric weights of the second and third corner at a triangle's anchor.
+fn anchor_weights(t: Triangle) -> vec2f {
+    let codes = vec2u(t.flags >> ANCHOR_SHIFT, t.flags >> (ANCHOR_SHIFT + ANCHOR_BITS)) & vec2u((1u << ANCHOR_BITS) - 1u);
+    return vec2f(codes) * (1.0 / f32(1u << ANCHOR_BITS));
+}
+
+// Returns the barycentric weights of the second and third corner at a hit.
+fn hit_weights(t: Triangle, hit: Hit) -> vec2f {
+    return anchor_weights(t) + hit.from_anchor;
+}
+
+// Returns the point of a hit, in the space of the triangle.
+fn hit_point(t: Triangle, hit: Hit) -> vec3f {
+    return t.anchor + hit.from_anchor.x * t.edge1 + hit.from_anchor.y * t.edge2;
+}
+
+// Returns the first corner of a triangle.
+fn first_corner(t: Triangle) -> vec3f {
+    let weights = anchor_weights(t);
+    return t.anchor - weights.x * t.edge1 - weights.y * t.edge2;
 }

@@ -177,11 +177,11 @@ fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) 
         let outward = normal * (select(1.0, -1.0, flip) / twice_area);
         let local = sample_cosine_hemisphere(u_direction);
         let position = light.position + weights.x * light.edge1 + weights.y * light.edge2;
-        let extent = max(max3(abs(light.position)), max(max3(abs(light.edge1)), max3(abs(light.edge2))));
+        let terms = abs(light.position) + abs(weights.x * light.edge1) + abs(weights.y * light.edge2);
         let share = side_share(both_sides);
         let flux = emission_at(light.triangle, light.color, weights) * (0.5 * twice_area * PI / (light.probability * share));
         return LightRay(
-            Ray(position + outward * ray_offset(extent), frame_from_normal(outward) * local), flux,
+            Ray(position + outward * ray_offset(outward, terms), frame_from_normal(outward) * local), flux,
             local.z * INV_PI * share, false, light.probability * 2.0 / (twice_area * max(local.z, 1e-20)));
     }
     // Punctual light: directions are uniform over the sphere or the spot's cone.

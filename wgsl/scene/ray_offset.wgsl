@@ -1,41 +1,61 @@
-// The origin of a ray that leaves a surface: offset along the geometric normal by more than the rounding error of the
-// hit point.
+// The origin of a ray that leaves a surface: offset along the geometric normal n by more than the rounding error of the
+// point p across its plane.
 //
-// start = p +- n offset, offset = 32 u E, on the ray's side of the surface. u = 2^-24 is the unit roundoff of float32;
-// E, the extent, bounds the magnitude of all coordinates that p is computed from, in metres.
+// start = p +- n offset, offset = 8 u (|n| . m + r max(m)), on the ray's side of the surface. u = 2^-24 is the unit
+// roundoff of float32; m bounds, by axis, the terms that p is the sum of, in metres; r = |n.x| + |n.y| + |n.z| - max |n|.
+// A plane across an axis has r = 0, so only the coordinate along that axis counts.
 //
-// Size: a hit is v0 + b1 edge1 + b2 edge2, five roundings; its instance's transform and the inverse transform for the
-// next ray add nine more, at most u E each per coordinate. So p is off its plane by at most sqrt(3) 14 u E = 24 u E,
-// and the next test's own difference origin - v0 adds sqrt(3) 2 u E = 3.5 u E. 32 u is the next power of two. A pixel's
-// point, origin + direction * distance, takes fewer roundings. The worst of 2 million random triangles under random
-// transforms was 3 u E off in a float32 replay. Errs bright: rays miss blockers nearer than the offset, 1.9e-6 E.
-// Slivers amplify the test's rounding by the inverse of their sine and may shadow themselves.
+// Size (Waechter and Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection"; here from a bound of the
+// error): a hit is a + b1 edge1 + b2 edge2, m = |a| + |b1 edge1| + |b2 edge2|; where neither edge has a component along an
+// axis, a + 0 + 0 is exact and m is 0. Of 3 million random triangles whose edges meet at a sine above 0.1, the next
+// ray's test saw p at most 4.3 u (|n| . m + r max(m)) off, and under transforms at most 16 times, so m counts twice there.
+// Since |a| <= 2 |p| (`upload/anchors.py`), m is about 2 |p| at a point whose triangle is not known: the offset grows
+// with the distance from the scene's origin, not with the triangle. Errs bright: rays miss blockers nearer than the
+// offset, 0.5e-6 to 3e-6 |p|. Slivers amplify the test's rounding by the inverse of their sine and may shadow themselves.
 //
 // The normal must be geometric: an offset along a tilted shading normal clears the surface by less, or goes through it.
-#import "scene/info.wgsl"
+#import "scene/geometry.wgsl"
 #import "common/math.wgsl"
 
-const OFFSET_PER_EXTENT: f32 = 32.0 * 5.9604645e-8;
+const ROUNDING: f32 = 8.0 * 5.9604645e-8;
+
+// A stand-in for unknown normals, with the largest offset.
+const ANY_NORMAL: vec3f = vec3f(0.57735);
 
 // Shadow rays end at this share of their length, short of the emitter's own surface, whose point is rounded by about 2
-// u E. This suffices for lights farther than E / 800 over the cosine at the light. Errs bright: rays miss blockers in
-// the last 0.01 % of their length.
+// u |p|. This suffices for lights farther than |p| / 800 over the cosine at the light. Errs bright: rays miss blockers
+// in the last 0.01 % of their length.
 const STOP_SHORT: f32 = 0.9999;
 
-// Returns the offset of a point, metres.
-fn ray_offset(extent: f32) -> f32 {
-    return OFFSET_PER_EXTENT * extent;
+// Returns the offset of a point, metres. `normal`: geometric, unit; `terms`: m, metres.
+fn ray_offset(normal: vec3f, terms: vec3f) -> f32 {
+    let lean = abs(normal);
+    let rest = lean.x + lean.y + lean.z - max3(lean);
+    return ROUNDING * (dot(lean, terms) + rest * max3(terms));
 }
 
-// Returns an extent valid for all surface points of the scene, for callers without the triangle.
-fn scene_extent() -> f32 {
-    return max3(abs(scene.centre)) + scene.radius;
+// Returns m of a surface point whose triangle is not known.
+fn surface_terms(position: vec3f) -> vec3f {
+    return 2.0 * abs(position);
 }
 
-// Returns the offset of a pixel's surface point, `distance_seen` metres from the camera; the camera may be outside the
-// scene.
-fn pixel_ray_offset(distance_seen: f32) -> f32 {
-    return ray_offset(scene_extent() + distance_seen);
+// Returns m of a pixel's surface point: origin + direction * distance.
+fn pixel_terms(position: vec3f) -> vec3f {
+    return surface_terms(position) + abs(position - view.position);
+}
+
+// Returns m of a hit, in the space of the triangle.
+fn hit_terms(t: Triangle, hit: Hit) -> vec3f {
+    let along1 = abs(hit.from_anchor.x * t.edge1);
+    let along2 = abs(hit.from_anchor.y * t.edge2);
+    let is_exact = abs(t.edge1) + abs(t.edge2) == vec3f(0.0);
+    return select(abs(t.anchor) + along1 + along2, vec3f(0.0), is_exact);
+}
+
+// Returns m of a hit in the world, given that in the space of its mesh; twice, for the next ray's inverse transform.
+fn transformed_terms(world_from_local: mat4x3f, terms: vec3f) -> vec3f {
+    let w = world_from_local;
+    return 2.0 * (abs(w[0]) * terms.x + abs(w[1]) * terms.y + abs(w[2]) * terms.z + abs(w[3]));
 }
 
 // Returns the origin of a ray in `direction` (any length). `normal`: geometric, unit, on either side.

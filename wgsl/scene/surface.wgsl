@@ -28,12 +28,12 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
 // Evaluates the surface at a hit of a triangle that is already loaded.
 fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
     // Interpolate position and normal.
-    let weights = hit.barycentric;
-    var position = triangle.v0 + weights.x * triangle.edge1 + weights.y * triangle.edge2;
+    let weights = hit_weights(triangle, hit);
+    var position = hit_point(triangle, hit);
     // Scaling keeps the cross product of tiny or huge edges in range.
     let size = max(max3(abs(triangle.edge1)), max3(abs(triangle.edge2)));
     var geometric = cross(triangle.edge1 / size, triangle.edge2 / size);
-    var extent = max(max3(abs(triangle.v0)), size);
+    var terms = hit_terms(triangle, hit);
     var corners: Corners;
     var s: Surface;
     // Load single fields: a whole material has 64 words.
@@ -64,12 +64,12 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
             }
             let w = instances[hit.instance].world_from_local;
             position = w * vec4f(position, 1.0);
-            extent = max3(abs(w[0]) * extent + abs(w[1]) * extent + abs(w[2]) * extent + abs(w[3]));
+            terms = transformed_terms(w, max(terms, abs(hit_point(triangle, hit))));
         }
     }
     s.position = position;
-    s.offset = ray_offset(max(extent, max3(abs(position))));
     s.geometric_normal = normalize_or(geometric, -direction);
+    s.offset = ray_offset(s.geometric_normal, terms);
     s.normal = normalize_or(normal, s.geometric_normal);
     s.front = dot(s.geometric_normal, direction) < 0.0;
 

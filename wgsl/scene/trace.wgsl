@@ -149,9 +149,9 @@ fn trace_all(rays: Rays) -> Found {
                 for (; index < end; index += 1u) {
                     let t = load_triangle(index);
                     let h = hit_plane(origin, direction, t);
-                    if (is_in_triangle(h, nearest)) {
+                    if (is_in_triangle(h, t, nearest)) {
                         let met = Hit(
-                            h.distance, index, select(instance, t.instance, t.instance != NONE), h.barycentric);
+                            h.distance, index, select(instance, t.instance, t.instance != NONE), h.from_anchor);
                         if (HAS_MASKS && (t.flags & MASKED) != 0u) {
                             masked = met;
                             break;
@@ -189,7 +189,8 @@ fn trace_all(rays: Rays) -> Found {
         if (!HAS_MASKS || masked.triangle == NONE) {
             break;
         }
-        if (!is_cut_out(load_triangle(masked.triangle), masked.barycentric)) {
+        let t = load_triangle(masked.triangle);
+        if (!is_cut_out(t, hit_weights(t, masked))) {
             nearest = masked.distance;
             if (stage < 3u) {
                 found.occluded_a = found.occluded_a || stage == 1u;

@@ -36,7 +36,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         ray.origin + ray.direction * seen, normal, surface.geometric_normal,
         brdf_lambert(gbuffer_brdf(surface).diffuse), normal);
     let found = sum_of(
-        scattered_from_emitters(r, pixel_ray_offset(seen), id.xy, sequence.index, params.seed + params.first));
+        scattered_from_emitters(
+            r, ray_offset(r.geometric_normal, pixel_terms(r.position)), id.xy, sequence.index, params.seed + params.first));
     let index = params.first + id.y * grid_size().x + id.x;
     let sender = senders[index];
     let sum = bitcast<vec3f>(sender.rgb) + select(vec3f(0.0), found, is_finite(found));

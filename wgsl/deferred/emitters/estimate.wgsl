@@ -82,7 +82,7 @@ fn emission_of_hit(t: Target, ray: Ray, hit: Hit, scattered: BrdfSample) -> vec3
         return vec3f(0.0);
     }
     let surface = surface_on(triangle, hit, ray.direction);
-    let leaf = find_emitter_leaf(t.table, hit.triangle, hit.instance, hit.barycentric);
+    let leaf = find_emitter_leaf(t.table, hit.triangle, hit.instance, hit_weights(triangle, hit));
     var light_pdf = 0.0;
     if (leaf != NONE) {
         let area = load_emitter_leaf(t.table, leaf).area;

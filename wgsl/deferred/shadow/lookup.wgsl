@@ -102,7 +102,8 @@ fn shadow_bias(light: DirectLight, count: u32, position: vec3f, normal: vec3f, t
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
     let view = load_view(shadow_view_at(light, count, position, offset), count);
     let lift = shadow_lift(view, is_sun, offset, normal, to_light);
-    return length(lift) / max(abs(dot(normal, to_light)), GRAZING);
+    let rounding = DEPTH_ROUNDING * select(length(offset), abs(1.0 / view.depth_scale), is_sun);
+    return length(lift) / max(abs(dot(normal, to_light)), GRAZING) + rounding;
 }
 
 // Returns the lit share of the filter, 0 to 1. `normal` is geometric and `to_light` unit.
@@ -136,7 +137,7 @@ fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec2f {
 const UNDECIDED: f32 = -1.0;
 
 // Returns 1 if the 2x2 texels around the point all show its own plane, 0 if all show a blocker well before it, else
-// UNDECIDED: a shadow's edge, a contact, or geometry finer than the texels. With cut-outs, such as leaves, which are
+// UNDECIDED: a shadow's edge, a contact, geometry finer than the texels, or depths too coarse for them. With cut-outs, such as leaves, which are
 // often that fine, 4x4 texels must agree.
 //
 // Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
@@ -166,7 +167,8 @@ fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f
     } else {
         above = depths_above(p, slope, corner);
     }
-    let is_own = above.x >= -own && above.y <= own;
+    // Where rounding exceeds OWN_PLANE, as in a fine cascade of a scene of kilometres, it may hide a blocker.
+    let is_own = above.x >= -own && above.y <= own && rounding <= OWN_PLANE * steep;
     let is_clear = above.x > clear;
     let is_steep = abs(dot(normal, to_light)) < GRAZING;
     return select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_steep);

@@ -160,7 +160,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let ray = pixel_ray(pixel);
     let distance_seen = load_distance(pixel);
     let position = ray.origin + ray.direction * distance_seen;
-    let offset = pixel_ray_offset(distance_seen);
+    let offset = ray_offset(surface.geometric_normal, pixel_terms(position));
     // Always `params.rays`, written so that it varies: lavapipe compiles loops up to a uniform anew for each dispatch.
     let rays = select(0u, params.rays, distance_seen > 0.0);
     let to = target_of(brdf, surface.normal, -ray.direction);

@@ -148,7 +148,7 @@ fn arrival_ray(s: Surface, arrival: Arrival) -> Ray {
 fn reflected_radiance(p: PathPoint, indirect: Arrival, index: u32, code: u32) -> vec3f {
     // Sample the lights.
     var direct = Arrival(vec3f(0.0), vec3f(0.0), 0.0);
-    if ((scene.light_count > 0u) & (p.surface.offset > 0.0)) {
+    if ((scene.light_count > 0u) & (dot(p.side, p.side) > 0.0)) {
         direct = arrival_from_light(p, sobol_2d(index, hash2(code, 1u)).y, sobol_2d(index, hash2(code, 3u)));
     }
     var rays: Rays;
@@ -218,7 +218,7 @@ fn draw_segment(
 
 fn first_segment(start: Start) -> Segment {
     let at = start.at;
-    let offset = pixel_ray_offset(length(at.position - view.position));
+    let offset = ray_offset(at.geometric_normal, pixel_terms(at.position));
     return draw_segment(
         at.position, offset, start.side, at.normal, start.proposed, start.index, code_of(start.block, 0u));
 }

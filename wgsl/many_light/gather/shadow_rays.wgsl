@@ -10,7 +10,7 @@ struct ShadowRay {
 }
 
 fn shadow_ray(at: Receiver, vpl: Vpl) -> ShadowRay {
-    let offset = pixel_ray_offset(length(at.position - view.position));
+    let offset = ray_offset(at.geometric_normal, pixel_terms(at.position));
     let start = offset_origin(at.position, at.geometric_normal, offset, vpl.position - at.position);
     let way = vpl.position - start;
     let faces = dot(way, at.normal) > 0.0 && dot(way, vpl.normal) < 0.0;

@@ -21,14 +21,15 @@ const PLANE_TOLERANCE: f32 = 1e-2;
 
 // Returns the triangle that a ray of a VPL hits; `local` is the ray's unit direction in the frame of the map.
 fn trace_triangle(vpl: Vpl, frame: mat3x3f, local: vec3f) -> HitTriangle {
-    let hit = trace(Ray(vpl.position + vpl.normal * ray_offset(scene_extent()), frame * local), FLOAT_MAX);
+    let start = vpl.position + vpl.normal * ray_offset(vpl.normal, surface_terms(vpl.position));
+    let hit = trace(Ray(start, frame * local), FLOAT_MAX);
     let far = hit.distance;
     if (hit.triangle == NONE) {
         return HitTriangle(vec3f(0.0), 0.0, vec3f(0.0), vec3f(0.0), 0.0);
     }
     // Load the triangle in the world's frame.
     let t = load_triangle(hit.triangle);
-    var v0 = t.v0;
+    var v0 = first_corner(t);
     var edge1 = t.edge1;
     var edge2 = t.edge2;
     if (HAS_INSTANCES && t.instance == NONE) {

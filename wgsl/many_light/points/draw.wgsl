@@ -63,7 +63,7 @@ fn store_point(slot: u32, index: u32, count: u32, seed: u32) {
     let weights = sample_triangle(vec2f(left, u.y));
     let t = load_triangle(low);
     let stored_area = 0.5 * length(cross(t.edge1, t.edge2));
-    let s = surface_at(Hit(0.0, low, placed.instance, weights), vec3f(0.0, 0.0, 1.0));
+    let s = surface_on(t, Hit(0.0, low, placed.instance, weights - anchor_weights(t)), vec3f(0.0, 0.0, 1.0));
     // Compute the area that the point represents: area / (probability of the triangle * number of points).
     var edge1 = t.edge1;
     var edge2 = t.edge2;

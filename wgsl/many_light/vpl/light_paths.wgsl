@@ -53,11 +53,13 @@ fn surface_of_point(point: SurfacePoint, direction: vec3f) -> Surface {
     let scale = 1.0 / max(max3(abs(t.edge1)), max3(abs(t.edge2)));
     let edge1 = t.edge1 * scale;
     let edge2 = t.edge2 * scale;
-    let inside = (position - t.v0) * scale;
+    let inside = (position - t.anchor) * scale;
     let normal = cross(edge1, edge2);
-    let weights = vec2f(dot(cross(inside, edge2), normal), dot(cross(edge1, inside), normal))
+    let from_anchor = vec2f(dot(cross(inside, edge2), normal), dot(cross(edge1, inside), normal))
         / max(dot(normal, normal), 1e-37);
-    return surface_on(t, Hit(0.0, point.triangle, point.instance, saturate(weights)), direction);
+    let anchor = anchor_weights(t);
+    return surface_on(
+        t, Hit(0.0, point.triangle, point.instance, clamp(from_anchor, -anchor, 1.0 - anchor)), direction);
 }
 
 // Returns the environment's light that a side of a surface point reflects. The direction is drawn by the environment's
@@ -83,7 +85,7 @@ fn sky_vertex(point: SurfacePoint, area: f32, u: vec2f, choice: vec2f) -> Vpl {
         return v;
     }
     // Test whether the environment is visible.
-    let start = point.position + normal * ray_offset(scene_extent());
+    let start = point.position + normal * ray_offset(normal, surface_terms(point.position));
     if (trace(Ray(start, direction), FLOAT_MAX).triangle == NONE) {
         // Divide by the probability of the side, 1/2.
         let inverse_density = 2.0 * area * cosine / density;
@@ -203,7 +205,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         // Trace the next segment.
         let sent = send_on(v, random.x / survival, sobol_2d(index, hash2(pair + 1u, params.seed)));
         flux = sent.flux / survival;
-        let start = v.position + v.normal * ray_offset(scene_extent());
+        let start = v.position + v.normal * ray_offset(v.normal, surface_terms(v.position));
         let ray = Ray(start, sent.direction);
         v.flux = vec3f(0.0);
         if (max3(flux) <= 0.0) {

@@ -20,21 +20,33 @@ fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
     }
     let h = hit_plane(origin, direction, t);
     // A triangle seen edge-on has no hit, or one far outside: use its first corner.
-    let is_near = h.exists && abs(h.barycentric.x) + abs(h.barycentric.y) < FAR_OUTSIDE;
-    var weights = select(vec2f(0.0), clamp(h.barycentric, vec2f(0.0), vec2f(1.0)), is_near);
-    weights /= max(weights.x + weights.y, 1.0);
-    let point = t.v0 + weights.x * t.edge1 + weights.y * t.edge2;
-    let distance = dot(point - origin, direction) / dot(direction, direction);
-    return Hit(max(distance, 0.0), triangle, select(instance, t.instance, t.instance != NONE), weights);
+    let is_near = h.exists && abs(h.from_anchor.x) + abs(h.from_anchor.y) < FAR_OUTSIDE;
+    let anchor = anchor_weights(t);
+    var from_anchor = select(-anchor, clamp(h.from_anchor, -anchor, 1.0 - anchor), is_near);
+    let sum = anchor.x + anchor.y + from_anchor.x + from_anchor.y;
+    if (sum > 1.0) {
+        from_anchor = (anchor + from_anchor) / sum - anchor;
+    }
+    var hit = Hit(0.0, triangle, select(instance, t.instance, t.instance != NONE), from_anchor);
+    hit.distance = max(dot(hit_point(t, hit) - origin, direction) / dot(direction, direction), 0.0);
+    return hit;
+}
+
+// The point of a hit in the world.
+struct HitPoint {
+    position: vec3f,
+    terms: vec3f,     // of `ray_offset`
 }
 
 // Returns the point of a hit: on the triangle, where the ray may only pass by it.
-fn point_of_hit(t: Triangle, hit: Hit) -> vec3f {
-    let point = t.v0 + hit.barycentric.x * t.edge1 + hit.barycentric.y * t.edge2;
+fn point_of_hit(t: Triangle, hit: Hit) -> HitPoint {
+    let point = hit_point(t, hit);
+    let terms = hit_terms(t, hit);
     if (HAS_INSTANCES && t.instance == NONE) {
-        return instances[hit.instance].world_from_local * vec4f(point, 1.0);
+        let w = instances[hit.instance].world_from_local;
+        return HitPoint(w * vec4f(point, 1.0), transformed_terms(w, max(terms, abs(point))));
     }
-    return point;
+    return HitPoint(point, terms);
 }
 
 // Returns the triangle and the instance that a pixel shows; the triangle is NONE if the pixel shows no surface.
