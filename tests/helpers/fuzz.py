@@ -91,12 +91,14 @@ def gltf_document() -> tuple[dict[str, Any], bytes]:
         "indices": {"bufferView": builder.view(b"\1\0\0\0"), "componentType": 5121},
         "values": {"bufferView": builder.view(np.ones(3, np.float32).tobytes())},
     }
-    mesh = builder.mesh(primitive, name="shape")
+    moves = np.tile(np.float32([0, 0, 1]), (3, 1))
+    primitive["targets"] = [{"POSITION": builder.accessor(moves), "NORMAL": builder.accessor(moves)}, {"POSITION": 0}]
+    mesh = builder.mesh(primitive, name="shape", weights=[0.5, 0.25])
     child = builder.node(root=False, mesh=mesh, name="child", scale=[1, 2, 1])
     builder.node(mesh=mesh, rotation=[0, 0, 0, 1], translation=[1, 2, 3], children=[child])
     inverse = builder.accessor(np.eye(4, dtype="f4").reshape(1, 16))
     builder.add("skins", {"joints": [child], "inverseBindMatrices": inverse})
-    builder.node(mesh=mesh, skin=0)
+    builder.node(mesh=mesh, skin=0, weights=[1, 0])
     builder.light(type="spot", spot={"outerConeAngle": 0.5}, intensity=2, color=[1, 1, 1], range=5)
     builder.light(type="directional", node={"rotation": [0.6, 0, 0, 0.8]})
     perspective = builder.add("cameras", {"type": "perspective", "perspective": {"yfov": 1}})

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import math
+import textwrap
 import time
 
 import numpy as np
 import pytest
 from unit.gltf_builder import TRIANGLE, GltfBuilder, corners, only_mesh, triangle_scene
 
+from wgpu_gi.scene.files.notes import Notes
 from wgpu_gi.scene.gltf.load import load_gltf
 from wgpu_gi.scene.scene import DirectionalLight, PointLight, SpotLight
 
@@ -17,6 +21,19 @@ QUAD_TRIANGLES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
 
 
 # Containers and buffers
+
+
+def with_uri(path, uri):
+    """Replace the uri of the buffer of a .gltf file."""
+    document = json.loads(path.read_text())
+    document["buffers"][0]["uri"] = uri
+    path.write_text(json.dumps(document))
+    return path
+
+
+def encoded(data):
+    """Return base64 text."""
+    return base64.b64encode(data).decode()
 
 
 def test_plain_triangle(tmp_path):
@@ -39,6 +56,43 @@ def test_gltf_with_data_uri_and_external_buffer(tmp_path, uri):
     if uri and "%20" in uri:
         (tmp_path / uri).rename(tmp_path / "buffers" / "my data.bin")
     np.testing.assert_array_equal(corners(load_gltf(path).meshes[0]), [TRIANGLE])
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        lambda data: "data:;base64," + encoded(data).rstrip("="),
+        lambda data: "data:application/octet-stream;base64," + "\r\n".join(textwrap.wrap(encoded(data), 7)),
+        lambda data: "data:application/octet-stream;charset=utf-8;base64," + encoded(data),
+        lambda data: "DATA:;BASE64," + base64.urlsafe_b64encode(data).decode(),
+        lambda data: "data:application/octet-stream," + "".join(f"%{byte:02x}" for byte in data),
+    ],
+    ids=["unpadded", "line breaks", "charset", "url-safe", "percent"],
+)
+def test_every_way_to_write_a_data_uri(tmp_path, uri):
+    builder = triangle_scene()
+    builder.data += b"\xfb\xff\xfe\xff"  # whose base64 has + and /
+    path = with_uri(builder.gltf(tmp_path), uri(bytes(builder.data)))
+    np.testing.assert_array_equal(corners(load_gltf(path, notes=Notes(strict=True)).meshes[0]), [TRIANGLE])
+
+
+@pytest.mark.parametrize(
+    ("file", "uri"),
+    [
+        ("a b#c?.bin", "a%20b%23c%3F.bin"),
+        ("plain name.bin", "plain name.bin"),
+        ("50% off.bin", "50% off.bin"),
+        ("x%20y.bin", "x%20y.bin"),
+        ("größe.bin", "gr%C3%B6%C3%9Fe.bin"),
+        ("\u00e9.bin", "e\u0301.bin"),
+        ("e\u0301.bin", "\u00e9.bin"),
+    ],
+)
+def test_files_are_found_however_their_names_are_escaped(tmp_path, file, uri):
+    builder = triangle_scene()
+    path = with_uri(builder.gltf(tmp_path), uri)
+    (tmp_path / file).write_bytes(builder.data)
+    assert load_gltf(path, notes=Notes(strict=True)).triangle_count == 1
 
 
 def test_byte_order_mark_and_backslashes_are_accepted(tmp_path):
@@ -308,7 +362,7 @@ def test_cameras_are_rigid(tmp_path):
     assert (top.name, top.orthographic_height) == ("top", 3.0)
 
 
-# Extensions, rest pose
+# Extensions
 
 
 def test_unknown_optional_extensions_are_noted(tmp_path):
@@ -316,38 +370,6 @@ def test_unknown_optional_extensions_are_noted(tmp_path):
     builder.json["extensionsUsed"] = ["KHR_materials_ior", "KHR_lights_punctual"]
     notes = load_gltf(builder.glb(tmp_path)).notes
     assert len(notes) == 1 and "KHR_materials_ior" in notes[0] and "punctual" not in notes[0]
-
-
-def test_animation_and_morph_targets_are_noted(tmp_path):
-    builder = triangle_scene()
-    builder.json["animations"] = [{}]
-    builder.json["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 0}]
-    builder.json["meshes"][0]["weights"] = [1.0]
-    scene = load_gltf(builder.glb(tmp_path))
-    assert scene.notes == ["Animations and morph targets are shown in their rest pose."]
-    np.testing.assert_array_equal(corners(scene.meshes[0]), [TRIANGLE])
-
-
-def test_skinned_mesh_is_posed_by_its_joints_at_rest(tmp_path):
-    builder = GltfBuilder()
-    weights = np.array([[1, 0, 0, 0], [0.5, 0.5, 0, 0], [0, 1, 0, 0]], np.float32)
-    bound = np.array([[0, 1, 0, 0]] * 3, np.uint8)
-    normals = np.tile(np.array([1, 0, 0], np.float32), (3, 1))
-    mesh = builder.mesh(builder.primitive(NORMAL=normals, JOINTS_0=bound, WEIGHTS_0=weights))
-    half = math.sqrt(0.5)
-    second = builder.node(root=False, translation=[0, 1, 0])
-    first = builder.node(translation=[100, 0, 0], rotation=[0, 0, half, half], children=[second])
-    inverse = np.stack([np.eye(4), np.eye(4)]).astype(np.float32)
-    inverse[1, 3, 1] = -1.0  # column-major: translation by -1 along Y
-    matrices = builder.accessor(inverse.reshape(2, 16))
-    builder.add("skins", {"joints": [first, second], "inverseBindMatrices": matrices})
-    builder.node(mesh=mesh, skin=0, translation=[7, 7, 7])
-    scene = load_gltf(builder.glb(tmp_path))
-    matrix = scene.instances[0].world_from_local
-    world = scene.meshes[0].positions @ matrix[:3, :3].T + matrix[:3, 3]
-    np.testing.assert_allclose(world, [[100, 0, 0], [100, 1, 0], [99, 0, 0]], atol=1e-5)
-    np.testing.assert_allclose(scene.meshes[0].normals, [[0, 1, 0]] * 3, atol=1e-6)
-    assert any("Skins are shown in their rest pose" in note for note in scene.notes)
 
 
 # Comparison with another reader, and speed

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 from ...errors import GiError
+
+_LISTED = 3  # sentences of one kind that are listed in full
+_NAMES_AND_NUMBERS = re.compile(r"'[^']*'|\d+")
 
 
 class Notes:
@@ -24,5 +29,16 @@ class Notes:
 
     @property
     def sentences(self) -> list[str]:
-        """All sentences."""
-        return list(self._sentences)
+        """All sentences; of many that differ in names and numbers only, the first three, and how many there are."""
+        kinds: dict[str, list[str]] = {}
+        for sentence in self._sentences:
+            kinds.setdefault(_NAMES_AND_NUMBERS.sub("", sentence), []).append(sentence)
+        return [sentence for similar in kinds.values() for sentence in _some(similar)]
+
+
+def _some(similar: list[str]) -> list[str]:
+    """Return all sentences if they are few; else the first ones, the last of them with the number of the others."""
+    more = len(similar) - _LISTED
+    if more <= 1:
+        return similar
+    return [*similar[: _LISTED - 1], f"{similar[_LISTED - 1].rstrip('.')} (and {more} more such notes)"]

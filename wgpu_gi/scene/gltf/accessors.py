@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import GiError
 from . import compression as gltf_compression
 from .document import Document
 from .json_object import JsonObject
@@ -45,7 +46,8 @@ class Accessors:
     def read(self, index: int) -> Array:
         """Return accessor `index` as (count, components): float32 if it is normalized, else its component type.
 
-        The array may be a read-only view of the file. Raises GiError if the accessor reaches past its data.
+        The array may be a read-only view of the file. Raises Damage for an accessor without a readable description or
+        data, and GiError for one that reaches past its data.
         """
         if index not in self._array_of_accessor:
             accessor = self._accessors[index]
@@ -77,7 +79,7 @@ class Accessors:
 
     def _raw(self, accessor: JsonObject) -> Array:
         """Return the elements of an accessor in its component type, with sparse values inserted."""
-        shape = accessor.integer("count", low=1), accessor.choice("type", _COMPONENTS)
+        shape = accessor.integer("count"), accessor.choice("type", _COMPONENTS)
         dtype = accessor.choice("componentType", _COMPONENT_TYPES)
         if "bufferView" in accessor:
             values = self._elements(accessor, accessor, shape, dtype)
@@ -85,18 +87,18 @@ class Accessors:
             self._budget.take(size, accessor.where)
             values = np.zeros(shape, dtype)
         else:
-            raise accessor.error(f"count {shape[0]} is not backed by any data; the file is damaged")
+            raise accessor.fatal(f"count {shape[0]} is not backed by any data")
         return self._with_sparse(accessor, values) if "sparse" in accessor else values
 
     def _with_sparse(self, accessor: JsonObject, base: Array) -> Array:
         """Return a copy of `base` with the accessor's sparse values inserted."""
         sparse = accessor.child("sparse")
-        count = sparse.integer("count", low=1, high=len(base))
+        count = sparse.integer("count", high=len(base))
         places, replacements = sparse.child("indices"), sparse.child("values")
         dtype = places.choice("componentType", _INDEX_TYPES)
         indices = self._elements(accessor, places, (count, 1), dtype)[:, 0]
-        if int(indices.max()) >= len(base):
-            raise places.error(f"index {indices.max()} is beyond the {len(base)} elements; the file is damaged")
+        if count and int(indices.max()) >= len(base):
+            raise places.error(f"index {indices.max()} is beyond the {len(base)} elements")
         self._budget.take(base.nbytes, accessor.where)
         values = base.copy()
         values[indices] = self._elements(accessor, replacements, (count, base.shape[1]), base.dtype)
@@ -107,45 +109,41 @@ class Accessors:
         index = self.view_index(place)
         data, stride = self.view(index)
         size = shape[1] * dtype.itemsize
+        if shape[0] == 0:
+            return np.zeros(shape, dtype)
         if 0 < stride < size:
             raise self._views[index].error(f"byteStride {stride} is less than one element of {accessor.where}")
         stride = stride or size
         offset = place.integer("byteOffset", 0)
         needed = offset + stride * (shape[0] - 1) + size
         if needed > len(data):
-            raise place.error(
-                f"reads past the end of bufferView {index} (needs {needed} bytes, has {len(data)}); the file is damaged"
-            )
+            raise place.fatal(f"reads past the end of bufferView {index} (needs {needed} bytes, has {len(data)})")
         return np.ndarray(shape, dtype, data, offset, (stride, dtype.itemsize))
 
     def _slice(self, view: JsonObject) -> memoryview:
         """Return the bytes of the buffer that a buffer view, or its compression extension, covers."""
         index = view.index("buffer", len(self._buffers), "buffers")
         data = self._buffer(index)
-        offset, length = view.integer("byteOffset", 0), view.integer("byteLength", low=1)
+        offset, length = view.integer("byteOffset", 0), view.integer("byteLength")
         if offset + length > len(data):
-            raise view.error(
-                f"reads past the end of buffer {index} (needs {offset + length} bytes, has {len(data)}); "
-                "the file is damaged"
-            )
+            raise view.fatal(f"reads past the end of buffer {index} (needs {offset + length} bytes, has {len(data)})")
         return data[offset : offset + length]
 
     def _buffer(self, index: int) -> memoryview:
         """Return the bytes of a buffer: the GLB chunk, a file beside the scene, or a data URI."""
         if index not in self._data_of_buffer:
             buffer = self._buffers[index]
-            length = buffer.integer("byteLength", low=1)
             if "uri" in buffer:
-                try:
-                    data = memoryview(self._document.read_uri(buffer))
-                except FileNotFoundError as error:
-                    raise buffer.error(f"{error}; put it beside the scene") from error
+                data = memoryview(self._document.read_uri(buffer))
             elif index == 0 and self._document.binary is not None:
                 data = self._document.binary
             else:
-                raise buffer.error("it has no data (neither a uri nor a GLB chunk); the file is damaged")
+                raise buffer.error("it has no data (neither a uri nor a GLB chunk)")
+            length = buffer.integer("byteLength", len(data))
             if length > len(data):
-                raise buffer.error(f"byteLength is {length}, but its data has {len(data)} bytes; the file is truncated")
+                raise GiError(
+                    f"{buffer.where}: byteLength is {length}, but its data has {len(data)} bytes; the file is truncated"
+                )
             self._data_of_buffer[index] = data[:length]
         return self._data_of_buffer[index]
 

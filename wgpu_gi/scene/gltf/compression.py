@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import GiError
 from ..files.memory import MemoryBudget
 from .json_object import JsonObject
 
@@ -49,13 +50,13 @@ def decode_draco(extension: JsonObject, data: memoryview, budget: MemoryBudget) 
         found = {int(a["unique_id"]): np.asarray(a["data"]) for a in mesh.attributes}
         triangles = np.asarray(mesh.faces, np.uint32).reshape(-1, 3)
     except Exception as error:  # the native decoder's own types; all mean bad data
-        raise extension.error(f"its Draco data cannot be decoded ({error}); the file is damaged") from error
+        raise extension.error(f"its Draco data cannot be decoded ({error})") from error
     names = extension.child("attributes")
     attributes = {}
     for name in names.raw:
         unique_id = names.integer(name)
         if unique_id not in found:
-            raise names.error(f"{name[:40]!r} is not in the Draco data; the file is damaged")
+            raise names.error(f"{name[:40]!r} is not in the Draco data")
         attributes[name] = found[unique_id].reshape(len(found[unique_id]), -1)
     return DracoMesh(triangles, attributes)
 
@@ -67,7 +68,7 @@ def _draco_counts(extension: JsonObject, data: bytes) -> tuple[int, int]:
     sequential connectivity (method 0) faces and points, for edgebreaker (1) its type, vertices and faces, all varints.
     """
     if len(data) < 12 or data[:5] != b"DRACO" or data[7] != 1 or data[8] > 1:
-        raise extension.error("its data is not a Draco mesh; the file is damaged")
+        raise extension.error("its data is not a Draco mesh")
     if data[5:7] != b"\2\2" or int.from_bytes(data[9:11], "little") & 0x8000:
         raise extension.error("its Draco data is not of version 2.2 without metadata; compress the file again")
     at, counts = 11 + data[8], []
@@ -89,13 +90,13 @@ def decode_meshopt(extension: JsonObject, data: memoryview, budget: MemoryBudget
     names = {"NONE": "", "OCTAHEDRAL": "oct", "QUATERNION": "quat", "EXPONENTIAL": "exp"}
     filter_name = extension.choice("filter", names, "NONE")
     if (mode == "ATTRIBUTES" and stride % 4) or (mode != "ATTRIBUTES" and stride not in (2, 4)):
-        raise extension.error(f"byteStride {stride} does not suit mode {mode}; the file is damaged")
+        raise extension.error(f"byteStride {stride} does not suit mode {mode}")
     if (filter_name == "oct" and stride not in (4, 8)) or (filter_name == "quat" and stride != 8):
-        raise extension.error(f"byteStride {stride} does not suit its filter; the file is damaged")
+        raise extension.error(f"byteStride {stride} does not suit its filter")
     if mode == "TRIANGLES" and count % 3:
-        raise extension.error(f"count {count} is not a multiple of three; the file is damaged")
+        raise extension.error(f"count {count} is not a multiple of three")
     if count * stride > len(data) * _MESHOPT_MAX_RATIO:
-        raise extension.error(f"announces {count * stride} bytes from {len(data)}; the file is damaged")
+        raise extension.error(f"announces {count * stride} bytes from {len(data)}")
     budget.take(count * stride, extension.where)
     # Decode it.
     try:
@@ -108,7 +109,7 @@ def decode_meshopt(extension: JsonObject, data: memoryview, budget: MemoryBudget
             decode = decoder.decode_index_buffer if mode == "TRIANGLES" else decoder.decode_index_sequence
             decoded = decode(count, stride, bytes(data))
     except Exception as error:  # the native decoder's own types; all mean bad data
-        raise extension.error(f"its meshopt data cannot be decoded ({error}); the file is damaged") from error
+        raise extension.error(f"its meshopt data cannot be decoded ({error})") from error
     return memoryview(decoded.tobytes())[: count * stride], stride
 
 
@@ -117,6 +118,7 @@ def _import(module: str, what: str, extension: JsonObject) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise extension.error(
-            f"its geometry is {what}-compressed and the decoder is not installed; run: pip install wgpu_gi[gltf]"
+        raise GiError(
+            f"{extension.where}: its geometry is {what}-compressed and the decoder is not installed; "
+            f"run: pip install {module}"
         ) from error

@@ -8,6 +8,9 @@ import json
 import os
 import re
 import struct
+import unicodedata
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, unquote_to_bytes
@@ -16,7 +19,7 @@ from ...errors import GiError
 from ..files.memory import MemoryBudget
 from ..files.notes import Notes
 from ..files.read import path_inside, read_file
-from .json_object import JsonObject
+from .json_object import Damage, JsonObject
 
 _CHUNK_JSON = 0x4E4F534A
 _CHUNK_BIN = 0x004E4942
@@ -24,7 +27,11 @@ _CHUNK_BIN = 0x004E4942
 # Matches URIs with a scheme or a drive letter, and absolute paths.
 _OUTSIDE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|[/\\]")
 
-# Extensions that are implemented; a file that requires any other one is refused.
+# base64 has two alphabets; line breaks and blanks mean nothing in it.
+_BASE64 = bytes.maketrans(b"-_", b"+/")
+_WHITESPACE = b" \t\r\n\f"
+
+# Extensions that are implemented; a file that uses or requires other ones is shown without them, with a note.
 SUPPORTED_EXTENSIONS = {
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -50,11 +57,11 @@ class Document:
         self.binary: memoryview | None = None
         if data[:4] == b"glTF":
             text, self.binary = _split_glb(path.name, data)
-        elif path.suffix.lower() == ".glb":
+        elif path.suffix.lower() == ".glb" and not data.lstrip().startswith(b"{"):
             raise GiError(f"{path.name} is not a GLB file: it does not begin with 'glTF'; export or download it again")
         else:
             text = memoryview(data)
-        self.root = _parse_json(path.name, text)
+        self.root = _parse_json(path.name, text, notes)
         self._check_version()
         self._check_extensions()
 
@@ -70,48 +77,63 @@ class Document:
         for i, element in enumerate(elements):
             name = element.get("name") if isinstance(element, dict) else None
             label = f" {name[:40]!r}" if isinstance(name, str) and name else ""
-            objects.append(JsonObject(element, f"{self.path.name}: {key}[{i}]{label}"))
+            objects.append(JsonObject(element, f"{self.path.name}: {key}[{i}]{label}", self.notes))
         return objects
 
     def read_uri(self, owner: JsonObject) -> bytes:
         """Return the bytes of `owner`'s uri: a data URI, or a file inside the folder of the scene.
 
-        Raises GiError for a path that leaves the folder, a broken data URI or an unreadable file, and FileNotFoundError
-        with the rest of a sentence for a missing or empty file.
+        Raises Damage for a path that leaves the folder, a broken data URI and a missing or empty file.
         """
         uri = owner.text("uri", None)
         if uri[:5].lower() == "data:":
             return _decode_data_uri(owner, uri)
-        name = unquote(uri)
-        target = None if _OUTSIDE.match(uri) or _OUTSIDE.match(name) else path_inside(self.path.parent, name)
-        if target is None:
+        # Some exporters do not escape the names of files; some systems store accents decomposed.
+        names = [unquote(uri), uri]
+        names += [unicodedata.normalize(form, unquote(uri)) for form in ("NFC", "NFD")]
+        targets = [None if _OUTSIDE.match(name) else path_inside(self.path.parent, name) for name in names]
+        if targets[0] is None:
             raise owner.error(f"uri {uri[:80]!r} leaves the scene's folder; put the file there and correct the uri")
-        # Unlike Path, os.path returns False for names that no file can have.
-        if not os.path.isfile(target) or os.path.getsize(target) == 0:
-            raise FileNotFoundError(f"file {name[:80]!r} is missing or empty")
-        return read_file(target, f"file of {self.path.name}")
+        for target in targets:
+            # Unlike Path, os.path returns False for names that no file can have.
+            if target is not None and os.path.isfile(target) and os.path.getsize(target):
+                return read_file(target, f"file of {self.path.name}")
+        raise owner.error(f"file {names[0][:80]!r} is missing or empty; put it beside the scene")
+
+    @contextmanager
+    def leaving_out(self, part: str) -> Iterator[None]:
+        """Turn Damage into a note that `part`, the subject of a sentence, was left out."""
+        try:
+            yield
+        except Damage as error:
+            self.notes.damage(f"{error}; {part} was left out.")
 
     def _check_version(self) -> None:
-        if "asset" not in self.root:
-            raise GiError(f"{self.path.name} is JSON but not glTF: it has no asset.version")
         asset = self.root.child("asset")
         for key in ("version", "minVersion"):
-            version = asset.text(key, None if key == "version" else "2.0")
+            version = asset.raw.get(key, "2.0" if key == "minVersion" else None)
+            if isinstance(version, int | float) and version == 2:
+                asset.damage(f"{key} must be the text '2.0', not a number")
+                version = "2.0"
+            if not isinstance(version, str) or not version:
+                raise GiError(f"{self.path.name} is JSON but not glTF: it has no asset.version")
             if version.split(".")[0] != "2" or (key == "minVersion" and version != "2.0"):
-                raise asset.error(f"{key} is {version[:20]!r}, only glTF 2.0 can be read; convert the file")
+                raise GiError(f"{asset.where}: {key} is {version[:20]!r}, only glTF 2.0 can be read; convert the file")
 
     def _check_extensions(self) -> None:
-        lists = {key: self.root.values(key) for key in ("extensionsRequired", "extensionsUsed")}
-        for key, entries in lists.items():
-            if not all(isinstance(entry, str) for entry in entries):
-                raise self.root.error(f"{key} must be a list of names")
-        unknown = sorted(set(lists["extensionsRequired"]) - SUPPORTED_EXTENSIONS)
-        if unknown:
-            names = ", ".join(map(repr, unknown))
-            raise GiError(f"{self.path.name} requires {names}, which are not supported; export without them")
-        ignored = sorted(set(lists["extensionsUsed"]) - SUPPORTED_EXTENSIONS)
-        if ignored:
+        used, required = (self._names(key) - SUPPORTED_EXTENSIONS for key in ("extensionsUsed", "extensionsRequired"))
+        if required:
+            names = ", ".join(map(repr, sorted(required)))
+            self.notes.damage(f"{self.path.name} requires {names}, not supported here; it is shown without.")
+        if ignored := sorted(used - required):
             self.notes.add(f"Extensions that are not supported and were ignored: {', '.join(map(repr, ignored))}.")
+
+    def _names(self, key: str) -> set[str]:
+        """Return the texts in a list of the root."""
+        entries = self.root.values(key)
+        if not all(isinstance(entry, str) for entry in entries):
+            self.root.damage(f"{key} must be a list of names; other entries were ignored")
+        return {entry for entry in entries if isinstance(entry, str)}
 
 
 def _split_glb(name: str, data: bytes) -> tuple[memoryview, memoryview | None]:
@@ -139,23 +161,26 @@ def _split_glb(name: str, data: bytes) -> tuple[memoryview, memoryview | None]:
     return chunks[_CHUNK_JSON], chunks.get(_CHUNK_BIN)
 
 
-def _parse_json(name: str, text: memoryview) -> JsonObject:
+def _parse_json(name: str, text: memoryview, notes: Notes) -> JsonObject:
     try:
         value = json.loads(bytes(text).decode("utf-8-sig").rstrip("\0"))
     except (ValueError, RecursionError) as error:
         raise GiError(f"{name} is not valid JSON ({error}); the file is damaged or not glTF") from error
     if not isinstance(value, dict):
         raise GiError(f"{name} is JSON but not glTF: its top level is not an object")
-    return JsonObject(value, f"{name}: root")
+    return JsonObject(value, f"{name}: root", notes)
 
 
 def _decode_data_uri(owner: JsonObject, uri: str) -> bytes:
-    """Return the payload of a base64 or percent-encoded data URI."""
+    """Return the payload of a percent-encoded or base64 data URI; base64 may lack padding and have line breaks."""
     header, comma, payload = uri.partition(",")
     if not comma:
-        raise owner.error("its data URI has no comma; the file is damaged")
+        raise owner.error("its data URI has no comma")
+    raw = unquote_to_bytes(payload)
+    if not header.lower().endswith(";base64"):
+        return raw
+    digits = raw.translate(_BASE64, _WHITESPACE).rstrip(b"=")
     try:
-        raw = unquote_to_bytes(payload)
-        return base64.b64decode(raw, validate=True) if header.lower().endswith(";base64") else raw
+        return base64.b64decode(digits + b"=" * (-len(digits) % 4), validate=True)
     except (binascii.Error, ValueError) as error:
-        raise owner.error(f"its data URI is not valid base64 ({error}); the file is damaged") from error
+        raise owner.error(f"its data URI is not valid base64 ({error})") from error

@@ -26,16 +26,21 @@ def assemble(indices: NDArray[np.uint32], mode: int) -> NDArray[np.uint32]:
     return indices[: len(indices) // 3 * 3].reshape(-1, 3)
 
 
+def as_floats(name: str, values: NDArray[Any]) -> NDArray[np.float32]:
+    """Return a dequantised vertex attribute as float32."""
+    if name == "COLOR_0" and values.dtype.kind != "f":
+        # Colours must be normalized; some exporters forget the flag.
+        values = values / np.float32(np.iinfo(values.dtype).max)
+    return values.astype(np.float32, copy=False)
+
+
 def clean_attribute(name: str, values: NDArray[Any]) -> tuple[NDArray[np.float32], int]:
     """Return a dequantised vertex attribute in the form of a Mesh, and how many rows were not finite.
 
     Those rows become neutral (zeros, white for colours); positions are returned unchanged. Normals and tangents are
     unit vectors or zero, tangents have w = +-1, and colours are four numbers in [0, 1].
     """
-    if name == "COLOR_0" and values.dtype.kind != "f":
-        # Colours must be normalized; some exporters forget the flag.
-        values = values / np.float32(np.iinfo(values.dtype).max)
-    floats = values.astype(np.float32, copy=False)
+    floats = as_floats(name, values)
     if name == "POSITION":
         return floats, 0
     finite = np.isfinite(floats).all(axis=1, keepdims=True)

@@ -12,7 +12,7 @@ from ..files.image_files import Picture, decode_image, open_image, without_warni
 from ..scene import Image
 from .accessors import Accessors
 from .document import Document
-from .json_object import JsonObject
+from .json_object import Damage, JsonObject
 
 _FORMATS = ("PNG", "JPEG", "WEBP")  # Pillow's names of the formats of glTF 2.0 and EXT_texture_webp
 
@@ -48,7 +48,7 @@ class Images:
     def _source(self, index: int) -> str:
         """Return a text that is equal for images with the same bytes."""
         image = self._descriptions[index]
-        return f"uri {image.text('uri')}" if "uri" in image else f"view {self._accessors.view_index(image)}"
+        return f"uri {image.text('uri')}" if "uri" in image else f"view {image.raw.get('bufferView')!r}"
 
     def _open(self, image: JsonObject) -> Picture:
         """Return the image with only its header read, or the reason why there is none."""
@@ -57,8 +57,8 @@ class Images:
                 encoded = self._document.read_uri(image)
             else:
                 encoded = bytes(self._accessors.view(self._accessors.view_index(image))[0])
-        except FileNotFoundError as error:
-            return str(error)
+        except Damage as error:
+            return str(error).removeprefix(f"{image.where}: ")
         return open_image(encoded, self._document.budget, image.where, _FORMATS)
 
     def _finish(self, image: JsonObject, pixels: NDArray[np.uint8] | str) -> Image | None:

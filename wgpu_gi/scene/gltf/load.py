@@ -2,7 +2,8 @@
 
 Departures: alpha blending becomes an alpha mask, animations and morph targets are shown in their rest pose, points and
 lines are left out. The scene's notes say what was changed or left out. Files are untrusted: every index, count, type
-and path is checked, nothing is allocated by an announced size, and invalid data raises GiError with its place.
+and path is checked, and nothing is allocated by an announced size. Damage costs the smallest part that holds it
+(a value, a triangle, a primitive, a texture, a skin, a light), with a note; `Notes(strict=True)` refuses it.
 """
 
 from __future__ import annotations
@@ -17,26 +18,29 @@ from ...errors import GiError
 from ...float_limits import LARGEST_HEIGHT, LARGEST_LIGHT, LARGEST_YFOV, MAX_COORDINATE, SMALLEST_HEIGHT, SMALLEST_YFOV
 from ..files.memory import MemoryBudget
 from ..files.notes import Notes
-from ..scene import DirectionalLight, Instance, Light, PointLight, Scene, SpotLight
+from ..scene import DirectionalLight, Instance, Light, Mesh, PointLight, Scene, SpotLight
 from .accessors import Accessors
 from .document import Document
 from .json_object import JsonObject
 from .materials import Materials, some
 from .meshes import Meshes
 from .nodes import Matrix, Nodes
-from .skins import joint_matrices
+from .skins import SkinDamage, joint_matrices
+from .vertices import Pose
 
 _FLAT = 1e-7  # ratio of a matrix's singular values below which float32 cannot invert it
 _RIGID = 1e-14  # error of the products of a rotation's axes: some roundings of float64
 _NOTHING = 1e-18  # scale at which anything is invisible
+_WIDEST_CONE = math.pi / 2 + 1e-3  # radians; what exceeds a right angle by less is rounding
+_LONGEST_REASONS = 200  # characters of the notes in a message
 
 
 def load_gltf(path: Path, budget: MemoryBudget | None = None, notes: Notes | None = None) -> Scene:
     """Return the default scene of a .gltf or .glb file, which may unpack to the bytes of `budget`.
 
     Each glTF mesh becomes one Mesh, shared by the instances of all nodes that refer to it. Lights and cameras have the
-    name of their node, or else their own. Raises GiError if the file is damaged, needs an extension that is not
-    supported or a decoder that is not installed, refers to files outside its folder, or has no triangles.
+    name of their node, or else their own. Raises GiError if the file is not glTF 2.0, is truncated or read beyond its
+    data, needs a decoder that is not installed, or has no triangles to show.
     """
     document = Document(path, budget or MemoryBudget(), notes or Notes())
     nodes = Nodes(document)
@@ -57,25 +61,18 @@ def _instances(document: Document, nodes: Nodes, shown: list[int]) -> list[Insta
     accessors = Accessors(document)
     materials = Materials(document, accessors)
     meshes = Meshes(document, accessors, materials)
-    skin_count = len(document.array("skins"))
-    mesh_of_node = {n: descriptions[n].index("mesh", len(meshes), "meshes") for n in shown if "mesh" in descriptions[n]}
+    references = {node: descriptions[node].optional_index("mesh", len(meshes), "meshes") for node in shown}
+    mesh_of_node = {node: mesh for node, mesh in references.items() if mesh is not None}
     if not mesh_of_node:
-        raise GiError(f"{document.path.name}: its scene has no meshes; there is nothing to show")
+        raise GiError(f"{document.path.name}: its scene has no meshes; there is nothing to show{_reasons(document)}")
     materials.load(meshes.materials_of(mesh_of_node.values()))
-    # Read the meshes, in the pose of their skins, and place them.
+    # Read the meshes at rest, and place them.
+    poses = Poses(document, accessors, nodes)
     instances: list[Instance] = []
     flat: list[str] = []
-    posed: dict[int, tuple[Matrix, Matrix]] = {}  # the joint matrices and the frame of each skin
     for node, mesh_index in mesh_of_node.items():
-        description, matrix, joints, skin = descriptions[node], nodes.world[node], None, None
-        if "skin" in description:
-            # A skinned mesh ignores the transform of its own node (glTF 2.0, 3.7.3.2).
-            skin = description.index("skin", skin_count, "skins")
-            if skin not in posed:
-                posed[skin] = joint_matrices(document, accessors, skin, nodes.world)
-            joints, matrix = posed[skin]
-        mesh = meshes.get(mesh_index, skin, joints)
-        name = description.text("name") or meshes.name(mesh_index)
+        mesh, matrix = poses.mesh(node, meshes, mesh_index)
+        name = descriptions[node].text("name") or meshes.name(mesh_index)
         placed = _invertible(matrix)
         if placed is None:
             flat.append(name)
@@ -86,9 +83,45 @@ def _instances(document: Document, nodes: Nodes, shown: list[int]) -> list[Insta
     if flat:
         document.notes.add(f"Objects scaled to zero were left out: {some(flat)}.")
     if not instances:
-        reasons = " ".join(document.notes.sentences)
-        raise GiError(f"{document.path.name}: there are no triangles to show. {reasons}".rstrip())
+        raise GiError(f"{document.path.name}: there are no triangles to show{_reasons(document)}")
     return instances
+
+
+class Poses:
+    """The meshes of nodes at rest, with their morph targets and skins."""
+
+    def __init__(self, document: Document, accessors: Accessors, nodes: Nodes) -> None:
+        self._document = document
+        self._accessors = accessors
+        self._nodes = nodes
+        self._skins: dict[int, tuple[Matrix, Matrix]] = {}  # the joint matrices and the frame of each skin
+
+    def mesh(self, node: int, meshes: Meshes, index: int) -> tuple[Mesh | None, Matrix]:
+        """Return the posed mesh of a shown node, None without triangles, and world_from_mesh."""
+        description = self._document.array("nodes")[node]
+        weights = meshes.weights(description, index)
+        skins = self._document.array("skins")
+        skin = description.optional_index("skin", len(skins), "skins")
+        if skin is not None:
+            # A skinned mesh ignores the transform of its own node (glTF 2.0, 3.7.3.2).
+            try:
+                if skin not in self._skins:
+                    self._skins[skin] = joint_matrices(self._document, self._accessors, skin, self._nodes.world)
+                joints, frame = self._skins[skin]
+                return meshes.get(index, Pose(weights, skin, joints)), frame
+            except SkinDamage as error:
+                self._document.notes.damage(f"{error}; the mesh is shown without its skin.")
+        return meshes.get(index, Pose(weights)), self._nodes.placed(node)
+
+
+def _reasons(document: Document) -> str:
+    """Return the first notes as the end of a message, without making it longer than a reader takes in."""
+    reasons = ""
+    for sentence in document.notes.sentences:
+        if len(reasons) + len(sentence) > _LONGEST_REASONS:
+            break
+        reasons += f" {sentence}"
+    return f".{reasons}" if reasons else ""
 
 
 def _invertible(matrix: Matrix) -> Matrix | None:
@@ -115,39 +148,38 @@ def _lights(document: Document, nodes: Nodes, shown: list[int]) -> list[Light]:
         description = document.array("nodes")[node]
         reference = description.extension("KHR_lights_punctual")
         if reference is not None:
-            source = descriptions[reference.index("light", len(descriptions), "lights")]
-            light = _light(source, nodes.world[node], description.text("name") or source.text("name"))
-            if light is None:
-                document.notes.add(f"{description.where}: its light was left out; its direction is scaled to zero.")
-            else:
-                lights.append(light)
+            with document.leaving_out("the light"):
+                source = descriptions[reference.index("light", len(descriptions), "lights")]
+                lights.append(_light(source, nodes.placed(node), description.text("name") or source.text("name")))
     return lights
 
 
-def _light(source: JsonObject, matrix: Matrix, name: str) -> Light | None:
-    """Return the light of a node, which shines along the node's -Z; None if that axis has no length."""
+def _light(source: JsonObject, matrix: Matrix, name: str) -> Light:
+    """Return the light of a node, which shines along the node's -Z. Raises Damage."""
+    # Read what all kinds have. Some exporters write a range of 0, or a huge one, for "no limit".
     kind = source.choice("type", {kind: kind for kind in ("point", "spot", "directional")})
-    red, green, blue = source.vector("color", (1.0, 1.0, 1.0), low=0.0, high=LARGEST_LIGHT)
-    color, intensity = (red, green, blue), source.number("intensity", 1.0, low=0.0, high=LARGEST_LIGHT)
-    if max(color) * intensity > LARGEST_LIGHT:
-        raise source.error(f"intensity times color must be at most {LARGEST_LIGHT:g}; repair the file")
-    # Some exporters write a range of 0, or a huge one, for "no limit"; the extension omits the range instead.
+    red, green, blue = source.vector("color", (1.0, 1.0, 1.0), high=LARGEST_LIGHT)
+    color, intensity = (red, green, blue), source.number("intensity", 1.0)
+    if min(color) < 0.0 or not 0.0 <= max(color) * intensity <= LARGEST_LIGHT:
+        raise source.error(f"intensity times color must be from 0 to {LARGEST_LIGHT:g}")
     limit = source.number("range", 0.0, low=0.0)
     reach = limit if 0 < limit <= MAX_COORDINATE else None
     x, y, z = matrix[:3, 3].tolist()
     if kind == "point":
         return PointLight((x, y, z), intensity, color, reach, name)
+    # Read what has a direction.
     length = float(np.linalg.norm(matrix[:3, 2]))
     if length == 0.0:
-        return None
+        raise source.error("its direction is scaled to zero")
     direction = tuple((-matrix[:3, 2] / length).tolist())
     if kind == "directional":
         return DirectionalLight(direction, intensity, color, name)
+    # Exporters round a right angle to 1.5708.
     spot = source.child("spot")
-    outer = spot.number("outerConeAngle", math.pi / 4, low=0.0, high=math.pi / 2 + 1e-6)
-    inner = spot.number("innerConeAngle", 0.0, low=0.0, high=math.pi / 2 + 1e-6)
+    outer = min(spot.number("outerConeAngle", math.pi / 4, low=0.0, high=_WIDEST_CONE), math.pi / 2)
+    inner = spot.number("innerConeAngle", 0.0, low=0.0, high=_WIDEST_CONE)
     if outer == 0.0:
-        raise spot.error("outerConeAngle must be above 0; widen the light")
+        raise spot.error("outerConeAngle must be above 0")
     return SpotLight((x, y, z), direction, min(inner, outer), outer, intensity, color, reach, name)
 
 
@@ -157,20 +189,24 @@ def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]
     cameras: list[Camera] = []
     for node in shown:
         description = document.array("nodes")[node]
-        if "camera" not in description:
-            continue
-        source = descriptions[description.index("camera", len(descriptions), "cameras")]
-        name = description.text("name") or source.text("name")
-        pose = _rigid(nodes.world[node])
-        if pose is None:
-            document.notes.add(f"{description.where}: its camera was left out, because its axes are scaled to zero.")
-        elif source.choice("type", {"perspective": False, "orthographic": True}):
-            height = 2.0 * source.child("orthographic").number("ymag", low=SMALLEST_HEIGHT / 2, high=LARGEST_HEIGHT / 2)
-            cameras.append(Camera(pose, orthographic_height=height, name=name))
-        else:
-            yfov = source.child("perspective").number("yfov", low=SMALLEST_YFOV, high=LARGEST_YFOV)
-            cameras.append(Camera(pose, yfov, None, name))
+        index = description.optional_index("camera", len(descriptions), "cameras")
+        if index is not None:
+            with document.leaving_out("the camera"):
+                name = description.text("name") or descriptions[index].text("name")
+                cameras.append(_camera(descriptions[index], nodes.placed(node), name))
     return cameras
+
+
+def _camera(source: JsonObject, matrix: Matrix, name: str) -> Camera:
+    """Return the camera of a node. Raises Damage."""
+    pose = _rigid(matrix)
+    if pose is None:
+        raise source.error("its axes are scaled to zero")
+    if source.choice("type", {"perspective": False, "orthographic": True}):
+        height = 2.0 * source.child("orthographic").number("ymag", low=SMALLEST_HEIGHT / 2, high=LARGEST_HEIGHT / 2)
+        return Camera(pose, orthographic_height=height, name=name)
+    yfov = source.child("perspective").number("yfov", low=SMALLEST_YFOV, high=LARGEST_YFOV)
+    return Camera(pose, yfov, None, name)
 
 
 def _rigid(matrix: Matrix) -> Matrix | None:
@@ -195,10 +231,10 @@ def _rigid(matrix: Matrix) -> Matrix | None:
 
 def _note_rest_pose(document: Document) -> None:
     """Note animations, skins and morph targets, which are shown in their rest pose."""
-    primitives = (p for mesh in document.array("meshes") for p in mesh.values("primitives") if isinstance(p, dict))
+    primitives = (primitive for mesh in document.array("meshes") for primitive in mesh.objects("primitives"))
     moving = {
-        "animations": bool(document.array("animations")),
-        "skins": bool(document.array("skins")),
+        "animations": bool(document.root.values("animations")),
+        "skins": bool(document.root.values("skins")),
         "morph targets": any("targets" in primitive for primitive in primitives),
     }
     kinds = [kind for kind, present in moving.items() if present]

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Literal
 
 from ...float_limits import LARGEST_FACTOR, LARGEST_LIGHT
-from ..scene import Material, Texture, Wrap
+from ..scene import Image, Material, Texture, Wrap
 from .accessors import Accessors
 from .document import Document
 from .images import Images
@@ -54,15 +54,20 @@ class Materials:
     def _read(self, source: JsonObject) -> Material:
         """Return the material that a glTF material describes."""
         pbr = source.child("pbrMetallicRoughness")
-        strength = source.extension("KHR_materials_emissive_strength") or JsonObject({}, source.where)
+        strength = source.extension_or_empty("KHR_materials_emissive_strength")
         gain = strength.number("emissiveStrength", 1.0, low=0.0, high=LARGEST_LIGHT)
         red, green, blue = source.vector("emissiveFactor", (0.0, 0.0, 0.0), low=0.0, high=LARGEST_LIGHT)
         emission = (red * gain, green * gain, blue * gain)
         if max(emission) > LARGEST_LIGHT:
-            raise source.error(f"emissiveFactor times emissiveStrength must be at most {LARGEST_LIGHT:g}")
+            source.damage(f"emissiveFactor times emissiveStrength must be at most {LARGEST_LIGHT:g}; it was limited")
+            emission = (
+                min(emission[0], LARGEST_LIGHT),
+                min(emission[1], LARGEST_LIGHT),
+                min(emission[2], LARGEST_LIGHT),
+            )
         alpha_mode = source.choice("alphaMode", _ALPHA_MODES, "OPAQUE")
         infos = _texture_infos(source)
-        normal = infos.get("normalTexture", JsonObject({}, source.where))
+        normal = infos.get("normalTexture", source.empty())
         textures = {slot: self._texture(info) for slot, info in infos.items()}
         base = self._fractions(pbr, "baseColorFactor", pbr.vector("baseColorFactor", (1.0, 1.0, 1.0, 1.0), low=0.0))
         return Material(
@@ -93,14 +98,20 @@ class Materials:
         """Return the texture of a textureInfo; None, with a note, if it cannot be used."""
         source = self._image_of(info)
         image = None if source is None else self._images.get(source)
-        transform = info.extension("KHR_texture_transform") or JsonObject({}, info.where)
+        if image is None:
+            return None
+        with self._document.leaving_out("the texture"):
+            return self._texture_of(info, image)
+        return None
+
+    def _texture_of(self, info: JsonObject, image: Image) -> Texture | None:
+        """Return the texture of a textureInfo and its image; None, with a note, if it cannot be used."""
+        transform = info.extension_or_empty("KHR_texture_transform")
         texcoord = transform.integer("texCoord", info.integer("texCoord", 0))
-        if image is not None and texcoord not in _TEXCOORDS:
+        if texcoord not in _TEXCOORDS:
             self._document.notes.add(
                 f"{info.where} was left out: it uses texture coordinate set {texcoord}; only 0 and 1 are supported."
             )
-            return None
-        if image is None:
             return None
         offset = transform.vector("offset", (0.0, 0.0), -LARGEST_FACTOR, LARGEST_FACTOR)
         scale = transform.vector("scale", (1.0, 1.0), -LARGEST_FACTOR, LARGEST_FACTOR)
@@ -119,17 +130,17 @@ class Materials:
     def _sampler(self, texture: JsonObject) -> JsonObject:
         """Return the sampler of a texture, an empty object if it has none."""
         samplers = self._document.array("samplers")
-        if "sampler" not in texture:
-            return JsonObject({}, texture.where)
-        return samplers[texture.index("sampler", len(samplers), "samplers")]
+        index = texture.optional_index("sampler", len(samplers), "samplers")
+        return texture.empty() if index is None else samplers[index]
 
     def _image_of(self, info: JsonObject) -> int | None:
         """Return the index of the image of a textureInfo; None, with a note, if it has none of a known format."""
-        texture = self._textures[info.index("index", len(self._textures), "textures")]
-        for owner in (texture.extension("EXT_texture_webp"), texture):
-            if owner is not None and "source" in owner:
-                return owner.index("source", len(self._images), "images")
-        self._document.notes.add(f"{texture.where} was left out: it has no PNG, JPEG or WebP image.")
+        with self._document.leaving_out("the texture"):
+            texture = self._textures[info.index("index", len(self._textures), "textures")]
+            for owner in (texture.extension("EXT_texture_webp"), texture):
+                if owner is not None and "source" in owner:
+                    return owner.index("source", len(self._images), "images")
+            self._document.notes.add(f"{texture.where} was left out: it has no PNG, JPEG or WebP image.")
         return None
 
 

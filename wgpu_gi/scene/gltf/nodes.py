@@ -1,4 +1,4 @@
-"""The node hierarchy of a glTF file, checked to be a tree, and the world matrices of its nodes in float64."""
+"""The node hierarchy of a glTF file, made a tree, and the world matrices of its nodes in float64."""
 
 from __future__ import annotations
 
@@ -13,92 +13,122 @@ Matrix = NDArray[np.float64]
 
 
 class Nodes:
-    """The nodes of a document: their `world` matrices (4, 4) by index, and which of them are shown."""
+    """The nodes of a document: their `world` matrices (4, 4) by index, and which of them are shown.
+
+    A matrix is None if the transforms above the node are out of range; such nodes are not shown.
+    """
 
     def __init__(self, document: Document) -> None:
         self._document = document
         self._nodes = document.array("nodes")
-        self._children = [node.indices("children", len(self._nodes), "nodes") for node in self._nodes]
-        self._parents = self._find_parents()
-        self.world = self._world_matrices()
+        self._scene = self._default_scene()
+        self._children, self._parents = self._family()
+        self.world: list[Matrix | None] = [None] * len(self._nodes)
+        self._place_all()
 
     def __len__(self) -> int:
         return len(self._nodes)
 
     def shown(self) -> list[int]:
         """Return the nodes of the default scene, depth first, in the order of the file."""
-        order, stack = [], self._scene_roots()[::-1]
+        order: dict[int, None] = {}  # an ordered set
+        stack = self._scene_roots()[::-1]
         while stack:
             node = stack.pop()
-            order.append(node)
-            stack += self._children[node][::-1]
-        return order
+            if node not in order:
+                order[node] = None
+                stack += [child for child in self._children[node][::-1] if child not in order]
+        return [node for node in order if self.world[node] is not None]
+
+    def placed(self, node: int) -> Matrix:
+        """Return the world matrix of a shown node."""
+        matrix = self.world[node]
+        assert matrix is not None, "shown nodes have a matrix"
+        return matrix
 
     def scene_name(self) -> str:
         """Return the name of the default scene."""
-        scenes, index = self._document.array("scenes"), self._scene_index()
-        return "" if index is None else scenes[index].text("name")
+        return "" if self._scene is None else self._scene.text("name")
 
-    def _scene_index(self) -> int | None:
-        """Return the index of the default scene, the first if the file names none; None if it has no scenes."""
+    def _default_scene(self) -> JsonObject | None:
+        """Return the default scene, the first if the file names none; None if it has no scenes."""
         scenes = self._document.array("scenes")
-        if "scene" in self._document.root:
-            return self._document.root.index("scene", len(scenes), "scenes")
-        return 0 if scenes else None
+        index = self._document.root.optional_index("scene", len(scenes), "scenes")
+        if len(scenes) > 1:
+            self._document.notes.add(f"The file has {len(scenes)} scenes; scene {index or 0} is shown.")
+        return scenes[index or 0] if scenes else None
 
     def _scene_roots(self) -> list[int]:
-        """Return the root nodes of the default scene, or all roots of a file without scenes."""
-        scenes, index = self._document.array("scenes"), self._scene_index()
-        if index is None:
+        """Return the nodes that the default scene lists, or all roots of a file without scenes."""
+        if self._scene is None:
             return [node for node, parent in enumerate(self._parents) if parent is None]
-        scene = scenes[index]
-        if len(scenes) > 1:
-            self._document.notes.add(f"The file has {len(scenes)} scenes; scene {index} is shown.")
-        roots = scene.indices("nodes", len(self._nodes), "nodes")
-        if len(set(roots)) < len(roots):
-            raise scene.error("it lists a node twice; the file is damaged")
+        roots = self._scene.correct_indices("nodes", len(self._nodes), "nodes")
         for root in roots:
             parent = self._parents[root]
             if parent is not None:
-                raise scene.error(f"nodes[{root}] is not a root, it is a child of nodes[{parent}]; the file is damaged")
+                self._scene.damage(f"nodes[{root}] is not a root; it is shown as a child of nodes[{parent}]")
+        if len(set(roots)) < len(roots):
+            self._scene.damage("it lists a node twice; the node is shown once")
         return roots
 
-    def _find_parents(self) -> list[int | None]:
-        """Return the parent of each node. Raises GiError if a node has two."""
+    def _family(self) -> tuple[list[list[int]], list[int | None]]:
+        """Return the children and the parent of each node, without second parents."""
         parents: list[int | None] = [None] * len(self._nodes)
-        for node, children in enumerate(self._children):
-            for child in children:
-                if parents[child] is not None:
-                    raise self._nodes[child].error(
-                        f"it is a child of both nodes[{parents[child]}] and nodes[{node}]; the file is damaged"
-                    )
-                parents[child] = node
-        return parents
+        children: list[list[int]] = []
+        for node, description in enumerate(self._nodes):
+            own = []
+            for child in description.correct_indices("children", len(self._nodes), "nodes"):
+                if parents[child] is None:
+                    parents[child] = node
+                    own.append(child)
+                else:
+                    others = f"nodes[{parents[child]}] and nodes[{node}]"
+                    self._nodes[child].damage(f"it is a child of both {others}; the second was ignored")
+            children.append(own)
+        return children, parents
 
-    def _world_matrices(self) -> list[Matrix]:
-        """Return the world matrix of every node. Raises GiError for cycles and transforms out of range."""
-        # Walk down from the roots, without recursion, since the depth is not bounded.
-        world: list[Matrix | None] = [None] * len(self._nodes)
-        stack = [node for node, parent in enumerate(self._parents) if parent is None]
+    def _place_all(self) -> None:
+        """Set the world matrices of all nodes, and open the cycles."""
+        placed = [False] * len(self._nodes)
+        for node, parent in enumerate(self._parents):
+            if parent is None:
+                self._place(node, placed)
+        # A node that no root reaches is on a cycle or below one, as each node has at most one parent. A cycle is opened
+        # above the node that the scene lists, or else above its first node.
+        listed = [] if self._scene is None else self._scene.correct_indices("nodes", len(self._nodes), "nodes")
+        for start in [*listed, *range(len(self._nodes))]:
+            if placed[start]:
+                continue
+            root, seen = start, set[int]()
+            while root not in seen:
+                seen.add(root)
+                root = self._parents[root] or 0
+            parent = self._parents[root] or 0
+            self._nodes[root].damage(f"it is part of a cycle of nodes; its parent, nodes[{parent}], was ignored")
+            self._children[parent].remove(root)
+            self._parents[root] = None
+            self._place(root, placed)
+
+    def _place(self, root: int, placed: list[bool]) -> None:
+        """Set the world matrices of a root and of all nodes below it."""
+        # Walk down without recursion, since the depth is not bounded.
+        stack = [root]
         while stack:
             node = stack.pop()
-            parent = self._parents[node]
-            local = _local_matrix(self._nodes[node])
-            above = None if parent is None else world[parent]
-            with np.errstate(over="ignore", invalid="ignore"):
-                matrix = local if above is None else above @ local
-            if not (np.abs(matrix) < MAX_COORDINATE).all():
-                raise self._nodes[node].error(
-                    f"its transform is out of range (above {MAX_COORDINATE:g}); repair the file"
-                )
-            world[node] = matrix
+            placed[node] = True
             stack += self._children[node]
-        # A node that no root reaches is on a cycle or below one, as each node has at most one parent.
-        reached = [matrix for matrix in world if matrix is not None]
-        if len(reached) < len(world):
-            unreached = next(node for node, matrix in enumerate(world) if matrix is None)
-            raise self._nodes[unreached].error("it is part of a cycle of nodes; the file is damaged")
-        return reached
+            parent = self._parents[node]
+            above = np.eye(4) if parent is None else self.world[parent]
+            if above is None:
+                continue
+            with np.errstate(over="ignore", invalid="ignore"):
+                matrix = above @ _local_matrix(self._nodes[node])
+            if (np.abs(matrix) < MAX_COORDINATE).all():
+                self.world[node] = matrix
+            else:
+                self._nodes[node].damage(
+                    f"its transform is out of range (above {MAX_COORDINATE:g}); it was left out, with all below it"
+                )
 
 
 def _local_matrix(node: JsonObject) -> Matrix:
@@ -106,7 +136,7 @@ def _local_matrix(node: JsonObject) -> Matrix:
     if "matrix" in node:
         matrix = np.array(node.vector("matrix", tuple(np.eye(4).ravel()))).reshape(4, 4).T.copy()
         if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), atol=1e-6):
-            raise node.error("matrix is not affine: its last row must be 0 0 0 1; repair the file")
+            node.damage("matrix is not affine; its last row must be 0 0 0 1 and was ignored")
         matrix[3] = 0.0, 0.0, 0.0, 1.0
         return matrix
     matrix = np.eye(4)
@@ -122,16 +152,20 @@ def _local_matrix(node: JsonObject) -> Matrix:
 def _rotation_matrix(node: JsonObject) -> Matrix:
     """Return the matrix of the node's quaternion (x, y, z, w), made unit length."""
     quaternion = np.array(node.vector("rotation", (0.0, 0.0, 0.0, 1.0)))
-    largest = float(np.abs(quaternion).max())
-    if largest == 0.0:
-        raise node.error("rotation is the zero quaternion; repair the file")
+    if not quaternion.any():
+        node.damage("rotation is the zero quaternion; it was ignored")
+    return rotation_matrices(quaternion[None])[0]
+
+
+def rotation_matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrices (n, 3, 3) of finite quaternions (n, 4), x y z w, made unit length; zeros turn nothing."""
     # Dividing by the largest entry first keeps the squares from overflowing.
-    quaternion /= largest
-    x, y, z, w = (quaternion / np.linalg.norm(quaternion)).tolist()
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    largest = np.abs(quaternions).max(axis=1, keepdims=True)
+    unit = np.where(largest > 0.0, quaternions / np.where(largest > 0.0, largest, 1.0), (0.0, 0.0, 0.0, 1.0))
+    x, y, z, w = (unit / np.linalg.norm(unit, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1)
