@@ -255,7 +255,8 @@ BAD_FILES = {
     "empty.ply": b"",
     "text.obj": "this is no mesh\n",
     "zeros.obj": bytes(300),
-    "vertices.obj": obj(*THREE),
+    "lines.obj": obj(*THREE, "l 1 2"),
+    "points_nan.obj": obj("v nan 0 0", "v 0 x 0"),
     "two_corners.obj": obj(*THREE, "f 1 2"),
     "high_index.obj": obj(*THREE, "f 1 2 4"),
     "zero_index.obj": obj(*THREE, "f 0 1 2"),
@@ -271,7 +272,7 @@ BAD_FILES = {
     "magic.ply": "plx\n",
     "unended.ply": "ply\nformat ascii 1.0\nelement vertex 99999999999\n",
     "no_elements.ply": "ply\nformat ascii 1.0\nproperty float x\nend_header\n",
-    "points.ply": ply(faces=""),
+    "edges.ply": ply(faces="").replace("end_header\n", "element edge 1\nproperty int a\nend_header\n") + "1\n",
     "truncated.ply": ply()[:-12],
     "announced.ply": ply().replace("vertex 4", "vertex 4000000000"),
     "short_binary.ply": binary_ply()[:-5],
@@ -299,7 +300,6 @@ BAD_FILES = {
     "announced.off": "OFF\n99999999999 99999999999 0\n0 0 0\n",
     "negative.off": f"OFF\n-4 1 0\n{SQUARE}3 0 1 2\n",
     "high_index.off": f"OFF\n4 1 0\n{SQUARE}3 0 1 4\n",
-    "no_faces.off": f"OFF\n4 0 0\n{SQUARE}",
     "noise.off": bytes(range(256)),
 }
 

@@ -149,6 +149,12 @@ def _add_loading_arguments(group: argparse._ArgumentGroup) -> None:
         help=f"the most that a file may unpack to, default {MAX_MEMORY / GIB:g} GiB",
     )
     add("--strict", action="store_true", help=STRICT_HELP)
+    add(
+        "--point-size",
+        type=parse_length,
+        metavar="METRES",
+        help="diameter of the discs or spheres that show points without faces, default twice their spacing",
+    )
 
 
 def _add_render_arguments(parser: Parser) -> None:
@@ -318,6 +324,17 @@ def parse_memory(text: str) -> int:
     if not 1 <= size <= 2**60:
         raise argparse.ArgumentTypeError(f"memory is a number of GiB above 0, such as 8, not {text!r}")
     return int(size)
+
+
+def parse_length(text: str) -> float:
+    """Parse a number of metres above 0."""
+    try:
+        length = float(text)
+    except ValueError:
+        length = math.nan
+    if not 0 < length < math.inf:
+        raise argparse.ArgumentTypeError(f"a length is a number of metres above 0, not {text!r}")
+    return length
 
 
 def parse_bounces(text: str) -> int | None:

@@ -107,12 +107,15 @@ def load_scene(
     changes: Sequence[str],
     max_memory: int = MAX_MEMORY,
     strict: bool = False,
+    point_size: float | None = None,
 ) -> Scene:
     """Load a scene, set its environment, add `lights` and apply `changes` to lights; all in command-line syntax."""
     notes = Notes(strict)
     added = [parse_light(text) for text in lights]
     environment = None if env is None else load_environment(env, notes, max_memory=max_memory)
-    scene = load(source, environment=environment, lights=added, max_memory=max_memory, strict=strict)
+    scene = load(
+        source, environment=environment, lights=added, max_memory=max_memory, strict=strict, point_size=point_size
+    )
     scene.notes.extend(notes.sentences)
     for text in changes:
         relight(scene, text)
@@ -129,6 +132,7 @@ def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Sce
             arguments.relight,
             arguments.max_memory,
             arguments.strict,
+            arguments.point_size,
         )
         camera = choose_camera(scene, arguments.camera, Path(source).parent)
     for note in scene.notes:

@@ -33,6 +33,8 @@ def view(arguments: Namespace) -> int:
             source += [f"--{name}", getattr(arguments, name)]
     if arguments.max_memory != MAX_MEMORY:
         source += ["--max-memory", f"{arguments.max_memory / GIB:g}"]
+    if arguments.point_size is not None:
+        source += ["--point-size", f"{arguments.point_size:g}"]
     for light in arguments.light:
         source += ["--light", light]
     for change in arguments.relight:

@@ -32,13 +32,15 @@ def load(
     lights: Sequence[Light] = (),
     max_memory: int = MAX_MEMORY,
     strict: bool = False,
+    point_size: float | None = None,
 ) -> Scene:
     """Load a scene: a built-in name ("cornell") or a .glb, .gltf, .obj, .ply, .stl or .off file.
 
     `environment` replaces the scene's, `lights` are added to its own. A scene that then has no source of light gets a
     white sky of radiance 1, and one without a camera gets a camera that frames it; `Scene.notes` says so. A bare name
     is a built-in scene, even if a file has that name; files need their extension. A damaged part of a file is left out
-    with a note, or raises GiError if `strict`.
+    with a note, or raises GiError if `strict`. Points without faces are shown as discs or spheres of the diameter
+    `point_size` in metres, by default twice their spacing.
 
     Raises GiError for unknown names and extensions, with a list of the known ones, for missing, empty and truncated
     files and those with nothing to show, and for a file that unpacks to more than `max_memory` bytes (decoded textures,
@@ -55,7 +57,7 @@ def load(
 
         scene = load_gltf(path, budget, notes)
     elif extension in MESH_EXTENSIONS:
-        scene = load_mesh_file(path, budget, notes)
+        scene = load_mesh_file(path, budget, notes, point_size)
     else:
         raise _unknown(path)
     if environment is not None:

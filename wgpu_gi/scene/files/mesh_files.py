@@ -17,12 +17,13 @@ from .notes import Notes
 from .obj import read_obj
 from .off import read_off
 from .ply_mesh import read_ply_mesh
-from .raw_mesh import RawMesh, scene_from_raw
+from .points import points_scene
+from .raw_mesh import RawMesh, RawPoints, scene_from_raw
 from .stl import read_stl
 
 MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off")
 
-_READERS: dict[str, Callable[[Path, Notes, MemoryBudget], RawMesh]] = {
+_READERS: dict[str, Callable[[Path, Notes, MemoryBudget], RawMesh | RawPoints]] = {
     ".obj": read_obj,
     ".ply": read_ply_mesh,
     ".stl": read_stl,
@@ -30,8 +31,15 @@ _READERS: dict[str, Callable[[Path, Notes, MemoryBudget], RawMesh]] = {
 }
 
 
-def load_mesh_file(path: str | Path, budget: MemoryBudget | None = None, notes: Notes | None = None) -> Scene:
+def load_mesh_file(
+    path: str | Path,
+    budget: MemoryBudget | None = None,
+    notes: Notes | None = None,
+    point_size: float | None = None,
+) -> Scene:
     """Load an OBJ, PLY, STL or OFF file as a scene of one mesh, without lights and cameras.
+
+    Points without faces become discs or spheres of the diameter `point_size` (metres); see `points.points_scene`.
 
     Positions are stored relative to the box centre, which is the instance's translation (float64). `Scene.notes` says
     what was approximated or left out (degenerate triangles, missing textures, faces with a wrong index). Raises GiError
@@ -42,5 +50,8 @@ def load_mesh_file(path: str | Path, budget: MemoryBudget | None = None, notes: 
     if extension not in MESH_EXTENSIONS:
         raise GiError(f"{path}: {extension or 'no extension'} is not a mesh format; use {' '.join(MESH_EXTENSIONS)}")
     notes = notes or Notes()
-    raw = _READERS[extension](path, notes, budget or MemoryBudget())
+    budget = budget or MemoryBudget()
+    raw = _READERS[extension](path, notes, budget)
+    if isinstance(raw, RawPoints):
+        return points_scene(raw, point_size, path.stem, str(path), notes, budget)
     return scene_from_raw(raw, path.stem, str(path), notes)

@@ -22,7 +22,7 @@ from .mtl import read_mtl
 from .mtl_textures import Textures
 from .notes import Notes
 from .polygons import Floats, Ints
-from .raw_mesh import RawMesh, clay, default_material, polygon_mesh
+from .raw_mesh import RawMesh, RawPoints, clay, default_material, polygon_mesh
 from .read import decode_text, find_inside, path_inside, read_file
 
 _NONE = -1  # the index of an attribute that a corner does not have
@@ -32,20 +32,20 @@ _WRONG = -(1 << 62)  # an index that cannot be read
 _NOT_SHOWN = {"l": "lines", "p": "points", "curv": "curves", "curv2": "curves", "surf": "free-form surfaces"}
 
 
-def read_obj(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
+def read_obj(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh | RawPoints:
     """Read polygons, normals, texture coordinates, vertex colours and materials of an OBJ file.
 
     There is one vertex for each distinct `v/vt/vn`. Vertex colours (`v x y z r g b`) are sRGB, as Blender and MeshLab
-    write them. Smoothing groups, lines, points, curves and surfaces are skipped. A file without faces gives its
-    vertices and no triangles. Faces and attributes with a wrong index or number are left out with a note. Raises
+    write them. Smoothing groups, lines, points, curves and surfaces are skipped. A file of vertices
+    alone gives points. Faces and attributes with a wrong index or number are left out with a note. Raises
     GiError for textures beyond the budget.
     """
     lines = _read_lines(path)
     if lines.not_shown:
         notes.add(f"{path}: {', '.join(sorted(lines.not_shown))} are not shown")
     positions, colors = _positions(path, lines.rows["v"], notes)
-    if not lines.corner_counts:
-        return RawMesh(positions, np.zeros((0, 3), np.int64), colors=colors)
+    if not lines.corner_counts and not lines.not_shown:
+        return RawPoints(positions, colors)
     # Look up the rows of each distinct corner.
     index, ids = _unique_corners(lines.corners)
     vertex = index[:, 0]

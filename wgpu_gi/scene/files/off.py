@@ -16,15 +16,15 @@ from ...pictures.color import linear_from_srgb
 from .memory import MemoryBudget
 from .notes import Notes
 from .polygons import Floats
-from .raw_mesh import RawMesh, polygon_mesh
+from .raw_mesh import RawMesh, RawPoints, polygon_mesh
 from .read import decode_text, read_file
 
 # The counts may follow the word without a space, as in the files of ModelNet.
 _MAGIC = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF(?=[\s\d]|$)", re.IGNORECASE)
 
 
-def read_off(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
-    """Read an OFF file; one without faces gives its vertices and no triangles. Raises GiError for damage."""
+def read_off(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh | RawPoints:
+    """Read an OFF file; one without faces gives points. Raises GiError for damage."""
     text = decode_text(read_file(path, "OFF file"))
     lines = [words for line in text.splitlines() if (words := line.split("#")[0].split())]
     magic = _MAGIC.match(lines[0][0]) if lines else None
@@ -46,6 +46,8 @@ def read_off(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
             raise GiError(f"{path} is damaged: a face has fewer vertices than it announces")
         ids = [word for words, count in zip(face_lines, counts.tolist(), strict=True) for word in words[1 : 1 + count]]
         vertices = _Vertices(vertex_lines, magic)
+        if not face_lines:
+            return RawPoints(vertices.positions, vertices.colors, vertices.normals)
         return polygon_mesh(
             vertices.positions, np.array(ids, np.int64), counts.clip(0), str(path), notes,
             normals=vertices.normals, texcoords=vertices.texcoords, colors=vertices.colors,

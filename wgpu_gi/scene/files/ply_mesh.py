@@ -19,7 +19,7 @@ from .mtl_textures import Textures
 from .notes import Notes
 from .ply import Element, Lists, read_ply
 from .polygons import Floats, Ints
-from .raw_mesh import RawMesh, clay, polygon_mesh
+from .raw_mesh import RawMesh, RawPoints, clay, polygon_mesh
 from .read import read_file
 
 _CORNERS = ("vertex_indices", "vertex_index")
@@ -33,8 +33,8 @@ _NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _LARGEST_INDEX = 1 << 53  # what float64 counts exactly
 
 
-def read_ply_mesh(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
-    """Read a PLY file; one without faces gives its vertices and no triangles.
+def read_ply_mesh(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh | RawPoints:
+    """Read a PLY file; one of vertices alone gives points.
 
     Raises GiError for a file that is damaged or truncated, has no vertices, or has textures beyond the budget.
     """
@@ -65,9 +65,10 @@ def read_ply_mesh(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
             positions, triangles.ravel(), np.full(len(triangles), 3), str(path), notes,
             **attributes, materials=_materials(path, file.textures, attributes["colors"], notes, budget),
         )  # fmt: skip
-    if "edge" in file.elements:
-        notes.add(f"{path}: its edges are not shown")
-    return RawMesh(positions, np.zeros((0, 3), np.int64), normals=attributes["normals"], colors=attributes["colors"])
+    edges = file.elements.get("edge")
+    if edges is not None and edges.count:
+        raise GiError(f"{path} has edges and no faces; lines are not shown")
+    return RawPoints(positions, attributes["colors"], attributes["normals"])
 
 
 def _with_faces(

@@ -35,7 +35,7 @@ def triangulate(positions: Floats, ids: Ints, corner_counts: Ints, source: str, 
     Triangles keep the winding of their polygon. They come in the order of the polygons.
     """
     starts = np.cumsum(corner_counts) - corner_counts
-    usable = _usable(positions, ids, corner_counts, starts, source, notes)
+    usable = usable_faces(positions, ids, corner_counts, starts, source, notes)
     corners, faces = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
     crossing = 0
     for count in np.unique(corner_counts[usable]).tolist():
@@ -64,10 +64,10 @@ def triangulate(positions: Floats, ids: Ints, corner_counts: Ints, source: str, 
     return corner[order], face[order]
 
 
-def _usable(
+def usable_faces(
     positions: Floats, ids: Ints, corner_counts: Ints, starts: Ints, source: str, notes: Notes
 ) -> NDArray[np.bool_]:
-    """Tell which polygons can be shown; note how many cannot."""
+    """Tell which polygons, as those of `triangulate`, can be shown; note how many cannot."""
     exists = (ids >= 0) & (ids < len(positions))
     finite = np.zeros(len(ids), np.bool_)
     finite_rows = np.asarray(np.isfinite(positions).all(axis=1))

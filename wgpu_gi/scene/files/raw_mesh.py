@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from ...float_limits import MAX_COORDINATE
 from ..mesh_cleaning import has_area, unit_rows, used_vertices
 from ..scene import Instance, Material, Mesh, Scene
 from .notes import Notes
-from .polygons import Floats, Ints, triangulate
+from .polygons import Floats, Ints, triangulate, usable_faces
 
 
 @dataclass
@@ -28,6 +28,15 @@ class RawMesh:
     normals: NDArray[np.float64] | None = None
     texcoords: NDArray[np.float64] | None = None
     colors: NDArray[np.float64] | None = None
+
+
+@dataclass
+class RawPoints:
+    """Points without faces in float64: positions (n, 3), linear RGBA (n, 4) and normals of any length (n, 3)."""
+
+    positions: Floats
+    colors: Floats | None = None
+    normals: Floats | None = None
 
 
 def polygon_mesh(
@@ -80,9 +89,24 @@ def scene_from_raw(raw: RawMesh, name: str, source: str, notes: Notes) -> Scene:
 
     Positions are stored relative to the centre of the bounding box, which goes into `world_from_local` in float64:
     a mesh a million metres away keeps the precision of one at the origin. Messages begin with `source`.
-    Vertices of triangles exist and are finite, as `polygon_mesh` returns them. Raises GiError for no faces and for
-    boundless extent.
+    Triangles with a vertex that does not exist, or is not finite, are left out with a note. Raises GiError if none is
+    left, and for boundless extent.
     """
+    whole = usable_faces(
+        raw.positions,
+        raw.triangles.ravel(),
+        np.full(len(raw.triangles), 3),
+        np.arange(len(raw.triangles)) * 3,
+        source,
+        notes,
+    )
+    if not whole.all():
+        of_triangle = raw.material_of_triangle
+        raw = replace(
+            raw,
+            triangles=raw.triangles[whole],
+            material_of_triangle=None if of_triangle is None else of_triangle[whole],
+        )
     if len(raw.triangles) == 0:
         raise GiError(f"{source}: there are no faces to show. {' '.join(notes.sentences)[:300]}".rstrip())
     raw = _drop_unused_vertices(raw)
