@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from helpers.form_factors import polygon_form_factor
 from helpers.pictures import looking, moved, shoot
 from helpers.techniques import swap_channels
 
@@ -28,20 +28,6 @@ def still(scene, frames=24, seed=0, size=SIZE, diffuse=True, gi="none", **fields
     renderer = Renderer(scene, size=size, settings=Settings(gi=gi, seed=seed, diffuse=diffuse, camera=camera, **fields))
     renderer.run(show=("direct",), check=True)
     return renderer.read_back("direct").astype(np.float64)
-
-
-def polygon_form_factor(corners, points, normal):
-    """Return the form factor from points (n, 3) to a polygon wholly above their plane (Lambert 1760).
-
-    F = 1 / 2 pi sum_i angle_i cos_i, over the polygon's edges.
-    """
-    rays = corners - points[:, None]
-    rays /= np.linalg.norm(rays, axis=2, keepdims=True)
-    others = np.roll(rays, -1, axis=1)
-    angles = np.arccos(np.clip((rays * others).sum(2), -1, 1))
-    across = np.cross(rays, others)
-    across /= np.linalg.norm(across, axis=2, keepdims=True)
-    return np.abs((angles * (across @ normal)).sum(1)) / (2 * math.pi)
 
 
 # ------------------------------------------------------------------------------------------------ Closed forms

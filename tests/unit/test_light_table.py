@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.scene_dtypes import DTYPES
 
-from wgpu_gi.pictures.color import REC709_LUMINANCE
+from wgpu_gi.pictures.color import REC709_LUMINANCE, linear_from_srgb
 from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import (
     DirectionalLight,
@@ -83,13 +83,13 @@ def test_no_lights():
 
 
 def test_records_have_the_layout_of_the_shader():
-    """Seven fields of 16-byte aligned vectors; names, places and stride are those of the struct in the shader."""
+    """Fields of 16-byte aligned vectors; names, places and stride are those of the struct in the shader."""
     dtype = DTYPES["lights"]
     assert dtype.itemsize == 80
     offsets = {name: dtype.fields[name][1] for name in dtype.names}
     assert offsets == {
         **{"position": 0, "kind": 12, "edge1": 16, "triangle": 28, "edge2": 32, "sides": 44, "color": 48},
-        **{"cumulative": 60, "probability": 64},
+        **{"cumulative": 60, "probability": 64, "of_triangle": 68, "cell": 72},
     }
     lights = [PointLight((1, 2, 3), 5.0, name="p"), DirectionalLight((0, -2, 0), 7.0, (1, 0.5, 0))]
     table, hierarchy = table_of(Scene([FLOOR, lamp()], lights))
@@ -179,7 +179,10 @@ def test_pdf_of_a_material_is_probability_over_area():
     for number, material in enumerate(scene.materials):
         mine = emitters[hierarchy.triangles["material"][emitters["triangle"]] == number]
         density = mine["probability"] / np.maximum(areas(mine), 1e-30)
-        assert np.allclose(density, table.material_pdf.get(id(material), 0.0), rtol=1e-5)
+        share = 1.0
+        if material.emission_texture is not None:  # of a white texel's light; the mesh has no texture coordinates
+            share = linear_from_srgb(spotted.image.pixels[[0, 0, -1, -1], [0, -1, 0, -1], 2] / 255).mean()
+        assert np.allclose(density, share * table.material_pdf.get(id(material), 0.0), rtol=1e-5)
     assert table.lights["kind"][-1] == KIND_ENVIRONMENT
     assert table.environment_pdf == pytest.approx(table.lights["probability"][-1])
 
@@ -191,6 +194,40 @@ def test_textured_emitters_are_weighted_by_their_mean():
     pictured = lamp(1.0, 2.0, (2.0, 2.0, 2.0), "pictured", emission_texture=Texture(Image(half)))
     table, _ = table_of(Scene([plain, pictured]))
     assert np.allclose(table.lights["probability"], 0.25)
+
+
+def test_cells_of_a_textured_emitter_have_the_power_of_their_texels():
+    """Lamps of a texel each in 128 x 128 texels, as in the shader: cells by their column and row of the unit square."""
+    rng = np.random.default_rng(3)
+    pixels = np.zeros((128, 128, 4), np.uint8)
+    for row, column in rng.integers(0, 128, (12, 2)):
+        pixels[row, column] = (255, 255, 255, 255)
+    texture = Texture(Image(pixels), filter="nearest")
+    pictured = lamp(2.0, 0.0, (3.0, 3.0, 3.0), "pictured", emission_texture=texture)
+    pictured.mesh.texcoords0 = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32)
+    table, hierarchy = table_of(Scene([pictured]))
+    assert 12 <= len(table.lights) < 12 * 12
+    # Draw points as `sample_emitter_point` does, and estimate the power by them.
+    cells = 1 << np.floor(np.log2(table.lights["cell"])).astype(int)
+    chosen = np.searchsorted(table.lights["cumulative"], rng.random(200_000), side="right")
+    light = table.lights[chosen]
+    u = (light["cell"] + rng.random((len(light), 2))) / cells[chosen] - 1
+    left = np.sqrt(1 - u[:, 1])
+    points = light["position"] + (u[:, 0] * left)[:, None] * light["edge1"] + (1 - left)[:, None] * light["edge2"]
+    points = points + hierarchy.origin
+    # Texture coordinates are an affine function of positions.
+    corners = np.column_stack([pictured.mesh.positions, np.ones(4)])
+    uv = (
+        np.column_stack([points, np.ones(len(points))])
+        @ np.linalg.lstsq(corners, pictured.mesh.texcoords0, rcond=None)[0]
+    )
+    column, row = np.clip(uv * 128, 0, 127).astype(int).T
+    bright = pixels[row, column, 0] > 0
+    estimates = bright / (light["probability"] * np.prod(cells[chosen], 1) / (areas(table.lights)[chosen]))
+    expected = (pixels[..., 0] > 0).mean() * 4.0
+    assert estimates.mean() == pytest.approx(expected, rel=0.02)
+    assert bright.mean() > 0.4  # of samples that find a lamp
+    assert estimates.std() < 2 * expected
 
 
 @pytest.mark.parametrize("times", [1, 2])

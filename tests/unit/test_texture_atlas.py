@@ -7,8 +7,7 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.scene import Image
-from wgpu_gi.upload import texture_atlas
-from wgpu_gi.upload.texture_atlas import MAX_LAYERS, MIN_PAGE, mean_linear_color, pack_atlas
+from wgpu_gi.upload.texture_atlas import MAX_LAYERS, MIN_PAGE, pack_atlas
 from wgpu_gi.webgpu_limits import MAX_TEXTURE_SIDE
 
 
@@ -73,10 +72,3 @@ def test_too_large():
     ):
         pack_atlas([blank(MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE) for _ in range(MAX_LAYERS + 1)])
     assert pack_atlas([blank(MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE) for _ in range(MAX_LAYERS)]).layers == MAX_LAYERS
-
-
-def test_mean_color_is_linear():
-    pixels = np.zeros((2, 2, 4), np.uint8)
-    pixels[0, :, 0], pixels[:, :, 1], pixels[0, 0, 2] = 255, 188, 10
-    assert mean_linear_color(Image(pixels)) == pytest.approx([0.5, 0.50289, 10 / 255 / 12.92 / 4], rel=1e-4)
-    assert texture_atlas.mean_linear_color(blank(3, 3)).tolist() == [0, 0, 0]

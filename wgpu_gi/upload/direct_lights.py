@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
-from .emitters import EmittingPart, emitting_parts, radiance_at
+from .emitter_cells import cell_weights, divide_by_texture
+from .emitters import EmittingPart, emitting_parts, opacity_at, radiance_at
 from .light_table import join_records, light_direction, spot_falloff
 from .light_values import punctual_light
 from .surface_samples import GOLDEN, R2
@@ -23,7 +24,6 @@ from .two_level_bvh import TwoLevelBvh
 DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN, DIRECT_AREA = range(4)  # as wgsl/deferred/shadow/views.wgsl
 MIN_POINTS = 1 << 12  # on all emitters together; tools/README.md, "Constants"
 POINTS_PER_SAMPLE = 256  # at least: 16 x 16 positions for each sample light; tools/README.md, "Constants"
-TEXTURED = 8  # times as many points on textured emitters, to find small bright spots; tools/README.md, "Constants"
 # Weights that make the first of nearly equal lengths the largest, so that rounding does not choose.
 PREFER_FIRST = np.array([1.0, 0.991, 0.983])
 POINT = np.dtype(
@@ -106,7 +106,6 @@ def _patches(scene: Scene, hierarchy: TwoLevelBvh, samples: int) -> list[list[_P
         areas = [np.linalg.norm(_normals(part.corners), axis=1) / 2 for part in of_material]
         total = sum(float(area.sum()) for area in areas)
         density = budget / total if total > 0 else 0.0
-        density *= TEXTURED if of_material[0].material.emission_texture is not None else 1
         group = [p for part, area in zip(of_material, areas, strict=True) for p in _patches_of(part, area, density)]
         if group:
             patches.append(group)
@@ -120,11 +119,21 @@ def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -> list[_Patch]:
     """Spread `density` points per m2 over a part and group them by the direction that their triangles face."""
-    # Place points in each triangle by the R2 sequence.
     counts = np.where(area > 0, np.ceil(area * density), 0).astype(np.int64)
-    triangle = np.repeat(np.arange(len(area)), counts)
-    number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
-    weights = _triangle_weights((0.5 + number[:, None] * R2) % 1.0)
+    if part.material.emission_texture is not None:
+        # Place a point in each cell; it stands for the light of all of it.
+        cells = divide_by_texture(part, area, counts.astype(np.float64))
+        triangle, box = cells.triangle, cells.box
+        weights, _ = part.weights_at(triangle, cell_weights(box[:, :2] + 0.5 * box[:, 2:]))
+        radiance, areas = cells.radiance, area[triangle] * cells.share
+    else:
+        # Place points in each triangle by the R2 sequence.
+        triangle = np.repeat(np.arange(len(area)), counts)
+        number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
+        weights = _triangle_weights((0.5 + number[:, None] * R2) % 1.0)
+        vertices = part.vertices[triangle]
+        radiance = radiance_at(part, vertices, weights) * opacity_at(part, vertices, weights)
+        areas = (area / np.maximum(counts, 1))[triangle]
     # Fill in the points' records.
     normals = _normals(part.corners) * (-1 if part.sides == 2 else 1)
     points = np.zeros(len(triangle), POINT)
@@ -133,8 +142,7 @@ def _patches_of(part: EmittingPart, area: NDArray[np.float64], density: float) -
     local = np.asarray(part.mesh.positions, np.float64)[part.vertices]
     points["local"] = np.einsum("nk,nkc->nc", weights, local[triangle])
     points["normal"] = normals[triangle] / (2 * area[triangle, None])
-    points["radiance"] = radiance_at(part, part.vertices[triangle], weights)
-    points["area"] = (area / np.maximum(counts, 1))[triangle]
+    points["radiance"], points["area"] = radiance, areas
     points["power"] = points["radiance"] @ REC709_LUMINANCE * points["area"]
 
     # Group them by the axis that the local normal is closest to.

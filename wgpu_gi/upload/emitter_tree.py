@@ -44,6 +44,7 @@ NODE = np.dtype(
     ]
 )
 NONE = 0xFFFFFFFF
+HALVED = 0x80000000  # a place that is a pair of places, not a leaf: as deferred/emitters/table.wgsl
 NO_EMITTERS = np.zeros((2, 4), np.uint32)  # the table without leaves
 
 
@@ -72,8 +73,12 @@ def build_emitter_tree(scene: Scene, hierarchy: TwoLevelBvh) -> tuple[NDArray[np
     corners = cell_corners(leaves)
     low, high = corners.min(1), corners.max(1)
     order = np.argsort(_morton((low + high) / 2), kind="stable")
-    place = np.full(-(-len(bright) // 4) * 4, NONE, np.uint32)
-    place[np.flatnonzero(bright)[order]] = np.arange(len(order))
+    of_leaf = np.full(len(bright), NONE, np.uint32)
+    of_leaf[np.flatnonzero(bright)[order]] = np.arange(len(order))
+    place = np.full(-(-len(found.slots) // 4) * 4, NONE, np.uint32)
+    split = found.slots < 0
+    place[: len(split)][~split] = of_leaf[found.slots[~split]]
+    place[: len(split)][split] = HALVED - 1 - found.slots[split]
     leaves, power, low, high = leaves[order], power[order], low[order], high[order]
     nodes = _nodes(_Bounds(low, high, _normals(leaves), np.where(leaves["sides"] == 3, np.pi, 0.0), power))
     # Join the parts of the table.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import Instance, Material, Mesh
 from .light_values import emitted_radiance
-from .texture_atlas import mean_linear_color
 from .texture_sampling import sample_texture
 from .two_level_bvh import TwoLevelBvh
 
@@ -31,6 +31,33 @@ class EmittingPart:
     vertices: NDArray[np.uint32]
     sides: int
     instance: int  # in the scene's list
+
+    @cached_property
+    def turn(self) -> NDArray[np.int64]:
+        """The corner of each triangle at which its cells begin, of the shortest side; sides are compared rounded."""
+        sides = np.linalg.norm(np.roll(self.corners, -1, 1) - self.corners, axis=2)
+        return np.argmin(np.round(sides / np.maximum(sides.max(1, keepdims=True), 1e-300), 6), axis=1)
+
+    def turned_corners(self) -> NDArray[np.float64]:
+        """Return the corners (n, 3, 3) of triangles from `turn` on."""
+        rows = np.arange(len(self.turn))
+        return np.stack([self.corners[rows, (self.turn + k) % 3] for k in range(3)], 1)
+
+    def weights_at(
+        self, rows: NDArray[np.int64], turned: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+        """Return barycentric weights (n, 3) of points of the triangles `rows`, and their vertices.
+
+        `turned`: weights of the corners in the order of `turned_corners`.
+        """
+        turn = self.turn[rows]
+        own = np.stack([turned[np.arange(len(turn)), (k - turn) % 3] for k in range(3)], 1)
+        return own, self.vertices[rows]
+
+    def areas(self) -> NDArray[np.float64]:
+        """Return the areas of triangles, m2."""
+        edges = self.corners[:, 1:] - self.corners[:, :1]
+        return np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
 
 
 def emitting_parts(instances: list[Instance], hierarchy: TwoLevelBvh) -> Iterator[EmittingPart]:
@@ -54,24 +81,25 @@ def emitting_parts(instances: list[Instance], hierarchy: TwoLevelBvh) -> Iterato
 
 
 def exitance(material: Material) -> float:
-    """Return the radiant exitance of an emitter as luminance, averaged over its texture and summed over sides, W/m2."""
-    color = emitted_radiance(material)
-    if material.emission_texture is not None:
-        color = color * mean_linear_color(material.emission_texture.image)
-    return float(color @ REC709_LUMINANCE) * np.pi * (2 if material.double_sided else 1)
+    """Return the radiant exitance of an emitter as luminance, summed over sides, W/m2; of a texture's white texels."""
+    return float(emitted_radiance(material) @ REC709_LUMINANCE) * np.pi * (2 if material.double_sided else 1)
 
 
 def radiance_at(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the emitted radiance of points, (n, 3); zero where the alpha mask removes the surface."""
-    material = part.material
-    radiance = np.broadcast_to(emitted_radiance(material), (len(vertices), 3))
-    if material.emission_texture is not None:
-        radiance = radiance * sample_texture(material.emission_texture, part.mesh, vertices, weights)[:, :3]
-    if material.alpha_mode == "mask":
-        alpha = np.full(len(vertices), float(material.base_color[3]))
-        if part.mesh.colors is not None:
-            alpha *= np.einsum("nk,nk->n", weights, np.asarray(part.mesh.colors, np.float64)[vertices, 3])
-        if material.base_color_texture is not None:
-            alpha *= sample_texture(material.base_color_texture, part.mesh, vertices, weights)[:, 3]
-        radiance = radiance * (alpha >= material.alpha_cutoff)[:, None]
+    """Return the radiance of points before the alpha mask, (n, 3)."""
+    radiance = np.broadcast_to(emitted_radiance(part.material), (len(vertices), 3))
+    if part.material.emission_texture is not None:
+        radiance = radiance * sample_texture(part.material.emission_texture, part.mesh, vertices, weights)[:, :3]
     return radiance
+
+
+def opacity_at(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return 0 where the alpha mask removes the surface, else 1, (n, 1)."""
+    material = part.material
+    alpha = np.full(len(vertices), float(material.base_color[3]))
+    if part.mesh.colors is not None:
+        alpha *= np.einsum("nk,nk->n", weights, np.asarray(part.mesh.colors, np.float64)[vertices, 3])
+    if material.base_color_texture is not None:
+        alpha *= sample_texture(material.base_color_texture, part.mesh, vertices, weights)[:, 3]
+    kept = (alpha >= material.alpha_cutoff) | (material.alpha_mode == "opaque")
+    return kept[:, None].astype(np.float64)

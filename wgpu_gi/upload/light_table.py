@@ -1,8 +1,9 @@
 """The table of all light sources, from which shaders choose one in proportion to its power.
 
 Power-proportional light selection as in Pharr et al. 2023, "Physically Based Rendering", 4th ed., section 12.6.2.
-Departure: half of the probability goes by power and half equally over groups of sources (each punctual light, each
-emissive material, the environment), so that a lamp keeps its samples where a much stronger sun is in shadow.
+Departures: half of the probability goes by power and half equally over groups of sources (each punctual light, each
+emissive material, the environment), so that a lamp keeps its samples where a much stronger sun is in shadow. Triangles
+with an emission texture are divided into cells (`emitter_cells.py`), each a source of its own.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..pictures.color import REC709_LUMINANCE
 from ..scene.scene import DirectionalLight, Light, Material, PointLight, Scene, SpotLight
+from .emitter_cells import divide_by_texture
 from .emitters import EmittingPart, emitting_parts, exitance
 from .environment_cdf import environment_power
 from .light_values import emitted_radiance, punctual_light
@@ -27,7 +29,10 @@ Group = tuple[NDArray[np.void], NDArray[np.float64]]  # records and the power of
 
 @dataclass
 class LightTable:
-    """The packed lights, the pdf of a point on each material's emitting triangles (1/m2), and the environment's."""
+    """The packed lights, the pdf of points on each emissive material (1/m2), and the environment's.
+
+    The pdf of a material with an emission texture is that of a white texel; others have their share of it.
+    """
 
     lights: NDArray[np.void]
     count: int
@@ -54,6 +59,7 @@ def build_light_table(scene: Scene, hierarchy: TwoLevelBvh, cdf: NDArray | None,
     lights = join_records([records for records, _ in groups], dtype)
     probability = np.concatenate([c * p / p.sum() for c, (_, p) in zip(chance, groups, strict=True)])
     lights["probability"] = probability
+    lights["of_triangle"] = _of_triangles(lights, probability)
     cumulative = np.cumsum(probability)
     # Divide by the last value: it is then exactly 1, so no light without area at the end of the list is chosen.
     lights["cumulative"] = cumulative / cumulative[-1]
@@ -76,7 +82,7 @@ def _groups(
     for part in emitting_parts(scene.instances, hierarchy):
         triangles_of.setdefault(part.material, []).append(_triangle_records(part, dtype))
     for material, parts in triangles_of.items():
-        powers = np.concatenate([area for _, area in parts]) * exitance(material)
+        powers = np.concatenate([share for _, share in parts]) * exitance(material)
         if powers.sum() > 0:
             group_of_material[material] = len(groups)
             groups.append((join_records([records for records, _ in parts], dtype), powers))
@@ -129,14 +135,33 @@ def light_direction(light: DirectionalLight | SpotLight) -> NDArray[np.float64]:
 
 
 def _triangle_records(part: EmittingPart, dtype: np.dtype) -> tuple[NDArray[np.void], NDArray[np.float64]]:
-    """Return the light records and areas in m2 of emitting triangles."""
-    edge1, edge2 = part.corners[:, 1] - part.corners[:, 0], part.corners[:, 2] - part.corners[:, 0]
-    records = np.zeros(len(part.triangles), dtype)
-    records["kind"] = KIND_TRIANGLE
-    records["position"], records["edge1"], records["edge2"] = part.corners[:, 0], edge1, edge2
-    records["triangle"], records["color"], records["sides"] = (
-        part.triangles,
-        emitted_radiance(part.material),
-        part.sides,
-    )
-    return records, np.linalg.norm(np.cross(edge1, edge2), axis=1) / 2
+    """Return the light records of emitting triangles, or of their cells, and their power over `exitance`, in m2."""
+    areas = part.areas()
+    corners, color = part.corners, emitted_radiance(part.material)
+    owner, shares = np.arange(len(areas)), areas
+    cells = None
+    if part.material.emission_texture is not None:
+        cells = divide_by_texture(part, areas)
+        bright = np.flatnonzero(cells.importance > 0)
+        corners, owner = part.turned_corners(), cells.triangle[bright]
+        shares = areas[owner] * (cells.share * cells.importance)[bright] / float(color @ REC709_LUMINANCE)
+    records = np.zeros(len(owner), dtype)
+    records["kind"], records["color"], records["triangle"] = KIND_TRIANGLE, color, part.triangles[owner]
+    records["position"], records["sides"] = corners[owner, 0], part.sides
+    records["edge1"], records["edge2"] = ((corners[:, k] - corners[:, 0])[owner] for k in (1, 2))
+    if cells is not None:
+        records["sides"] |= (part.turn[owner] << 2).astype(np.uint32)
+        columns, rows = cells.x | 1 << cells.x_bits, cells.y | 1 << cells.y_bits
+        records["cell"] = np.stack([columns, rows], 1)[bright]
+    return records, shares
+
+
+def _of_triangles(lights: NDArray[np.void], probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return for each light the probability of all cells of its triangle; for lights without cells their own."""
+    # The cells of a triangle follow each other.
+    same = (lights["cell"][1:, 0] > 0) & (lights["cell"][:-1, 0] > 0)
+    same &= (lights["triangle"][1:] == lights["triangle"][:-1]) & (
+        lights["position"][1:] == lights["position"][:-1]
+    ).all(1)
+    number = np.concatenate([[0], np.cumsum(~same)])
+    return np.bincount(number, probability)[number]

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..float_limits import SMALLEST_LIGHT
-from ..scene.scene import Environment, Light, Material, Scene
+from ..scene.scene import Environment, Light, Material, Scene, Texture, values_of
 
 Color = NDArray[np.float64]
 UNIT_STEP = 16  # of the exponent of `light_unit`
@@ -51,6 +52,23 @@ def light_unit(scene: Scene) -> float:
         return 1.0
     exponent = math.frexp(max(brightest, SMALLEST_LIGHT))[1]
     return 2.0 ** (UNIT_STEP * math.ceil(exponent / UNIT_STEP))
+
+
+def emission_key(material: Material) -> tuple[Any, ...]:
+    """Return the values of a material that its light depends on, in comparable form."""
+    shared = (id(material), tuple(material.emission), material.double_sided, material.unlit)
+    values = (*shared, _texture_key(material.emission_texture))
+    if not emitted_radiance(material).any():
+        return values
+    # Emitters may have an alpha mask.
+    mask = (tuple(material.base_color), material.alpha_mode, material.alpha_cutoff)
+    return (*values, *mask, _texture_key(material.base_color_texture))
+
+
+def _texture_key(texture: Texture | None) -> tuple[Any, ...]:
+    """Return the values of a texture in comparable form."""
+    values = () if texture is None else values_of(texture).values()
+    return tuple(tuple(v) if isinstance(v, (list, np.ndarray)) else v for v in values)
 
 
 def _or_none(values: Sequence[float] | Color) -> Color:

@@ -16,7 +16,7 @@ from ..camera import Camera
 from ..gpu.device import Device
 from ..gpu.wgsl.load import load
 from ..scene.check import check_scene
-from ..scene.scene import Light, Material, Scene, Texture, values_of
+from ..scene.scene import Light, Material, Scene, values_of
 from .area_cdf import AreaCdf
 from .direct_lights import build_direct_lights
 from .draw_list import DrawList, RasterMesh, build_draw_list
@@ -24,7 +24,7 @@ from .emitter_tree import NO_EMITTERS, build_emitter_tree
 from .environment import EnvironmentUpload
 from .instance_motion import InstanceMotion
 from .light_table import LightTable, build_light_table
-from .light_values import emitted_radiance, environment_radiance, light_unit
+from .light_values import emission_key, emitted_radiance, environment_radiance, light_unit
 from .materials import MaterialUpload
 from .mesh_data import MeshData
 from .resources import GpuResources
@@ -118,7 +118,7 @@ class SceneUpload:
         self._materials.send_images(materials)
         self._environment.send(scene.environment)
         # The light table, only if a light, an emitter or a transform changed: it takes long with many emitters.
-        key = (_light_values(scene.lights), _emission_values(materials), self.resources["environment_cdf"][1])
+        key = (_light_values(scene.lights), [emission_key(m) for m in materials], self.resources["environment_cdf"][1])
         if self._table is None or self._unsent or key != self._table_key:
             self._table = build_light_table(scene, self._hierarchy, self._environment.cdf, self._dtypes["lights"])
             self._table_key = key
@@ -271,23 +271,3 @@ def _light_values(lights: Sequence[Light]) -> list[tuple[Any, ...]]:
         (type(light), *(np.asarray(v).tobytes() for k, v in values_of(light).items() if k not in ("name", "range")))
         for light in lights
     ]
-
-
-def _emission_values(materials: list[Material]) -> list[tuple[Any, ...]]:
-    """Return the values of materials that the light table depends on, in comparable form."""
-    shared = [
-        (id(m), tuple(m.emission), m.double_sided, m.unlit, _texture_values(m.emission_texture)) for m in materials
-    ]
-    # Emitters may have an alpha mask.
-    cut = [
-        (tuple(m.base_color), m.alpha_mode, m.alpha_cutoff, _texture_values(m.base_color_texture))
-        for m in materials
-        if emitted_radiance(m).any()
-    ]
-    return [*shared, *cut]
-
-
-def _texture_values(texture: Texture | None) -> tuple[Any, ...]:
-    """Return the values of a texture in comparable form."""
-    values = () if texture is None else values_of(texture).values()
-    return tuple(tuple(v) if isinstance(v, (list, np.ndarray)) else v for v in values)

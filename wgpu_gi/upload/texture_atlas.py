@@ -7,13 +7,8 @@ to Pack the Bin", section 2).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
-
-import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import GiError
-from ..pictures.color import LINEAR_OF_CODE
 from ..scene.scene import Image
 
 MIN_PAGE = 256  # texels a side: a smaller texture saves no memory worth mentioning
@@ -53,14 +48,3 @@ def pack_atlas(images: list[Image]) -> Atlas:
             f"the textures fill {layer + 1} layers of {page} x {page}; {MAX_LAYERS} are possible: scale them down"
         )
     return Atlas(page, layer + 1, places)
-
-
-_MEANS: WeakKeyDictionary[Image, NDArray[np.float64]] = WeakKeyDictionary()  # images are immutable once in use
-
-
-def mean_linear_color(image: Image) -> NDArray[np.float64]:
-    """Return the mean linear colour of an sRGB-coded image, (3,)."""
-    if image not in _MEANS:
-        histograms = [np.bincount(image.pixels[..., c].ravel(), minlength=256) for c in range(3)]
-        _MEANS[image] = np.array([h @ LINEAR_OF_CODE for h in histograms]) / max(1, image.pixels[..., 0].size)
-    return _MEANS[image]

@@ -19,15 +19,7 @@ def sample_texture(
     The points are given by `vertices` (n, 3) of the mesh and barycentric `weights` (n, 3). A mesh without texture
     coordinates is sampled at (0, 0).
     """
-    # Interpolate the texture coordinates.
-    texcoords = mesh.texcoords1 if texture.texcoord else mesh.texcoords0
-    raw = np.zeros((len(vertices), 2))
-    if texcoords is not None:
-        raw = np.einsum("nk,nkc->nc", weights, np.asarray(texcoords, np.float64)[vertices])
-    # KHR_texture_transform: uv' = translation * rotation * scale * uv
-    sine, cosine = np.sin(texture.rotation), np.cos(texture.rotation)
-    scaled = raw * texture.scale
-    uv = scaled @ np.array([[cosine, -sine], [sine, cosine]]) + texture.offset
+    uv = texture_coordinates(texture, mesh, vertices, weights)
     # Find the four texels around each point, or the nearest one.
     pixels = texture.image.pixels
     height, width = pixels.shape[:2]
@@ -41,6 +33,19 @@ def sample_texture(
     fx, fy = fraction[:, :1], fraction[:, 1:]
     top, bottom = (_decode(pixels[y, columns[0]]) * (1 - fx) + _decode(pixels[y, columns[1]]) * fx for y in rows)
     return top * (1 - fy) + bottom * fy
+
+
+def texture_coordinates(
+    texture: Texture, mesh: Mesh, vertices: NDArray, weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the coordinates (n, 2) at which a texture is sampled at points of a mesh, given as in `sample_texture`."""
+    texcoords = mesh.texcoords1 if texture.texcoord else mesh.texcoords0
+    raw = np.zeros((len(vertices), 2))
+    if texcoords is not None:
+        raw = np.einsum("nk,nkc->nc", weights, np.asarray(texcoords, np.float64)[vertices])
+    # KHR_texture_transform: uv' = translation * rotation * scale * uv
+    sine, cosine = np.sin(texture.rotation), np.cos(texture.rotation)
+    return raw * texture.scale @ np.array([[cosine, -sine], [sine, cosine]]) + texture.offset
 
 
 def _wrap(index: NDArray[np.int64], size: int, mode: Wrap) -> NDArray[np.int64]:

@@ -18,3 +18,16 @@ fn emission_at(triangle: u32, radiance: vec3f, weights: vec2f) -> vec3f {
     }
     return radiance;
 }
+
+// Returns barycentric weights of the second and third corner, uniform over a triangle's area. Rows of constant u.y are
+// parallel to the side between the first and the second corner.
+fn emitter_weights(u: vec2f) -> vec2f {
+    let left = sqrt(1.0 - u.y);
+    return vec2f(u.x * left, 1.0 - left);
+}
+
+// Returns weights of the second and third corner of a triangle from those of its corners from number `turn` on.
+fn turn_weights(weights: vec2f, turn: u32) -> vec2f {
+    let turned = vec3f(1.0 - weights.x - weights.y, weights);
+    return vec2f(turned[(4u - turn) % 3u], turned[(5u - turn) % 3u]);
+}

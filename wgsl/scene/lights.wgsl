@@ -1,7 +1,9 @@
 // Light sampling: all sources in one list, with densities for multiple importance sampling.
 //
 // A light is picked in proportion to its power, which `upload/light_table.py` tabulates. A constant environment is not
-// in the list: sampling the BRDF finds it at least as well.
+// in the list: sampling the BRDF finds it at least as well. An emitter with a texture is in it by cells of similar light.
+// The densities by which strategies weight a point of it follow its own light, not its cell's: weights need only be the
+// same function in all strategies (Veach 1997, section 9.2.2), and so a hit need not find its cell.
 #import "scene/emission.wgsl"
 #import "scene/environment_sampling.wgsl"
 #import "common/random.wgsl"
@@ -18,10 +20,12 @@ struct Light {
     edge1: vec3f,        // triangle: edge; spot, sun: unit direction of travel
     triangle: u32,
     edge2: vec3f,        // triangle: edge; spot: scale and offset of the fall-off over the cosine
-    sides: u32,          // triangle: 1 shines from the side of edge1 x edge2, 2 from the other
+    sides: u32,          // triangle: 1 shines from the side of edge1 x edge2, 2 from the other; cell: | turn << 2
     color: vec3f,        // intensity W/sr, irradiance W/m2, or radiance W/(m2 sr)
     cumulative: f32,     // probability that this light or one before it is drawn
     probability: f32,    // of this light to be drawn
+    of_triangle: f32,    // probability of all cells of the triangle; other lights: `probability`
+    cell: vec2u,         // column and row in the triangle's unit square, above them a 1 at the bit of their number; or 0
 }
 
 @group(1) @binding(8) var<storage, read> lights: array<Light>;
@@ -34,7 +38,7 @@ struct LightSample {
     limit: f32,           // end of the shadow ray, in lengths of `to_light`; 0: no light reaches the surface
     weighted: vec3f,      // radiance over density; irradiance at normal incidence for lights without area
     direction: vec3f,     // unit
-    pdf: f32,             // 1/sr; 0 for punctual lights, which no BRDF sample can hit
+    pdf: f32,             // for weights, 1/sr; 0 for punctual lights, which no BRDF sample can hit
     ray_density: f32,     // density of `sample_light_ray` at a surface that faces the light, 1/m2
 }
 
@@ -44,7 +48,7 @@ struct LightRay {
     flux: vec3f,          // W; divided by the ray's density
     ray_density: f32,     // 1/m2 at 1 m on a surface that faces it; at any distance if `parallel`
     parallel: bool,
-    pdf: f32,             // `sample_light`'s density of its origin, 1/sr, at 1 m unless `parallel`; punctual: 0
+    pdf: f32,             // `sample_light`'s `pdf` of its origin, 1/sr, at 1 m unless `parallel`; punctual: 0
 }
 
 const INFINITELY_FAR: f32 = 1e30;
@@ -96,12 +100,33 @@ fn pick_light(choice: f32) -> Light {
     return lights[low];
 }
 
-fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightSample {
+// A point of an emitter.
+struct EmitterPoint {
+    weights: vec2f,    // of edge1 and edge2
+    emission: vec3f,   // W/(m2 sr)
+    area: f32,         // over which `weights` are uniform, in areas of the triangle
+    density: f32,      // for weights of strategies: of light samples there, 1/m2
+}
+
+// Samples a point of a triangle light, uniformly over the triangle or its cell.
+fn sample_emitter_point(light: Light, area: f32, u: vec2f) -> EmitterPoint {
+    if (HAS_EMISSION_MAPS && light.cell.x != 0u) {
+        let cells = vec2f(vec2u(1u) << firstLeadingBit(light.cell));
+        let weights = emitter_weights((vec2f(light.cell) + min(u, vec2f(BELOW_ONE))) / cells - 1.0);
+        let emission = emission_at(light.triangle, light.color, turn_weights(weights, light.sides >> 2u));
+        let density = textured_pdf(load_triangle(light.triangle).material, emission);
+        return EmitterPoint(weights, emission, 1.0 / (cells.x * cells.y), density);
+    }
     let weights = sample_triangle(u);
-    let to_light = light.position + weights.x * light.edge1 + weights.y * light.edge2 - from_position;
-    let direction = normalize_or(to_light, vec3f(0.0));
+    return EmitterPoint(weights, emission_at(light.triangle, light.color, weights), 1.0, light.probability / area);
+}
+
+fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightSample {
     let normal = cross(light.edge1, light.edge2);
     let twice_area = length(normal);
+    let point = sample_emitter_point(light, 0.5 * twice_area, u);
+    let to_light = light.position + point.weights.x * light.edge1 + point.weights.y * light.edge2 - from_position;
+    let direction = normalize_or(to_light, vec3f(0.0));
     // Cosine at the light, positive on the side of edge1 x edge2.
     let cosine = -dot(normal, direction) / max(twice_area, 1e-37);
     let squared = dot(to_light, to_light);
@@ -109,8 +134,13 @@ fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightS
         return no_light();
     }
     let pdf = light.probability * 2.0 * squared / (twice_area * abs(cosine));
-    let density = abs(cosine) * INV_PI * side_share(light.sides == 3u) / squared;
-    return LightSample(to_light, STOP_SHORT, emission_at(light.triangle, light.color, weights) / pdf, direction, pdf, density);
+    let density = abs(cosine) * INV_PI * side_share((light.sides & 3u) == 3u) / squared;
+    if (HAS_EMISSION_MAPS && light.cell.x != 0u) {
+        return LightSample(
+            to_light, STOP_SHORT, point.emission * (point.area / pdf), direction, point.density * squared / abs(cosine),
+            density);
+    }
+    return LightSample(to_light, STOP_SHORT, point.emission / pdf, direction, pdf, density);
 }
 
 // Samples a light and a point on it for a surface point. `choice` picks the light, `u` the point.
@@ -169,20 +199,26 @@ fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) 
     }
     if (HAS_EMITTERS && light.kind == KIND_TRIANGLE) {
         // Emitter: start at a point of it, with a density proportional to the cosine.
-        let weights = sample_triangle(u_point);
         let normal = cross(light.edge1, light.edge2);
         let twice_area = max(length(normal), 1e-37);
-        let both_sides = light.sides == 3u;
-        let flip = light.sides == 2u || (both_sides && choice < 0.5);
+        let point = sample_emitter_point(light, 0.5 * twice_area, u_point);
+        let both_sides = (light.sides & 3u) == 3u;
+        let flip = (light.sides & 3u) == 2u || (both_sides && choice < 0.5);
         let outward = normal * (select(1.0, -1.0, flip) / twice_area);
         let local = sample_cosine_hemisphere(u_direction);
+        let weights = point.weights;
         let position = light.position + weights.x * light.edge1 + weights.y * light.edge2;
         let terms = abs(light.position) + abs(weights.x * light.edge1) + abs(weights.y * light.edge2);
         let share = side_share(both_sides);
-        let flux = emission_at(light.triangle, light.color, weights) * (0.5 * twice_area * PI / (light.probability * share));
+        var flux = point.emission * (0.5 * twice_area * PI / (light.probability * share));
+        var pdf = light.probability * 2.0 / (twice_area * max(local.z, 1e-20));
+        if (HAS_EMISSION_MAPS && light.cell.x != 0u) {
+            flux *= point.area;
+            pdf = point.density / max(local.z, 1e-20);
+        }
         return LightRay(
             Ray(position + outward * ray_offset(outward, terms), frame_from_normal(outward) * local), flux,
-            local.z * INV_PI * share, false, light.probability * 2.0 / (twice_area * max(local.z, 1e-20)));
+            local.z * INV_PI * share, false, pdf);
     }
     // Punctual light: directions are uniform over the sphere or the spot's cone.
     let density = direction_density(light);

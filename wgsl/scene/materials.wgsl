@@ -34,7 +34,7 @@ struct Material {
     roughness: f32,
     normal_scale: f32,
     alpha_cutoff: f32,     // 0: opaque
-    emitter_pdf: f32,      // density of light samples on its triangles, 1/m2; 0: no emitter
+    emitter_pdf: f32,      // density of light samples where it emits all of `emission`, 1/m2; 0: no emitter
     textures: array<TextureSlot, 4>,
 }
 
@@ -105,4 +105,10 @@ fn sample_texture(material: u32, slot: u32, uv0: vec2f, uv1: vec2f) -> vec4f {
 
 fn has_texture(material: u32, slot: u32) -> bool {
     return (materials[material].textures[slot].flags & PRESENT) != 0u;
+}
+
+// Returns the density of light samples at a point of a textured emitter, in proportion to its light, 1/m2.
+fn textured_pdf(material: u32, emission: vec3f) -> f32 {
+    let whole = luminance(materials[material].emission);
+    return materials[material].emitter_pdf * (luminance(emission) / max(whole, SMALLEST_NORMAL));
 }

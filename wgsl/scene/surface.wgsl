@@ -90,6 +90,7 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
         }
         if (HAS_EMISSION_MAPS && has_texture(material, EMISSION_SLOT)) {
             s.emission *= sample_texture(material, EMISSION_SLOT, uv0, uv1).rgb;
+            s.emitter_pdf = textured_pdf(material, s.emission);
         }
         if (HAS_ROUGHNESS_MAPS && has_texture(material, METALLIC_ROUGHNESS_SLOT)) {
             let texel = sample_texture(material, METALLIC_ROUGHNESS_SLOT, uv0, uv1);

@@ -57,10 +57,7 @@ fn sample_emitter(t: Target, numbers: Numbers) -> EmitterSample {
     let f = evaluate_brdf(r.brdf, r.w_o, direction * r.frame);
     let density = drawn.probability / leaf.area * squared / abs(cosine);
     let share = share_of_light_samples(t, density, f.w);
-    // Weights of the triangle's own corners.
-    let turned = vec3f(1.0 - inside.x - inside.y, inside);
-    let weights = vec2f(turned[(4u - leaf.turn) % 3u], turned[(5u - leaf.turn) % 3u]);
-    let emission = emission_at(leaf.triangle, leaf.radiance, weights);
+    let emission = emission_at(leaf.triangle, leaf.radiance, turn_weights(inside, leaf.turn));
     let light = f.rgb * emission * (arriving * share / max(density, 1e-37));
     return EmitterSample(to_light, light);
 }

@@ -36,8 +36,10 @@ struct EmitterLeaf {
 }
 
 // Texels in rows of TABLE_WIDTH: two for EmitterTable; two for each node; five for each leaf; one for each emitting
-// triangle, sorted: triangle, instance, its first leaf before sorting, and its grid: bits of x, of y << 8, turn << 16;
-// then four places of leaves in each texel, in their order before sorting (NONE: the leaf is dark).
+// triangle, sorted: triangle, instance, its first place, and its grid: bits of x, of y << 8, turn << 16; then four
+// places in each texel: the number of a cell's leaf, NONE where the cell is dark, or HALVED | 2 k + axis where places k
+// and k + 1 are the halves of the cell along x (0) or y (1).
+const HALVED: u32 = 0x80000000u;
 @group(1) @binding(20) var emitters: texture_storage_2d<rgba32uint, read>;
 
 fn emitter_texel(index: u32) -> vec4u {
@@ -67,10 +69,8 @@ fn load_emitter_leaf(table: EmitterTable, number: u32) -> EmitterLeaf {
         bitcast<vec4f>(emitter_texel(at + 4u)));
 }
 
-// Returns barycentric weights of the second and third corner, uniform over a triangle's area.
-fn emitter_weights(u: vec2f) -> vec2f {
-    let left = sqrt(1.0 - u.y);
-    return vec2f(u.x * left, 1.0 - left);
+fn load_emitter_place(table: EmitterTable, number: u32) -> u32 {
+    return emitter_texel(table.first_place + number / 4u)[number % 4u];
 }
 
 // Returns the leaf at a point of a triangle, or NONE.
@@ -101,6 +101,18 @@ fn find_emitter_leaf(table: EmitterTable, triangle: u32, instance: u32, barycent
     let bits = vec2u(entry.w, entry.w >> 8u) & vec2u(255u);
     let cells = vec2u(1u) << bits;
     let cell = vec2u(clamp(u * vec2f(cells), vec2f(0.0), vec2f(cells) - 0.5));
-    let number = entry.z + cell.x + (cell.y << bits.x);
-    return emitter_texel(table.first_place + number / 4u)[number % 4u];
+    var place = load_emitter_place(table, entry.z + cell.x + (cell.y << bits.x));
+    if (HAS_EMISSION_MAPS) {
+        // Go down to the part of the cell.
+        var inside = u * vec2f(cells) - vec2f(cell);
+        while (place != NONE && (place & HALVED) != 0u) {
+            let along_y = (place & 1u) != 0u;
+            let twice = 2.0 * select(inside.x, inside.y, along_y);
+            let second = twice >= 1.0;
+            let rest = select(twice, twice - 1.0, second);
+            inside = select(vec2f(rest, inside.y), vec2f(inside.x, rest), along_y);
+            place = load_emitter_place(table, ((place & ~HALVED) >> 1u) + select(0u, 1u, second));
+        }
+    }
+    return place;
 }

@@ -105,11 +105,11 @@ fn light_vertex(light: Light, count: f32, choice: f32, u_point: vec2f, u_directi
     if (hit.triangle == NONE || max3(sent.flux) <= 0.0) {
         return Vpl(vec3f(0.0), vec3f(0.0, 0.0, 1.0), vec3f(0.0), 0.0, no_lobe());
     }
-    // The area is the inverse density of such rays on the surface.
+    // The area is the inverse density of such rays on the surface, of all cells of a textured triangle together.
     let s = surface_at(hit, sent.ray.direction);
     let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
     let falloff = select(1.0 / (hit.distance * hit.distance), 1.0, sent.parallel);
-    let area = 1.0 / max(count * light.probability * sent.ray_density * cosine * falloff, 1e-30);
+    let area = 1.0 / max(count * light.of_triangle * sent.ray_density * cosine * falloff, 1e-30);
     let nearness = select(1.0 / hit.distance, 0.0, sent.parallel);
     return reflect_flux(s, sent.ray.direction, sent.flux / count, area, nearness);
 }
