@@ -1,7 +1,7 @@
 """Global illumination on WebGPU: load a scene, render it, read the picture.
 
 >>> import wgpu_gi as gi
->>> scene = gi.load("cornell")                                    # or a path: .glb .gltf .obj .ply .stl .off
+>>> scene = gi.load("cornell")                                    # or a path, a trimesh scene, (vertices, faces)
 >>> picture = gi.render(scene, size=(640, 360))                   # (height, width, 3) float32 linear radiance
 >>> truth = gi.render(scene, size=(640, 360), gi="path", spp=64)  # the same by path tracing
 >>> gi.show(scene)                                                # in a notebook: a live canvas
@@ -18,9 +18,11 @@ from .version import __version__
 
 if TYPE_CHECKING:
     from .camera import Camera
-    from .errors import GiError
+    from .errors import GiError, GiWarning
     from .pictures.image import load_image, save_image
-    from .renderer import Renderer, Settings, render
+    from .renderer import Renderer, Settings
+    from .rendering import render
+    from .scene.files.environment_files import load_environment
     from .scene.load import load
     from .scene.scene import (
         DirectionalLight,
@@ -42,6 +44,7 @@ __all__ = [
     "DirectionalLight",
     "Environment",
     "GiError",
+    "GiWarning",
     "Image",
     "Instance",
     "Material",
@@ -54,6 +57,7 @@ __all__ = [
     "Texture",
     "__version__",
     "load",
+    "load_environment",
     "load_image",
     "render",
     "save_image",
@@ -63,19 +67,23 @@ __all__ = [
 _MODULE_OF_NAME = {
     "Camera": "camera",
     "GiError": "errors",
+    "GiWarning": "errors",
     "load_image": "pictures.image",
     "save_image": "pictures.image",
     "Renderer": "renderer",
     "Settings": "renderer",
-    "render": "renderer",
+    "render": "rendering",
     "load": "scene.load",
+    "load_environment": "scene.files.environment_files",
     "show": "viewer.notebook",
 }
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from .errors import near_names
+
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; {near_names(name, __all__)}")
     value = getattr(import_module(f".{_MODULE_OF_NAME.get(name, 'scene.scene')}", __name__), name)
     globals()[name] = value
     return value

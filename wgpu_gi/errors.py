@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,16 @@ class GiError(Exception):
 
     The command line prints the message without a traceback and exits with code 2.
     """
+
+
+class GiWarning(UserWarning):
+    """What the user should know about a scene or a picture: what was approximated, assumed, damaged or left out."""
+
+
+def warn_of(notes: Iterable[str], stacklevel: int) -> None:
+    """Emit a GiWarning for each note; `stacklevel` 2 is the line that calls the caller of this function."""
+    for note in notes:
+        warnings.warn(note, GiWarning, stacklevel=stacklevel + 1)
 
 
 def known_names(name: str, known: Iterable[str]) -> str:

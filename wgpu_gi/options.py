@@ -111,7 +111,7 @@ def check_size(size: tuple[int, int], device: Device | None = None) -> None:
     if width > MAX_TEXTURE_SIDE or height > MAX_TEXTURE_SIDE or width * height > MAX_PIXELS:
         raise GiError(
             f"size {width}x{height}: at most {MAX_TEXTURE_SIDE} pixels a side and {MAX_PIXELS // 2**20} million in all;"
-            " make --size smaller"
+            " make the picture smaller"
         )
     if device is None:
         return
@@ -120,6 +120,6 @@ def check_size(size: tuple[int, int], device: Device | None = None) -> None:
         scale = math.sqrt(limit / needed)
         raise GiError(
             f"size {width}x{height} needs buffers of {needed / 2**20:.0f} MiB, and {device.adapter_name} has at most"
-            f" {limit / 2**20:.0f} (max-storage-buffer-binding-size); make --size smaller,"
+            f" {limit / 2**20:.0f} (max-storage-buffer-binding-size); make the picture smaller,"
             f" such as {max(int(width * scale), 1)}x{max(int(height * scale), 1)}"
         )

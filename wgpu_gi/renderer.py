@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from copy import copy, deepcopy
+from copy import copy
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .buffers import BUFFERS, Source, buffers_of, views_of
+from .buffers import BUFFERS, Source, buffers_of, check_buffers
 from .camera import Camera
-from .errors import GiError
+from .errors import GiError, KnownAttributes, warn_of
 from .frame import declare_frame
 from .gpu.describe import table
 from .gpu.device import open_device
@@ -26,10 +26,11 @@ from .options import TECHNIQUES, Settings, check_size, picture_count, technique_
 from .pictures.picture import Picture
 from .pictures.tables import Table
 from .scene.check import check_camera, check_scene, check_structure
-from .scene.files.camera_files import framing_camera
+from .scene.files.camera_files import camera_of
+from .scene.load import lit
 from .scene.rules import shown
 from .scene.scene import Scene
-from .settings import apply_quality, validate
+from .settings import validate
 from .techniques.shared.composite import MEANS
 from .techniques.shared.sampling import CameraSettings
 from .techniques.shared.scene_inputs import SceneInputs
@@ -37,10 +38,10 @@ from .techniques.shared.technique import Kept, Shot
 from .upload.fingerprint import Fingerprint
 from .upload.scene_upload import SceneUpload
 
-__all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings", "render"]
+__all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings"]
 
 
-class Renderer:
+class Renderer(KnownAttributes):
     """Renders a scene, once or many times.
 
     Change `scene`, `camera`, `settings` or `size` between frames; the next `run` uploads what changed and runs the
@@ -51,26 +52,61 @@ class Renderer:
     several threads take turns at the GPU, frame by frame. A new process must be spawned, not forked.
     """
 
+    __slots__ = (
+        "_checked",
+        "_closed",
+        "_complete",
+        "_declared",
+        "_device",
+        "_frame",
+        "_graph",
+        "_inputs",
+        "_kept",
+        "_lock",
+        "_ran",
+        "_refining",
+        "_rested",
+        "_shaders",
+        "_sources",
+        "_upload",
+        "automatic_exposure",
+        "camera",
+        "scene",
+        "settings",
+        "size",
+    )
+
     def __init__(
         self,
-        scene: Scene,
+        scene: Any,
         *,
         size: tuple[int, int] = (640, 360),
-        camera: Camera | None = None,
+        camera: Camera | str | int | None = None,
         settings: Settings | None = None,
         adapter: str | None = None,
     ) -> None:
-        """Open the adapter (by part of its name, or the best). Raises GiError for bad values, or without an adapter."""
-        check_scene(scene)
-        self.scene = scene
+        """Open the adapter (by part of its name, or the best). Raises GiError for bad values, or without an adapter.
+
+        `scene` is a Scene, which is rendered as it stands, black if it has no light; or what `load` takes. `camera` is
+        a Camera, or the name or the index of one in the scene; None: the scene's first.
+        """
+        if isinstance(scene, Scene):
+            check_scene(scene)
+        else:
+            scene, notes = lit(scene)
+            warn_of(notes, stacklevel=2)
+        self.scene: Scene = scene
         self.size = size
-        self.camera = camera if camera is not None else (scene.cameras[0] if scene.cameras else framing_camera(scene))
+        self.camera: Camera = camera_of(scene, camera)
         self.settings = Settings() if settings is None else settings
         self._checked: Settings | None = None  # a copy of the last settings that were valid
         self._check_values()
+        if adapter is not None and not isinstance(adapter, str):
+            raise GiError(f"adapter must be a part of the name of an adapter, not {shown(adapter)}")
         self._device = open_device(adapter, large_buffers=True)
         check_size(size, self._device)
         self._lock = threading.RLock()
+        self._closed = False
         with self._device.use():
             self._graph = Graph(self._device)
             self._shaders = refresh()  # which version of the shader files is in use
@@ -119,6 +155,18 @@ class Renderer:
                 self._upload.release()
                 self._upload = None
 
+    def close(self) -> None:
+        """Free all GPU memory for good; `with Renderer(...) as renderer:` calls it at the end of the block."""
+        if not self._closed:
+            self.release()
+            self._closed = True
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
     def forget(self) -> None:
         """Drop all state of earlier frames; the next frame is that of a new renderer. The scene stays on the GPU."""
         with self._alone():
@@ -159,6 +207,8 @@ class Renderer:
     @contextmanager
     def _reserved(self) -> Iterator[None]:
         """Keep other threads from using this renderer, but not from using others. Raises GiError if one uses it."""
+        if self._closed:
+            raise GiError("this Renderer is closed; make a new one")
         self._device.check()
         if not self._lock.acquire(blocking=False):
             raise GiError("another thread is using this Renderer; make a Renderer for each thread")
@@ -202,7 +252,7 @@ class Renderer:
         """
         self._check_values()
         shown = self.buffers if show is None else show
-        self._check_buffers(shown)
+        check_buffers(shown, self.settings.gi)
         with self._alone():
             try:
                 return self._step(shown, progress, check, timings, force)
@@ -250,7 +300,7 @@ class Renderer:
         a surface. display: (height, width, 3) uint8, sRGB with exposure and tone curve, for screens. Raises GiError for
         an unknown buffer.
         """
-        self._check_buffers((name,))
+        check_buffers((name,), self.settings.gi)
         with self._alone():
             return self._read_back(name)
 
@@ -364,9 +414,7 @@ class Renderer:
         """Return the source of a buffer of the last frame. Raises GiError if that frame does not have the buffer."""
         if name not in self._sources:
             absent = technique_of(self.settings.gi).views.get(name) if self._sources else None
-            raise GiError(
-                f"--show {name}: {absent}" if absent else f"{name!r} holds nothing yet: run the renderer first"
-            )
+            raise GiError(f"{name!r} is empty: {absent or 'run the renderer first'}")
         return self._sources[name]
 
     def _check_values(self) -> None:
@@ -383,50 +431,9 @@ class Renderer:
         check_camera(self.camera)
         check_structure(self.scene)
 
-    def _check_buffers(self, names: Iterable[str]) -> None:
-        if not isinstance(names, (tuple, list)):
-            raise GiError(f"show must be a tuple of names, such as ('radiance',), not {shown(names)}")
-        for name in names:
-            if name not in (*self.buffers, *views_of(self.settings.gi), "display"):
-                raise GiError(f"--gi {self.settings.gi} has no buffer {name!r}; it has {', '.join(self.buffers)}")
-
 
 def _copy(settings: Settings) -> Settings:
     """Return a copy with copies of the sections; all other values are immutable."""
     values = {field.name: getattr(settings, field.name) for field in fields(settings)}
     sections: dict[str, Any] = {name: copy(value) for name, value in values.items() if is_dataclass(value)}
     return replace(settings, **sections)
-
-
-def render(
-    scene: Scene,
-    *,
-    size: tuple[int, int] = (640, 360),
-    camera: Camera | None = None,
-    gi: str | None = None,
-    spp: int | None = None,
-    bounces: int | None = None,
-    seed: int | None = None,
-    diffuse: bool | None = None,
-    quality: str | None = None,
-    show: str = "radiance",
-    settings: Settings | None = None,
-    adapter: str | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Picture:
-    """Render one picture: (height, width, 3) float32 linear radiance in W/(m2 sr), or the buffer `show`.
-
-    Arguments override `settings` where they are given. `quality` (low, medium, high) overrides all settings that have
-    presets. Raises GiError for bad values.
-    """
-    chosen = Settings() if settings is None else deepcopy(settings)
-    if not isinstance(chosen, Settings):
-        raise GiError(f"settings must be Settings(...), not {shown(chosen)}")
-    for name, value in (("gi", gi), ("spp", spp), ("bounces", bounces), ("seed", seed), ("diffuse", diffuse)):
-        if value is not None:
-            setattr(chosen, name, value)
-    if quality is not None:
-        apply_quality(chosen, quality)
-    renderer = Renderer(scene, size=size, camera=camera, settings=chosen, adapter=adapter)
-    renderer.run(progress, show=(show,))
-    return renderer.read_back(show)

@@ -12,6 +12,7 @@ A setting may have another default for each quality: `presets={"low": 1, "high":
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -103,7 +104,7 @@ def apply_quality(settings: Any, quality: str) -> None:
     preset outside the range of its setting.
     """
     if quality not in QUALITIES:
-        raise GiError(f"there is no quality {quality!r}; available: {', '.join(QUALITIES)}")
+        raise GiError(f"there is no quality {_given(quality)}; available: {', '.join(QUALITIES)}")
     for path, owner, field in _fields(settings):
         presets = field.metadata["presets"]
         if presets:
@@ -210,7 +211,9 @@ def _check(name: str, value: Any, field: dataclasses.Field, kind: Any) -> None:
     choices, limits, unit = _choices(field, kind), field.metadata["range"], field.metadata["unit"]
     if choices:
         if value not in choices:
-            raise GiError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+            near = difflib.get_close_matches(value, choices, n=1) if isinstance(value, str) else []
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise GiError(f"{name} must be one of {', '.join(choices)}, not {_given(value)}{hint}")
         return
     if base is float:
         fits = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
@@ -219,7 +222,7 @@ def _check(name: str, value: Any, field: dataclasses.Field, kind: Any) -> None:
     else:
         fits = isinstance(value, base)
     if not fits:
-        raise GiError(f"{name} takes {_kind_name(base)}{f' ({unit})' if unit else ''}, not {_text(value)}")
+        raise GiError(f"{name} takes {_kind_name(base)}{f' ({unit})' if unit else ''}, not {_given(value)}")
     if limits and not limits[0] <= value <= limits[1]:
         between = f"{_text(limits[0])} and {_text(limits[1])} {unit}".rstrip()
         raise GiError(f"{name} must lie between {between}, not {_text(value)}")
@@ -228,6 +231,15 @@ def _check(name: str, value: Any, field: dataclasses.Field, kind: Any) -> None:
 def _kind_name(kind: Any) -> str:
     names = {int: "a whole number", float: "a finite number", bool: "true or false", str: "a text"}
     return names.get(kind, str(kind))
+
+
+def _given(value: Any) -> str:
+    """Return a wrong value in a few words."""
+    if isinstance(value, (bool, int, float, NoneType)):
+        return _text(value)
+    if not isinstance(value, str):
+        return f"a {type(value).__name__}"
+    return repr(value if len(value) <= 60 else f"{value[:57]}...")
 
 
 def _text(value: Any) -> str:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.renderer import Settings, render
+from wgpu_gi.renderer import Settings
+from wgpu_gi.rendering import render
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import quad
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Material, PointLight, Scene

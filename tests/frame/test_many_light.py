@@ -149,7 +149,7 @@ def test_a_still_picture_is_the_mean_of_its_own_frames():
     ],
 )
 def test_an_absent_debug_view_gives_its_reason(name, sections):
-    with pytest.raises(GiError, match=f"--show {name}: .* need"):
+    with pytest.raises(GiError, match=f"{name!r} is empty: .* need"):
         view(name, **sections)
 
 

@@ -270,7 +270,7 @@ def test_picture_too_large_for_the_adapter_is_refused(monkeypatch):
     renderer = Renderer(builtin.cornell(), size=(64, 64))
     monkeypatch.setitem(renderer.graph.device.limits, "max-storage-buffer-binding-size", 2**16)
     renderer.size = (128, 64)
-    words = r"size 128x64 needs buffers of .* MiB, and .* \(max-storage-buffer-binding-size\); make --size smaller"
+    words = r"size 128x64 needs buffers of .* MiB, and .* \(max-storage-buffer-binding-size\); make the picture smaller"
     with pytest.raises(GiError, match=words + ", such as 90x45"):
         renderer.run()
     with pytest.raises(GiError, match=words):

@@ -62,7 +62,7 @@ def fake_load(name, environment, lights, max_memory=None, strict=False, point_si
 def stand_ins(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(cli_common, "Renderer", FakeRenderer)
-    monkeypatch.setattr(cli_common, "load", fake_load)
+    monkeypatch.setattr(cli_common, "read_scene", fake_load)
     monkeypatch.setattr(cli_common, "choose_camera", lambda scene, selector, folder: f"camera {selector}")
     monkeypatch.setattr(FakeRenderer, "interrupt", None)
 

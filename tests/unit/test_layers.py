@@ -18,6 +18,7 @@ LAYERS = [
     ("cli",),
     ("viewer",),
     ("measure",),
+    ("rendering",),
     ("renderer",),
     ("frame",),
     ("buffers",),

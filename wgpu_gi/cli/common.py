@@ -20,7 +20,7 @@ from ..scene.files.environment_files import load_environment
 from ..scene.files.light_texts import parse_light, relight
 from ..scene.files.memory import MAX_MEMORY
 from ..scene.files.notes import Notes
-from ..scene.load import NO_CAMERA_NOTE, load
+from ..scene.load import NO_CAMERA_NOTE, NO_LIGHT_NOTE, read_scene
 from ..scene.scene import Scene
 from ..settings import apply_quality, assign, cells_of, describe, format_rows, validate
 from ..version import __version__
@@ -32,6 +32,7 @@ REASONS = {
     "spp": "averages frames, set by camera.frames",
     "camera.frames": "averages samples, set by --spp",
 }
+REMEDIES = {NO_LIGHT_NOTE: "--env or --light set others", NO_CAMERA_NOTE: "--camera sets another"}
 LISTS = ("help", "help=all")  # what --set takes in place of a setting
 
 
@@ -113,7 +114,7 @@ def load_scene(
     notes = Notes(strict)
     added = [parse_light(text) for text in lights]
     environment = None if env is None else load_environment(env, notes, max_memory=max_memory)
-    scene = load(
+    scene = read_scene(
         source, environment=environment, lights=added, max_memory=max_memory, strict=strict, point_size=point_size
     )
     scene.notes.extend(notes.sentences)
@@ -137,7 +138,7 @@ def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Sce
         camera = choose_camera(scene, arguments.camera, Path(source).parent)
     for note in scene.notes:
         if note != NO_CAMERA_NOTE or arguments.camera is None:
-            say.note(note)
+            say.note(f"{note} ({REMEDIES[note]})" if note in REMEDIES else note)
     say.detail(
         f"{source}: {scene.triangle_count} triangles, {len(scene.instances)} instances, {len(scene.lights)} lights,"
         f" {'an' if scene.environment else 'no'} environment"

@@ -9,7 +9,9 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from io import BytesIO
+from os import PathLike
 from pathlib import Path
+from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
@@ -43,19 +45,23 @@ def check_output(path: str | Path, layers: Sequence[str] = ("radiance",)) -> Non
 
 def save_image(
     path: str | Path,
-    layers: Mapping[str, ArrayLike],
+    layers: Mapping[str, ArrayLike] | NDArray,
     *,
     exposure: float | None = None,
     metadata: Mapping[str, object] | None = None,
 ) -> None:
-    """Write `layers` in the format of the extension. The first layer is the main one.
+    """Write `layers`, or a single picture, in the format of the extension. The first layer is the main one.
 
     `.npy` holds the layer unchanged; `.npz` every layer by name; `.exr` the main layer as R, G, B (Z for depth, Y for
     another single channel) and the others as `name.R` ... (`name.Z`, `name.V`), float32; `.png` the main layer in
     8-bit sRGB by `display_layer`, with automatic `exposure` if it is None. `metadata` goes into the EXR header and PNG
     text, which also has the exposure. The file appears complete or not at all. Raises GiError if it cannot be written.
     """
-    path = Path(path)
+    path = _path(path, "saved to")
+    if isinstance(layers, np.ndarray):
+        layers = {getattr(layers, "name", "radiance"): layers}
+    if not isinstance(layers, Mapping) or not layers:
+        raise GiError(f"layers must be a picture, or a dictionary of pictures by name, not a {type(layers).__name__}")
     arrays = {name: _checked(name, layer) for name, layer in layers.items()}
     check_output(path, tuple(arrays))
     texts = {key: str(value) for key, value in (metadata or {}).items()}
@@ -69,7 +75,7 @@ def load_image(path: str | Path, layer: str | None = None) -> Array:
     `layer` names a layer of an .exr or .npz; None means the main (first) one. PNG is decoded from sRGB. Raises GiError
     for a missing, unreadable or unknown file, and for a layer that the file does not hold.
     """
-    path = Path(path)
+    path = _path(path, "loaded from")
     suffix = path.suffix.lower()
     if suffix not in _READERS:
         raise GiError(f"{path}: unknown picture format {path.suffix!r}; use one of {' '.join(FORMATS)}")
@@ -173,8 +179,20 @@ def _nearest_bright(depth: Array) -> Array:
     return np.where(seen, brightness, 0.0).astype(np.float32)
 
 
+def _path(path: Any, what: str) -> Path:
+    """Return a path. Raises GiError for other objects."""
+    if not isinstance(path, (str, PathLike)):
+        raise GiError(f"a picture is {what} a path, not {str(path)[:60] or 'nothing'}")
+    return Path(path)
+
+
 def _checked(name: str, layer: ArrayLike) -> Array:
-    array = np.asarray(layer, np.float32)
+    try:
+        array = np.asarray(layer, np.float32)
+    except (TypeError, ValueError):
+        array = np.zeros((), np.float32)
+    if not array.ndim:
+        raise GiError(f"layer {name!r} must be an array of numbers, not a {type(layer).__name__}")
     if array.ndim != 2 and not (array.ndim == 3 and array.shape[2] == 3):
         raise GiError(f"layer {name!r} has the shape {array.shape}; a picture is (height, width, 3) or (height, width)")
     if array.size == 0:

@@ -155,6 +155,18 @@ def check_camera(camera: Camera, where: str = "camera") -> None:
     _raise(where, camera, fault)
 
 
+def is_singular(matrix: NDArray[np.float64]) -> bool:
+    """Tell whether a (4, 4) transform flattens a mesh so that float64 cannot invert it."""
+    return bool(_singular(matrix[None, :3, :3])[0])
+
+
+def _singular(linear: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell for each (n, 3, 3) matrix whether its determinant vanishes, with the largest entry scaled to 1."""
+    scale = np.abs(linear).max((1, 2))[:, None, None]
+    flat: NDArray[np.bool_] = np.abs(np.linalg.det(linear / np.where(scale > 0, scale, 1))) <= SINGULAR
+    return flat
+
+
 def _is_rigid(matrix: NDArray[np.float64]) -> bool:
     """Tell whether a matrix keeps lengths; it may mirror."""
     axes = matrix[:3, :3]
@@ -201,8 +213,7 @@ def _check_instances(instances: list[Instance]) -> None:
     place = {key: k for k, key in enumerate(meshes)}
     reach = np.array([reach_of(mesh) for mesh in meshes.values()])[[place[id(i.mesh)] for i in instances]]
     with np.errstate(over="ignore", invalid="ignore"):
-        scale = np.abs(linear).max((1, 2))[:, None, None]
-        flat = np.abs(np.linalg.det(linear / np.where(scale > 0, scale, 1))) <= SINGULAR
+        flat = _singular(linear)
         extent = np.einsum("nij,nj->ni", np.abs(linear), reach) + np.abs(stacked[:, :3, 3])
     for wrong_ones, sentence in (
         (~np.isclose(stacked[:, 3], _LAST_ROW, atol=1e-6).all(1), "must be affine, with the last row 0 0 0 1"),

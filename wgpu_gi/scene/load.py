@@ -1,73 +1,143 @@
-"""Loads a scene from a built-in name or a file, and adds a default light and camera if it has none."""
+"""Loads a scene from a built-in name, a file or objects, and adds a default light and camera if it has none."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
-from ..errors import GiError, known_names
+from ..errors import GiError, known_names, warn_of
 from .built_in.scenes import BUILTIN_SCENES, builtin_scene
 from .check import check_scene
 from .files.camera_files import framing_camera
+from .files.environment_files import load_environment
 from .files.memory import MAX_MEMORY, MemoryBudget
 from .files.mesh_files import MESH_EXTENSIONS, load_mesh_file
 from .files.notes import Notes
 from .files.read import read_file
-from .rules import shown
+from .objects import scene_of_object
+from .rules import is_whole, shown
 from .scene import Environment, Light, Scene
 
 GLTF_EXTENSIONS = (".glb", ".gltf")
 
-NO_CAMERA_NOTE = "the scene has no camera: one that frames it was added (--camera sets another)"
+NO_CAMERA_NOTE = "the scene has no camera: one that frames it was added"
+NO_LIGHT_NOTE = "the scene has no light: a white sky of radiance 1 was added"
 
 # Radiance of the default sky: 1, so that an unoccluded matte surface of albedo rho has radiance rho.
 DEFAULT_SKY = (1.0, 1.0, 1.0)
 
 
 def load(
-    source: str | Path,
+    source: Any,
     *,
-    environment: Environment | None = None,
+    environment: Environment | str | Path | None = None,
     lights: Sequence[Light] = (),
     max_memory: int = MAX_MEMORY,
     strict: bool = False,
     point_size: float | None = None,
 ) -> Scene:
-    """Load a scene: a built-in name ("cornell") or a .glb, .gltf, .obj, .ply, .stl or .off file.
+    """Load a scene from a built-in name ("cornell"), a .glb, .gltf, .obj, .ply, .stl or .off file, or objects.
 
-    `environment` replaces the scene's, `lights` are added to its own. A scene that then has no source of light gets a
-    white sky of radiance 1, and one without a camera gets a camera that frames it; `Scene.notes` says so. A bare name
-    is a built-in scene, even if a file has that name; files need their extension. A damaged part of a file is left out
-    with a note, or raises GiError if `strict`. Points without faces are shown as discs or spheres of the diameter
-    `point_size` in metres, by default twice their spacing.
+    Objects are a trimesh mesh or scene, a pair of arrays (vertices, faces), a Mesh, or a Scene, which is copied but
+    shares its instances. `environment` replaces the scene's; it is an Environment, or what `load_environment` takes.
+    `lights` are added to the scene's own. A scene that then has no source of light gets a white sky of radiance 1, and
+    one without a camera gets a camera that frames it. `Scene.notes` says so, and what was approximated or left out;
+    each note is also a GiWarning, except that on the camera. A bare name is a built-in scene, even if a file has that
+    name; files need their extension. A damaged part of a file is left out with a note, or raises GiError if `strict`.
+    Points without faces are shown as discs or spheres of the diameter `point_size` in metres, by default twice their
+    spacing.
 
     Raises GiError for unknown names and extensions, with a list of the known ones, for missing, empty and truncated
-    files and those with nothing to show, and for a file that unpacks to more than `max_memory` bytes (decoded textures,
-    decompressed geometry).
+    files and those with nothing to show, for objects of other types, and for a file that unpacks to more than
+    `max_memory` bytes (decoded textures, decompressed geometry).
     """
-    if not isinstance(source, (str, os.PathLike)):
-        raise GiError(f"a scene is loaded from a name or a path, not from {shown(source)}")
-    path, budget, notes = Path(source), MemoryBudget(max_memory), Notes(strict)
-    extension = path.suffix.lower()
-    if str(source) in BUILTIN_SCENES:
-        scene = builtin_scene(str(source))
-    elif extension in GLTF_EXTENSIONS:
-        from .gltf.load import load_gltf
+    scene = read_scene(
+        source,
+        environment=environment,
+        lights=lights,
+        max_memory=max_memory,
+        strict=strict,
+        point_size=point_size,
+    )
+    warn_of(with_remedies(note for note in scene.notes if note != NO_CAMERA_NOTE), stacklevel=2)
+    return scene
 
-        scene = load_gltf(path, budget, notes)
-    elif extension in MESH_EXTENSIONS:
-        scene = load_mesh_file(path, budget, notes, point_size)
-    else:
-        raise _unknown(path)
-    if environment is not None:
-        scene.environment = environment
+
+def read_scene(
+    source: Any,
+    *,
+    environment: Environment | str | Path | None = None,
+    lights: Sequence[Light] = (),
+    max_memory: int = MAX_MEMORY,
+    strict: bool = False,
+    point_size: float | None = None,
+) -> Scene:
+    """Load a scene as `load` does, without warnings: only `Scene.notes` says what was assumed."""
+    if not is_whole(max_memory) or max_memory < 1:
+        raise GiError(f"max_memory must be a whole number of bytes above 0, not {shown(max_memory)}")
     if not isinstance(lights, (list, tuple)):
         raise GiError(f"lights must be a list of lights, not {shown(lights)}")
+    notes = Notes(strict)
+    if isinstance(source, (str, os.PathLike)):
+        scene = _load_path(source, MemoryBudget(max_memory), notes, point_size)
+    else:
+        scene = scene_of_object(source, notes, MemoryBudget(max_memory), point_size)
+    if environment is not None:
+        scene.environment, found = _environment(environment, max_memory, strict)
+        scene.notes.extend(found)
     scene.lights.extend(lights)
     check_scene(scene)
     add_defaults(scene)
     return scene
+
+
+def _load_path(
+    source: str | os.PathLike[str], budget: MemoryBudget, notes: Notes, point_size: float | None
+) -> Scene:
+    """Load a built-in scene or a file."""
+    path = Path(source)
+    extension = path.suffix.lower()
+    if str(source) in BUILTIN_SCENES:
+        return builtin_scene(str(source))
+    if extension in GLTF_EXTENSIONS:
+        from .gltf.load import load_gltf
+
+        return load_gltf(path, budget, notes)
+    if extension in MESH_EXTENSIONS:
+        return load_mesh_file(path, budget, notes, point_size)
+    raise _unknown(path)
+
+
+def _environment(environment: Any, max_memory: int, strict: bool) -> tuple[Environment, list[str]]:
+    """Return an environment from an object, a file or a text, and the notes on it."""
+    if isinstance(environment, Environment):
+        return environment, []
+    if not isinstance(environment, (str, os.PathLike)):
+        raise GiError(f"environment must be an Environment or the path of an image, not {shown(environment)}")
+    notes = Notes(strict)
+    return load_environment(Path(environment), notes, max_memory=max_memory), notes.sentences
+
+
+def lit(source: Any, environment: Environment | str | Path | None = None) -> tuple[Scene, list[str]]:
+    """Return a scene with light to render, and the notes that its user has not seen.
+
+    A Scene with light is returned itself, so that later changes show; one without is copied. See `load`.
+    """
+    known: list[str] = []
+    if isinstance(source, Scene):
+        check_scene(source)
+        known = source.notes
+        if environment is None and has_light(source):
+            return source, []
+    scene = read_scene(source, environment=environment)
+    return scene, with_remedies(note for note in scene.notes if note not in known and note != NO_CAMERA_NOTE)
+
+
+def with_remedies(notes: Iterable[str]) -> list[str]:
+    """Return notes with what a Python program can do about them."""
+    return [f"{note} (environment= or lights= set others)" if note == NO_LIGHT_NOTE else note for note in notes]
 
 
 def _unknown(path: Path) -> GiError:
@@ -95,7 +165,7 @@ def add_defaults(scene: Scene) -> None:
     """Add a white sky to a scene without light and a framing camera to one without cameras, with a note for each."""
     if not has_light(scene):
         scene.environment = Environment(DEFAULT_SKY, name="default sky")
-        scene.notes.append("the scene has no light: a white sky of radiance 1 was added (--env or --light set others)")
+        scene.notes.append(NO_LIGHT_NOTE)
     if not scene.cameras:
         scene.cameras.append(framing_camera(scene))
         scene.notes.append(NO_CAMERA_NOTE)

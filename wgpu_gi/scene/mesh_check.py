@@ -79,13 +79,14 @@ def _array_fault(mesh: Mesh) -> str | None:
     if len(mesh.triangles) and not _within(mesh.triangles, 0, count - 1):
         wrong = _first_outside(mesh.triangles, 0, count - 1)
         return f"triangles must be indices from 0 to {count - 1} into positions, not {wrong}"
+    for name in ("positions", *_ATTRIBUTES):
+        values = getattr(mesh, name)
+        if values is not None and not np.isfinite(values).all():
+            row = int(np.argmin(np.isfinite(values).all(1)))
+            return f"{name}[{row}] must be finite, not ({', '.join(f'{value:g}' for value in values[row].tolist())})"
     if not _within(mesh.positions, -MAX_COORDINATE, MAX_COORDINATE):
         wrong = _first_outside(mesh.positions, -MAX_COORDINATE, MAX_COORDINATE)
         return f"positions must lie between {-MAX_COORDINATE:g} and {MAX_COORDINATE:g} m, not at {wrong}"
-    for name in _ATTRIBUTES:
-        values = getattr(mesh, name)
-        if values is not None and not np.isfinite(values).all():
-            return f"{name} must be finite"
     if mesh.material_of_triangle is not None and len(mesh.triangles):
         low = int(mesh.material_of_triangle.min())
         if low < 0:

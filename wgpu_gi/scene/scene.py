@@ -9,15 +9,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from os import PathLike
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..camera import Camera
-from ..errors import KnownAttributes
+from ..errors import GiError, KnownAttributes
 from ..pictures.tables import html_table
+from .arrays import mesh_arrays
+from .rules import shown
 
+MATTE = (0.8, 0.8, 0.8, 1.0)  # base colour of arrays without colours: light in a closed room dies out
 Wrap = Literal["repeat", "clamp", "mirror"]
 
 
@@ -157,6 +161,11 @@ class Environment(KnownAttributes):
     rotation: float = 0.0  # radians about +Y
     name: str = ""
 
+    def __post_init__(self) -> None:
+        if isinstance(self.color, (str, PathLike)):
+            hint = f"gi.load_environment({str(self.color)!r}) reads a file"
+            raise GiError(f"an Environment takes a colour and an array; {hint}")
+
 
 @dataclass(eq=False, slots=True)
 class Scene(KnownAttributes):
@@ -168,6 +177,42 @@ class Scene(KnownAttributes):
     cameras: list[Camera] = field(default_factory=list)
     name: str = ""
     notes: list[str] = field(default_factory=list)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        *,
+        colors: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+        uvs: ArrayLike | None = None,
+        material: Material | None = None,
+        name: str = "",
+    ) -> Scene:
+        """Return a scene of one mesh, without light: `vertices` (n, 3) in metres, `faces` (m, 3), or (m, 4) for quads.
+
+        `colors` is one colour, or (n, 3), (n, 4) per vertex or (m, 3), (m, 4) per face: floats from 0 to 1 are linear,
+        whole numbers from 0 to 255 are sRGB. `normals` (n, 3) need not have unit length; without them, shading is flat.
+        `uvs` (n, 2) have v pointing down, as in glTF. Faces without area are left out. Raises GiError that names the
+        first wrong row, for NaN and for indices out of range.
+        """
+        if material is not None and not isinstance(material, Material):
+            raise GiError(f"material must be a Material, not {shown(material)}")
+        arrays = mesh_arrays(vertices, faces, colors, normals, uvs)
+        mesh = Mesh(
+            arrays.positions,
+            arrays.triangles,
+            [material or Material(base_color=MATTE if colors is None else (1.0, 1.0, 1.0, 1.0))],
+            normals=arrays.normals,
+            texcoords0=arrays.texcoords,
+            colors=arrays.colors,
+            name=name,
+        )
+        placed = np.eye(4)
+        placed[:3, 3] = arrays.centre
+        notes = [f"{arrays.flat} faces without area were left out"] if arrays.flat else []
+        return cls([Instance(mesh, placed, name)], name=name, notes=notes)
 
     @property
     def meshes(self) -> list[Mesh]:

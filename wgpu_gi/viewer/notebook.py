@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
-from ..errors import GiError
+from ..errors import GiError, warn_of
 from ..options import Settings
 from ..pictures.image import display_layer, png_bytes
 from ..pictures.tables import html_table
 from ..renderer import Renderer
-from ..scene.load import load
-from ..scene.scene import Scene
-from ..settings import apply_quality, validate
+from ..rendering import settings_of
+from ..scene.load import lit
+from ..scene.scene import Environment
 from .camera_controller import CameraController
 from .session import DISPLAY, REST_SECONDS, Session
 
@@ -45,30 +45,29 @@ _views: dict[str, list[weakref.ref[View]]] = {}  # keys: the cells that show the
 
 
 def show(
-    scene: Scene | str | Path = "cornell",
+    scene: Any = "cornell",
     *,
     size: tuple[int, int] = (640, 360),
-    camera: Camera | None = None,
-    gi: str = "many-light",
-    quality: str = "medium",
+    camera: Camera | str | int | None = None,
+    environment: Environment | str | Path | None = None,
+    gi: str | None = None,
+    quality: str | None = None,
     settings: Settings | None = None,
     adapter: str | None = None,
 ) -> View:
     """Return a live view of a scene; the last line of a cell shows it, as `display` does.
 
     Drag to orbit, shift + drag to pan, right drag to look around, wheel to zoom, double-click to set the pivot; F
-    frames the scene, Home returns to the start camera. Running the cell again closes its earlier view. Raises GiError
-    for bad values.
+    frames the scene, Home returns to the start camera. Running the cell again closes its earlier view. Arguments are
+    those of `render`; the view changes a copy of `settings`. Raises GiError for bad values.
     """
-    if not isinstance(scene, Scene):
-        scene = load(scene)
+    chosen = settings_of(settings, {"gi": gi}, quality)
     if settings is None:
-        settings = Settings(gi=gi)
-        apply_quality(settings, quality)
-        settings.path.samples_per_run = 1  # shows the first sample at once
-    validate(settings)
-    renderer = Renderer(scene, size=size, camera=camera, settings=settings, adapter=adapter)
-    return View(Session(renderer, quality, (scene.name or "SCENE",)))
+        chosen.path.samples_per_run = 1  # shows the first sample at once
+    lighted, notes = lit(scene, environment)
+    warn_of(notes, stacklevel=2)
+    renderer = Renderer(lighted, size=size, camera=camera, settings=chosen, adapter=adapter)
+    return View(Session(renderer, quality or "medium", (lighted.name or "SCENE",)))
 
 
 class _Canvas(RenderCanvas):  # type: ignore[misc]

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...errors import GiError
-from ...scene.files.environment_files import load_environment
 from ...scene.gltf.write import save_glb
-from ...scene.load import load
+from ...scene.load import read_scene
 from ...scene.scene import Scene
 from .checks import run_check
 from .findings import Case, Finding
@@ -175,7 +174,7 @@ def _failure(plan: Plan, studio: Studio, record: Record, finding: Finding, scene
 
 
 def _loaded(path: str, environment: str | None) -> Scene:
-    return load(path, environment=None if environment is None else load_environment(environment))
+    return read_scene(path, environment=environment)
 
 
 def _fails_alike(studio: Studio, case: Case, state: State, failure: str) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from ...camera import YFOV_DEG, Camera
 from ...errors import GiError
 from ...float_limits import LARGEST_HEIGHT, SMALLEST_HEIGHT
+from ..rules import is_whole, shown
 from ..scene import Scene
 from .read import read_file
 
@@ -153,3 +154,12 @@ def choose_camera(scene: Scene, selector: str | int | None = None, folder: Path 
         return cameras[index]
     known = ", ".join(f"{i} {camera.name!r}" for i, camera in enumerate(cameras[:20]))
     raise GiError(f"there is no camera {selector!r}; this scene has {known}; or name a .json file")
+
+
+def camera_of(scene: Scene, camera: Camera | str | int | None) -> Camera:
+    """Return a camera that Python code gives: a Camera, or what `choose_camera` takes. Raises GiError for another."""
+    if isinstance(camera, Camera):
+        return camera
+    if camera is not None and not isinstance(camera, str) and not is_whole(camera):
+        raise GiError(f"camera must be a Camera, or the name or index of one in the scene, not {shown(camera)}")
+    return choose_camera(scene, camera)

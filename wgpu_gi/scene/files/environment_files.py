@@ -7,16 +7,18 @@ run-length encoding. OpenEXR files are read by the OpenEXR package.
 from __future__ import annotations
 
 import math
+import os
 import re
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import GiError
+from ...errors import GiError, warn_of
 from ...float_limits import LARGEST_LIGHT
 from ...pictures.exr_files import read_exr
 from ...webgpu_limits import MAX_TEXTURE_SIDE
+from ..rules import shown
 from ..scene import Environment
 from .memory import MAX_MEMORY, MemoryBudget
 from .notes import Notes
@@ -37,18 +39,23 @@ def load_environment(text: str | Path, notes: Notes | None = None, *, max_memory
     """Return the environment that `text` names: "R,G,B" (constant radiance, W/(m2 sr)) or a .hdr, .pic or .exr file.
 
     Maps are equirectangular with -Z at the left edge, +X at a quarter of the width and +Y on top. Negative, NaN and
-    infinite pixels become 0, and radiance is limited to 1e10; `notes` receives a sentence that says so. Raises GiError
-    for negative, non-finite or too large colours, for missing, foreign, damaged or oversized files, and for a map that
-    unpacks to more than `max_memory` bytes.
+    infinite pixels become 0, and radiance is limited to 1e10; `notes` receives a sentence that says so, without `notes`
+    a GiWarning says so. Raises GiError for negative, non-finite or too large colours, for missing, foreign, damaged or
+    oversized files, and for a map that unpacks to more than `max_memory` bytes.
     """
+    if not isinstance(text, (str, os.PathLike)):
+        raise GiError(f"an environment is loaded from a path or a text R,G,B, not from {shown(text)}")
     extension = Path(text).suffix.lower()
     if extension not in ENVIRONMENT_EXTENSIONS:
         return Environment(color=_constant_color(str(text)), name="constant")
-    path, budget = Path(text), MemoryBudget(max_memory)
+    path, budget, found = Path(text), MemoryBudget(max_memory), Notes() if notes is None else notes
     data = read_file(path, "environment map")
     image = _read_exr(path, data[:4], budget) if extension == ".exr" else read_hdr(data, str(path), budget)
-    _sanitise(image, path, notes)
-    return Environment(image=_reduced(image, path, notes), name=path.stem)
+    _sanitise(image, path, found)
+    image = _reduced(image, path, found)
+    if notes is None:
+        warn_of(found.sentences, stacklevel=2)
+    return Environment(image=image, name=path.stem)
 
 
 def _constant_color(text: str) -> tuple[float, float, float]:
@@ -67,7 +74,7 @@ def _constant_color(text: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _sanitise(image: NDArray[np.float32], path: Path, notes: Notes | None) -> None:
+def _sanitise(image: NDArray[np.float32], path: Path, notes: Notes) -> None:
     """Replace values that cannot be radiance by 0, and limit others to LARGEST_RADIANCE, in place."""
     bad = absurd = 0
     for row in image:
@@ -76,22 +83,21 @@ def _sanitise(image: NDArray[np.float32], path: Path, notes: Notes | None) -> No
         row[wrong] = 0
         absurd += int(np.count_nonzero(row > LARGEST_RADIANCE))
         np.minimum(row, np.float32(LARGEST_RADIANCE), out=row)
-    if (bad or absurd) and notes is not None:
+    if bad or absurd:
         notes.damage(
             f"environment {path}: {bad} negative, NaN or infinite values were set to 0, "
             f"{absurd} limited to {LARGEST_RADIANCE:g}"
         )
 
 
-def _reduced(image: NDArray[np.float32], path: Path, notes: Notes | None) -> NDArray[np.float32]:
+def _reduced(image: NDArray[np.float32], path: Path, notes: Notes) -> NDArray[np.float32]:
     """Average blocks of a map that is too large for a texture; radiance keeps its mean."""
     height, width, _ = image.shape
     step = -(-max(height, width) // MAX_TEXTURE_SIDE)
     if step == 1:
         return image
     rows, columns = height // step, width // step
-    if notes is not None:
-        notes.add(f"environment {path}: {width}x{height} pixels were averaged to {columns}x{rows}")
+    notes.add(f"environment {path}: {width}x{height} pixels were averaged to {columns}x{rows}")
     total = np.zeros((rows, columns, 3), np.float32)
     for y in range(step):
         for x in range(step):

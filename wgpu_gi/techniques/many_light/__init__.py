@@ -33,7 +33,7 @@ from .vpl import declare_light_paths, declare_vpls
 POINTS = 1 << 17  # on all surfaces, for imperfect shadow maps; tools/README.md, "Constants"
 
 NO_RSM = "there is no reflective shadow map: it needs a point, spot or directional light, and bounces"
-NO_ISM = "there are no imperfect shadow maps; they need --set gather.visibility=ism and light that is reflected"
+NO_ISM = "there are no imperfect shadow maps; they need gather.visibility=ism and light that is reflected"
 
 TECHNIQUE = Technique(
     sentence="virtual point lights, with shadow rays or imperfect shadow maps",
@@ -48,9 +48,9 @@ TECHNIQUE = Technique(
         "vpl/flux": "there are no virtual point lights, because no light is reflected",
         "ism/atlas": NO_ISM,
         "ism/samples": NO_ISM,
-        "gather/lists": "there are no light lists; they need --set gather.culling=tiled or clustered and light that is"
+        "gather/lists": "there are no light lists; they need gather.culling=tiled or clustered and light that is"
         " reflected",
-        "temporal/rejected": "no history is kept; it needs --set temporal.frames=2 or more and light that is reflected",
+        "temporal/rejected": "no history is kept; it needs temporal.frames=2 or more and light that is reflected",
     },
 )
 

@@ -1,0 +1,119 @@
+"""`gi.render`: one picture, or several buffers of one view, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from pathlib import Path
+from typing import Any, overload
+
+from .buffers import check_buffers
+from .camera import Camera
+from .errors import GiError, warn_of
+from .options import Settings
+from .pictures.picture import Picture
+from .renderer import Renderer
+from .scene.load import lit
+from .scene.rules import shown
+from .scene.scene import Environment
+from .settings import apply_quality, validate
+
+
+@overload
+def render(
+    scene: Any,
+    *,
+    size: tuple[int, int] = ...,
+    camera: Camera | str | int | None = ...,
+    environment: Environment | str | Path | None = ...,
+    gi: str | None = ...,
+    spp: int | None = ...,
+    bounces: int | None = ...,
+    seed: int | None = ...,
+    diffuse: bool | None = ...,
+    quality: str | None = ...,
+    show: str = ...,
+    settings: Settings | None = ...,
+    adapter: str | None = ...,
+    progress: Callable[[float], None] | None = ...,
+) -> Picture: ...
+
+
+@overload
+def render(
+    scene: Any,
+    *,
+    size: tuple[int, int] = ...,
+    camera: Camera | str | int | None = ...,
+    environment: Environment | str | Path | None = ...,
+    gi: str | None = ...,
+    spp: int | None = ...,
+    bounces: int | None = ...,
+    seed: int | None = ...,
+    diffuse: bool | None = ...,
+    quality: str | None = ...,
+    show: Sequence[str],
+    settings: Settings | None = ...,
+    adapter: str | None = ...,
+    progress: Callable[[float], None] | None = ...,
+) -> dict[str, Picture]: ...
+
+
+def render(
+    scene: Any,
+    *,
+    size: tuple[int, int] = (640, 360),
+    camera: Camera | str | int | None = None,
+    environment: Environment | str | Path | None = None,
+    gi: str | None = None,
+    spp: int | None = None,
+    bounces: int | None = None,
+    seed: int | None = None,
+    diffuse: bool | None = None,
+    quality: str | None = None,
+    show: str | Sequence[str] = "radiance",
+    settings: Settings | None = None,
+    adapter: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Picture | dict[str, Picture]:
+    """Render one picture: (height, width, 3) float32 linear radiance in W/(m2 sr), or the buffer `show`.
+
+    `scene` is a Scene or what `load` takes: a path, a trimesh mesh or scene, a pair (vertices, faces). A scene without
+    light gets a white sky of radiance 1. Its user learns that, and what else was approximated, by a GiWarning.
+    `environment` replaces the scene's. `camera` is a Camera, or the name or the index of one in the scene. With several
+    names in `show`, such as ("radiance", "depth"), the result is a dictionary of pictures by name.
+
+    The other arguments override `settings` where they are given. `quality` (low, medium, high) overrides all settings
+    that have presets. Raises GiError for bad values.
+    """
+    # Check the arguments before any slow step.
+    values = {"gi": gi, "spp": spp, "bounces": bounces, "seed": seed, "diffuse": diffuse}
+    chosen = settings_of(settings, values, quality)
+    names = (show,) if isinstance(show, str) else show
+    check_buffers(names, chosen.gi)
+    if progress is not None and not callable(progress):
+        raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
+    lighted, notes = lit(scene, environment)
+    warn_of(notes, stacklevel=2)
+    # Render.
+    with Renderer(lighted, size=size, camera=camera, settings=chosen, adapter=adapter) as renderer:
+        renderer.run(progress, show=tuple(names))
+        pictures = {name: renderer.read_back(name) for name in names}
+    return pictures[show] if isinstance(show, str) else pictures
+
+
+def settings_of(settings: Settings | None, values: dict[str, Any], quality: str | None) -> Settings:
+    """Return a copy of `settings`, or the defaults, with the presets of `quality` and those `values` that are not None.
+
+    Raises GiError for values that are not allowed.
+    """
+    if settings is not None and not isinstance(settings, Settings):
+        raise GiError(f"settings must be Settings(...), not {shown(settings)}")
+    chosen = Settings() if settings is None else deepcopy(settings)
+    if quality is not None:
+        apply_quality(chosen, quality)
+    for name, value in values.items():
+        if value is not None:
+            setattr(chosen, name, value)
+    validate(chosen)
+    return chosen
