@@ -38,7 +38,7 @@ from wgpu_gi.scene.files.camera_files import load_camera
 from wgpu_gi.scene.files.camera_paths import load_camera_path
 from wgpu_gi.scene.files.environment_files import load_environment
 from wgpu_gi.scene.files.light_texts import parse_light, relight
-from wgpu_gi.scene.load import load
+from wgpu_gi.scene.load import read_scene
 from wgpu_gi.scene.scene import Environment, PointLight, Scene
 
 SECONDS = 5  # for one file, on a busy machine
@@ -303,7 +303,7 @@ def damaged_json(value: Any, rng: random.Random) -> Any:
 
 def read_scene(path: Path) -> None:
     """Load a scene; it must be one that renders."""
-    scene = load(path, max_memory=MAX_MEMORY)
+    scene = read_scene(path, max_memory=MAX_MEMORY)
     check_scene(scene)
     assert scene.triangle_count and np.isfinite(scene.bounds()).all() and all("\n" not in note for note in scene.notes)
     for camera in scene.cameras:
