@@ -33,12 +33,13 @@ from unit.gltf_builder import TRIANGLE, GltfBuilder, encode, glb_bytes
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.image import load_image, save_image
+from wgpu_gi.scene import load as loading
 from wgpu_gi.scene.check import check_camera, check_scene
 from wgpu_gi.scene.files.camera_files import load_camera
 from wgpu_gi.scene.files.camera_paths import load_camera_path
 from wgpu_gi.scene.files.environment_files import load_environment
 from wgpu_gi.scene.files.light_texts import parse_light, relight
-from wgpu_gi.scene.load import read_scene
+from wgpu_gi.scene.files.notes import Notes
 from wgpu_gi.scene.scene import Environment, PointLight, Scene
 
 SECONDS = 5  # for one file, on a busy machine
@@ -303,7 +304,7 @@ def damaged_json(value: Any, rng: random.Random) -> Any:
 
 def read_scene(path: Path) -> None:
     """Load a scene; it must be one that renders."""
-    scene = read_scene(path, max_memory=MAX_MEMORY)
+    scene = loading.read_scene(path, max_memory=MAX_MEMORY)
     check_scene(scene)
     assert scene.triangle_count and np.isfinite(scene.bounds()).all() and all("\n" not in note for note in scene.notes)
     for camera in scene.cameras:
@@ -312,7 +313,7 @@ def read_scene(path: Path) -> None:
 
 def read_environment(path: Path) -> None:
     """Load an environment map."""
-    check_scene(Scene(environment=load_environment(path, max_memory=MAX_MEMORY)))
+    check_scene(Scene(environment=load_environment(path, Notes(), max_memory=MAX_MEMORY)))
 
 
 def read_cameras(path: Path) -> None:

@@ -93,9 +93,7 @@ def read_scene(
     return scene
 
 
-def _load_path(
-    source: str | os.PathLike[str], budget: MemoryBudget, notes: Notes, point_size: float | None
-) -> Scene:
+def _load_path(source: str | os.PathLike[str], budget: MemoryBudget, notes: Notes, point_size: float | None) -> Scene:
     """Load a built-in scene or a file."""
     path = Path(source)
     extension = path.suffix.lower()
