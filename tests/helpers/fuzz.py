@@ -106,7 +106,18 @@ def gltf_document() -> tuple[dict[str, Any], bytes]:
     parallel = builder.add("cameras", {"type": "orthographic", "orthographic": {"ymag": 1, "xmag": 1, "zfar": 9}})
     builder.node(camera=perspective, matrix=np.eye(4).ravel().tolist())
     builder.node(camera=parallel)
-    builder.node(mesh=builder.mesh(builder.primitive(mode=5), builder.primitive()))
+    shiny = {
+        "diffuseTexture": {"index": first},
+        "specularGlossinessTexture": {"index": second},
+        "glossinessFactor": 0.5,
+    }
+    shiny |= {"diffuseFactor": [1, 0.5, 1, 1], "specularFactor": [0.5, 0.5, 1]}
+    second_material = builder.material(extensions={"KHR_materials_pbrSpecularGlossiness": shiny})
+    pair = builder.mesh(builder.primitive(mode=5), builder.primitive(material=second_material))
+    places = {"TRANSLATION": builder.accessor(moves), "SCALE": builder.accessor(np.ones((3, 3), np.float32))}
+    places["ROTATION"] = builder.accessor(np.full((3, 4), 0.5, np.float32))
+    copies = {"EXT_mesh_gpu_instancing": {"attributes": places}, "KHR_node_visibility": {"visible": True}}
+    builder.node(mesh=pair, extensions=copies)
     _add_compressed(builder)
     builder.glb_bytes()
     return builder.json, bytes(builder.data)

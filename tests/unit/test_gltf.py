@@ -372,6 +372,50 @@ def test_unknown_optional_extensions_are_noted(tmp_path):
     assert len(notes) == 1 and "KHR_materials_ior" in notes[0] and "punctual" not in notes[0]
 
 
+def test_instances_of_a_node_are_placed_by_their_attributes(tmp_path):
+    """EXT_mesh_gpu_instancing: world = node * translation * rotation * scale."""
+    builder = GltfBuilder()
+    quarter = np.float32([[0, 0, 0, 1], [0, 0, math.sqrt(0.5), math.sqrt(0.5)]])
+    attributes = {
+        "TRANSLATION": builder.accessor(np.float32([[1, 0, 0], [0, 2, 0]])),
+        "ROTATION": builder.accessor((quarter * 32767).astype(np.int16), normalized=True),
+        "SCALE": builder.accessor(np.float32([[1, 1, 1], [3, 1, 1]])),
+        "_ID": builder.accessor(np.float32([0, 1])),
+    }
+    extensions = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    builder.node(mesh=builder.mesh(), extensions=extensions, translation=[0, 0, 5], name="tree")
+    scene = load_gltf(builder.glb(tmp_path), notes=Notes(strict=True))
+    first, second = (instance.world_from_local for instance in scene.instances)
+    np.testing.assert_allclose(first[:3, 3], (1, 0, 5), atol=1e-6)
+    np.testing.assert_allclose(second[:3], [[0, -1, 0, 0], [3, 0, 0, 2], [0, 0, 1, 5]], atol=1e-4)
+    assert len(scene.meshes) == 1 and [instance.name for instance in scene.instances] == ["tree", "tree"]
+
+
+@pytest.mark.parametrize(
+    ("places", "shown", "problem"),
+    [
+        (np.float32([[0, 0, 0], [np.nan, 0, 0], [1e30, 0, 0]]), 1, "2 instances are not finite or out of range"),
+        (np.float32([[0, 0], [1, 1]]), 1, "TRANSLATION must have 3 components"),
+        (None, 1, "no TRANSLATION, ROTATION or SCALE; its mesh is shown once"),
+    ],
+)
+def test_damaged_instances_are_left_out(tmp_path, places, shown, problem):
+    builder = GltfBuilder()
+    attributes = {} if places is None else {"TRANSLATION": builder.accessor(places)}
+    builder.node(mesh=builder.mesh(), extensions={"EXT_mesh_gpu_instancing": {"attributes": attributes}})
+    scene = load_gltf(builder.glb(tmp_path))
+    assert len(scene.instances) == shown and problem in scene.notes[0]
+
+
+def test_invisible_nodes_are_not_shown(tmp_path):
+    """KHR_node_visibility hides a node and all below it."""
+    builder = triangle_scene()
+    child = builder.node(root=False, mesh=0)
+    builder.node(mesh=0, children=[child], extensions={"KHR_node_visibility": {"visible": False}})
+    builder.node(mesh=0, extensions={"KHR_node_visibility": {}}, name="seen")
+    assert [instance.name for instance in load_gltf(builder.glb(tmp_path)).instances] == ["meshes[0]", "seen"]
+
+
 # Comparison with another reader, and speed
 
 

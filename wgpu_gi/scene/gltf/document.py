@@ -33,14 +33,17 @@ _WHITESPACE = b" \t\r\n\f"
 
 # Extensions that are implemented; a file that uses or requires other ones is shown without them, with a note.
 SUPPORTED_EXTENSIONS = {
+    "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 }
 

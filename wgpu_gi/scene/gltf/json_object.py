@@ -162,12 +162,12 @@ class JsonObject:
         # Lone surrogates are legal JSON escapes, but cannot be printed.
         return value.encode("utf-8", "replace").decode("utf-8")
 
-    def flag(self, key: str) -> bool:
-        """Return a boolean, false if absent."""
+    def flag(self, key: str, default: bool = False) -> bool:
+        """Return a boolean."""
         value = self._get(key)
         if value is None or isinstance(value, bool):
-            return bool(value)
-        return self._replaced(f"{key} must be true or false, not {_kind(value)}", False)
+            return default if value is None else value
+        return self._replaced(f"{key} must be true or false, not {_kind(value)}", default)
 
     def choice(self, key: str, options: Mapping[Any, T], default: Any = None) -> T:
         """Return the option for the value (a number or a string) of `key`; `default` is a value, too."""

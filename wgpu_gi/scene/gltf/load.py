@@ -21,6 +21,7 @@ from ..files.notes import Notes
 from ..scene import DirectionalLight, Instance, Light, Mesh, PointLight, Scene, SpotLight
 from .accessors import Accessors
 from .document import Document
+from .instancing import instance_matrices
 from .json_object import JsonObject
 from .materials import Materials, some
 from .meshes import Meshes
@@ -73,15 +74,16 @@ def _instances(document: Document, nodes: Nodes, shown: list[int]) -> list[Insta
     for node, mesh_index in mesh_of_node.items():
         mesh, matrix = poses.mesh(node, meshes, mesh_index)
         name = descriptions[node].text("name") or meshes.name(mesh_index)
-        placed = _invertible(matrix)
-        if placed is None:
-            flat.append(name)
-        elif mesh is not None:
-            instances.append(Instance(mesh, placed, name))
+        for copy in instance_matrices(document, accessors, descriptions[node], matrix):
+            placed = _invertible(copy)
+            if placed is None:
+                flat.append(name)
+            elif mesh is not None:
+                instances.append(Instance(mesh, placed, name))
     # Note what was left out.
     meshes.note_left_out()
     if flat:
-        document.notes.add(f"Objects scaled to zero were left out: {some(flat)}.")
+        document.notes.add(f"Objects scaled to zero were left out: {some(list(dict.fromkeys(flat)))}.")
     if not instances:
         raise GiError(f"{document.path.name}: there are no triangles to show{_reasons(document)}")
     return instances
@@ -115,12 +117,12 @@ class Poses:
 
 
 def _reasons(document: Document) -> str:
-    """Return the first notes as the end of a message, without making it longer than a reader takes in."""
+    """Return the first notes as the end of a message, damage first; it is no longer than a reader takes in."""
     reasons = ""
-    for sentence in document.notes.sentences:
+    for sentence in [*document.notes.damages, *document.notes.sentences]:
         if len(reasons) + len(sentence) > _LONGEST_REASONS:
             break
-        reasons += f" {sentence}"
+        reasons += f" {sentence}" if sentence not in reasons else ""
     return f".{reasons}" if reasons else ""
 
 

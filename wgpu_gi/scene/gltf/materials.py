@@ -11,10 +11,13 @@ from .accessors import Accessors
 from .document import Document
 from .images import Images
 from .json_object import JsonObject
+from .specular_glossiness import SpecularGlossiness, Surface
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _MAG_FILTERS: dict[int, Literal["linear", "nearest"]] = {9728: "nearest", 9729: "linear"}
 _ALPHA_MODES = {name: name for name in ("OPAQUE", "MASK", "BLEND")}
+_SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
+_SPECULAR_GLOSSINESS_TEXTURES = ("diffuseTexture", "specularGlossinessTexture")
 _TEXCOORDS: dict[int, Literal[0, 1]] = {0: 0, 1: 1}
 
 
@@ -26,6 +29,7 @@ class Materials:
         self._descriptions = document.array("materials")
         self._textures = document.array("textures")
         self._images = Images(document, accessors)
+        self._specular_glossiness = SpecularGlossiness(document.budget)
         self._materials: dict[int | None, Material] = {}
 
     def __len__(self) -> int:
@@ -40,7 +44,11 @@ class Materials:
         self._materials[None] = Material(metallic=1.0)
         for index, description in wanted:
             self._materials[index] = self._read(description)
-        blended = [d.text("name") or f"materials[{i}]" for i, d in wanted if d.raw.get("alphaMode") == "BLEND"]
+        names = {index: description.text("name") or f"materials[{index}]" for index, description in wanted}
+        blended = [names[index] for index, description in wanted if description.raw.get("alphaMode") == "BLEND"]
+        converted = [names[index] for index, description in wanted if description.extension(_SPECULAR_GLOSSINESS)]
+        if converted:
+            self._document.notes.add(f"Specular-glossiness was converted to metallic roughness, in {some(converted)}.")
         if blended:
             self._document.notes.add(
                 f"Alpha blending is not supported; {some(blended)} became alpha masks: surfaces below 50 % opacity are "
@@ -69,23 +77,39 @@ class Materials:
         infos = _texture_infos(source)
         normal = infos.get("normalTexture", source.empty())
         textures = {slot: self._texture(info) for slot, info in infos.items()}
-        base = self._fractions(pbr, "baseColorFactor", pbr.vector("baseColorFactor", (1.0, 1.0, 1.0, 1.0), low=0.0))
+        extension = source.extension(_SPECULAR_GLOSSINESS)
+        if extension is None:
+            surface = self._metallic_roughness(pbr, textures)
+        else:
+            diffuse, specular = (textures.get(slot) for slot in _SPECULAR_GLOSSINESS_TEXTURES)
+            surface = self._specular_glossiness.convert(extension, diffuse, specular)
+        red, green, blue, alpha = surface.base_color
         return Material(
             name=source.text("name"),
-            base_color=(base[0], base[1], base[2], base[3]),
-            metallic=self._fractions(pbr, "metallicFactor", [pbr.number("metallicFactor", 1.0, low=0.0)])[0],
-            roughness=self._fractions(pbr, "roughnessFactor", [pbr.number("roughnessFactor", 1.0, low=0.0)])[0],
+            base_color=(red, green, blue, alpha),
+            metallic=surface.metallic,
+            roughness=surface.roughness,
             emission=emission,
             alpha_mode="opaque" if alpha_mode == "OPAQUE" else "mask",
             alpha_cutoff=min(source.number("alphaCutoff", 0.5, low=0.0), 2.0) if alpha_mode == "MASK" else 0.5,
             double_sided=source.flag("doubleSided"),
             unlit=source.extension("KHR_materials_unlit") is not None,
             normal_scale=normal.number("scale", 1.0, -LARGEST_FACTOR, LARGEST_FACTOR),
-            base_color_texture=textures.get("baseColorTexture"),
-            metallic_roughness_texture=textures.get("metallicRoughnessTexture"),
+            base_color_texture=surface.base_color_texture,
+            metallic_roughness_texture=surface.metallic_roughness_texture,
             normal_texture=textures.get("normalTexture"),
             occlusion_texture=textures.get("occlusionTexture"),
             emission_texture=textures.get("emissiveTexture"),
+        )
+
+    def _metallic_roughness(self, pbr: JsonObject, textures: dict[str, Texture | None]) -> Surface:
+        """Return the surface that pbrMetallicRoughness describes."""
+        return Surface(
+            tuple(self._fractions(pbr, "baseColorFactor", pbr.vector("baseColorFactor", (1.0,) * 4, low=0.0))),
+            self._fractions(pbr, "metallicFactor", [pbr.number("metallicFactor", 1.0, low=0.0)])[0],
+            self._fractions(pbr, "roughnessFactor", [pbr.number("roughnessFactor", 1.0, low=0.0)])[0],
+            textures.get("baseColorTexture"),
+            textures.get("metallicRoughnessTexture"),
         )
 
     def _fractions(self, pbr: JsonObject, key: str, values: Sequence[float]) -> list[float]:
@@ -146,8 +170,12 @@ class Materials:
 
 def _texture_infos(material: JsonObject) -> dict[str, JsonObject]:
     """Return the textureInfo objects of a material by their key."""
-    pbr = material.child("pbrMetallicRoughness")
-    keys = {"baseColorTexture": pbr, "metallicRoughnessTexture": pbr}
+    extension = material.extension(_SPECULAR_GLOSSINESS)
+    if extension is None:
+        pbr = material.child("pbrMetallicRoughness")
+        keys = {"baseColorTexture": pbr, "metallicRoughnessTexture": pbr}
+    else:
+        keys = dict.fromkeys(_SPECULAR_GLOSSINESS_TEXTURES, extension)
     keys |= dict.fromkeys(("normalTexture", "occlusionTexture", "emissiveTexture"), material)
     return {key: owner.child(key) for key, owner in keys.items() if key in owner}
 

@@ -35,7 +35,7 @@ class Nodes:
         stack = self._scene_roots()[::-1]
         while stack:
             node = stack.pop()
-            if node not in order:
+            if node not in order and self._nodes[node].extension_or_empty("KHR_node_visibility").flag("visible", True):
                 order[node] = None
                 stack += [child for child in self._children[node][::-1] if child not in order]
         return [node for node in order if self.world[node] is not None]
