@@ -18,7 +18,6 @@ from ..compare_page import DIVERGING, colored, html_table, png_uri
 from .checks import SENTENCES
 from .findings import Picture
 from .results import Failure, Record, Report, summary
-from .truth import FRAMES
 
 GREY = 0.18  # displayed mean luminance of the expected picture
 LAYERS = ("direct", "indirect")
@@ -37,7 +36,6 @@ def page(report: Report) -> str:
     return Template(template).substitute(
         verdict=escape(verdict(report)),
         summary=escape(summary_text(report)),
-        frames=FRAMES,
         classes=_table(class_rows(report)),
         errors=_table(error_rows(report)),
         worst="".join(_worst(report)) or "<p>None.</p>",

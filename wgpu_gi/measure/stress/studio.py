@@ -48,6 +48,7 @@ class View:
     bounces: int | None = None
     visible_only: bool = False
     spp: int = PATH_SPP
+    frames: int | None = 1  # of a still picture; None: those of the studio's settings
     before: Camera | None = None  # a pose that the camera had before
     shaken: bool = False  # each seed turns the camera by up to half a pixel, so that pixels sample their squares
 
@@ -134,7 +135,9 @@ class Studio:
     def _one(self, gi: str, view: View, seed: int, first: bool, check: bool) -> Layers:
         settings = deepcopy(self.settings)
         settings.gi, settings.seed, settings.spp, settings.bounces = gi, seed, view.spp, view.bounces
-        settings.camera.jitter, settings.camera.frames = False, 1
+        settings.camera.jitter = False
+        if view.frames is not None:
+            settings.camera.frames = view.frames
         settings.path.visible_only = view.visible_only
         renderer = self._prepared(view, settings, first)
         if view.before is not None:

@@ -1,8 +1,8 @@
 """Light against the path tracer: bias with its confidence interval, and relMSE without the noise of the truth.
 
-Direct light is compared for every technique; indirect light with the bounces of the technique. Techniques that see
-only the picture are compared with a truth in which only surfaces in the picture send light; a technique that does not
-occlude the sky is compared without a sky.
+Still pictures with all their frames are compared, since those converge. Direct light is compared for every technique;
+indirect light with the bounces of the technique. Techniques that see only the picture are compared with a truth in
+which only surfaces in the picture send light; a technique that does not occlude the sky is compared without a sky.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from .findings import Finding, skipped
 from .statistics import student_p
 from .studio import Layers, Studio, View
 
-FRAMES = 16  # of the technique
+PICTURES = 2  # of the technique, each the mean of its preset's frames
 RUNS, SPP = 8, 64  # of the path tracer: 512 samples per pixel in all
 # A mean counts as wrong beyond these bounds: errors that no user would accept.
 # Keys: whether the technique sees only the picture, whose surfaces alone occlude the sky and send light.
 DIRECT_BOUND = {False: 0.05, True: 0.30}
 INDIRECT_BOUND = {False: 0.10, True: 0.50}
-# Factor on FRAMES and RUNS, and p-value below which the suspicion stays. Joint: 1e-2 * 1e-6 = 1e-8.
+# Factor on PICTURES and RUNS, and p-value below which the suspicion stays. Joint: 1e-2 * 1e-6 = 1e-8.
 STAGES = ((1, 1e-2), (4, 1e-6))
 LEAST_SHARE = 1e-3  # light below this share of all light is not judged
 
@@ -44,8 +44,8 @@ def truth(studio: Studio, gi: str, scene: Scene, rng: np.random.Generator) -> Fi
     found = Finding("passed")
     for factor, alpha in STAGES if studio.thorough else STAGES[:1]:
         truths = studio.remembered("path", view, range(first, first + factor * RUNS))
-        pictures = studio.take(gi, View(scene), range(first, first + factor * FRAMES))
-        first += factor * FRAMES
+        pictures = studio.take(gi, View(scene, frames=None), range(first, first + factor * PICTURES))
+        first += factor * RUNS
         found = _compared(gi, truths, pictures, alpha)
         if found.verdict != "failed":
             break

@@ -42,15 +42,25 @@ def declare_sky(
     coat: Handle = graph.neutral("buffer")
     if scene.features["HAS_COATS"]:
         coat = _declare_share(graph, "sky_coat", settings.rays, scene, gbuffer, ambient, seed, frames, coat=True)
-    return declare_sky_light(graph, scene, gbuffer, ambient, base, coat)
+    return declare_sky_light(
+        graph, scene, gbuffer, ambient, base, coat, coat_light=scene.features["HAS_PICTURED_ENVIRONMENT"]
+    )
 
 
 def declare_sky_light(
-    graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, ambient: Ambient, base: Handle, coat: Handle
+    graph: Graph,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    ambient: Ambient,
+    base: Handle,
+    coat: Handle,
+    *,
+    coat_light: bool = False,
 ) -> Buffer:
     """Declare the environment's reflected light, (r, g, b, 1) per pixel, W/(m2 sr), of given unoccluded shares.
 
     base, coat: shares of the base's and the coat's light, (r, g, b, -) per pixel; `coat` is read if there are coats.
+    coat_light: `coat` has the light that the coat reflects, over its tint, instead of a share.
     """
     width, height = graph.size
     light = graph.buffer("sky/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
@@ -68,7 +78,7 @@ def declare_sky_light(
             "coat_share": coat,
         },
         writes={"light": light},
-        constants={**scene.constants(shader), **ambient.constants(shader)},
+        constants={**scene.constants(shader), **ambient.constants(shader), "COAT_LIGHT": coat_light},
         clear=[light],
     )
     return light
@@ -86,11 +96,16 @@ def _declare_share(
     *,
     coat: bool,
 ) -> Buffer:
-    """Declare the unoccluded share of the environment's light of the base or the coat, (r, g, b, -) per pixel."""
+    """Declare the unoccluded share of the environment's light of the base or the coat, (r, g, b, -) per pixel.
+
+    Of a coat under a picture: the light that it reflects, over its tint, W/(m2 sr).
+    """
     width, height = graph.size
-    # Of a constant environment, the light that arrives at a base is the share itself.
-    relative = coat or not scene.features["HAS_PICTURED_ENVIRONMENT"]
-    divided = coat or not relative
+    # Under a picture, coats take the light itself: the prefiltered light is too far from it at glancing angles. Under a
+    # constant environment, the light that arrives at a base is the share itself.
+    pictured = scene.features["HAS_PICTURED_ENVIRONMENT"]
+    relative = not pictured
+    divided = coat != pictured
     arriving = graph.buffer(f"{name}/arriving", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     sent = graph.buffer(
         f"{name}/sent", dtype=FOUR_FLOATS, count=width * height if divided else 1, width=width, nonnegative=True

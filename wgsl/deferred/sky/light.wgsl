@@ -1,10 +1,14 @@
 // One invocation computes the environment's light that a pixel's surface reflects to the eye, occluded.
 //
-// L = L_base V_base + L_coat V_coat, V the unoccluded shares of `occlusion.wgsl`. In: G-buffer, shares, prefiltered
-// environment. Out: radiance, W/(m2 sr), cleared before. Errs by the shares' few rays and the prefiltered lobes.
+// L = L_base V_base + L_coat V_coat, V the unoccluded shares of `occlusion.wgsl`; with COAT_LIGHT, L_base V_base +
+// tint L. In: G-buffer, shares or light, prefiltered environment. Out: radiance, W/(m2 sr), cleared before. Errs by the few
+// rays, and without COAT_LIGHT by the prefiltered lobes.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
 #import "deferred/environment/ambient.wgsl"
+#import "common/coat.wgsl"
+
+override COAT_LIGHT: bool = false;  // `coat_share` has the coat's light over its tint
 
 @group(1) @binding(11) var<storage, read_write> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read> base_share: array<vec4f>;
@@ -21,10 +25,16 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
         return;
     }
     let index = pixel.y * view.size.x + pixel.x;
-    let parts = ambient_parts(gbuffer_brdf(surface), surface.normal, -pixel_ray(pixel).direction);
+    let brdf = gbuffer_brdf(surface);
+    let to_eye = -pixel_ray(pixel).direction;
+    let parts = ambient_parts(brdf, surface.normal, to_eye);
     var sum = parts.base * base_share[index].rgb;
     if (HAS_COATS) {
-        sum += parts.coat * coat_share[index].rgb;
+        var coat = parts.coat;
+        if (COAT_LIGHT) {
+            coat = coat_tint(brdf, surface.normal, to_eye);
+        }
+        sum += coat * coat_share[index].rgb;
     }
     light[index] = vec4f(sum, 1.0);
 }

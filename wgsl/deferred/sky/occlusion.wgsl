@@ -1,16 +1,17 @@
 // One invocation estimates the environment's light at a pixel's surface with few rays, with and without occlusion. Their
-// ratio is the unoccluded share: of irradiance, which the base reflects, or with COAT of what the coat reflects.
+// ratio is the unoccluded share: of irradiance, which the base reflects, or with COAT of what the coat reflects. Under a
+// picture, a coat takes the occluded light itself.
 //
 // Candidate directions are sampled by the cosine, or by the coat's lobe, and, under a map, also by the map (balance
 // heuristic, Veach and Guibas 1995). Each ray takes one candidate in proportion to its light (importance resampling,
 // Talbot et al. 2005): E = W / K sum_k f_k V_k / w_k, f = L cos / density, w = luminance(f), W the mean of w over the
-// candidates; with COAT, f = f_r L cos / density over the coat's unoccluded light, so that all pixels count alike in
-// the blur. The pixels of an n x n square share a stratified set of random numbers and rotate through it from frame to
-// frame; the following blur averages both estimates over such squares before it divides. In: G-buffer, scene. Out:
-// light with occlusion (irradiance, W/m2; of a constant environment or a coat relative to the unoccluded light), and
-// the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; light without occlusion; normals. No
-// noise where nothing or everything is occluded. The ratio of means of few samples is consistent, biased either way by
-// O(1 / rays).
+// candidates; with COAT, f = f_r L cos / density over the coat's tint (constant environment: over its unoccluded light),
+// so that all pixels count alike in the blur. The pixels of an n x n square share a stratified set of random numbers and
+// rotate through it from frame to frame; the following blur averages the estimates over such squares before it divides.
+// In: G-buffer, scene. Out: light with occlusion (irradiance, W/m2; of a constant environment relative to the unoccluded
+// light; of a coat under a picture over its tint, W/(m2 sr)), and the depth of `shared/denoise/plane.wgsl`, 0 where there is
+// nothing to light; light without occlusion where a ratio follows; normals. Ratios have no noise where nothing or
+// everything is occluded; of few samples they are consistent, biased either way by O(1 / rays).
 #import "scene/sequence.wgsl"
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
@@ -20,6 +21,7 @@
 #import "shared/denoise/plane.wgsl"
 #import "common/interleave.wgsl"
 #import "deferred/environment/ambient.wgsl"
+#import "common/coat.wgsl"
 
 override COAT: bool = false;  // the light that the coat reflects
 
@@ -63,7 +65,11 @@ fn target_of(brdf: Brdf, normal: vec3f, to_eye: vec3f) -> Target {
     coat.diffuse = vec3f(0.0);
     var inverse = vec3f(0.0);
     if (COAT) {
-        inverse = 1.0 / max(ambient_parts(brdf, normal, to_eye).coat, vec3f(1e-37));
+        var reference = ambient_parts(brdf, normal, to_eye).coat;
+        if (HAS_PICTURED_ENVIRONMENT) {
+            reference = coat_tint(brdf, normal, to_eye);
+        }
+        inverse = 1.0 / max(reference, vec3f(1e-37));
     }
     return Target(normal, frame, coat, to_eye * frame, inverse);
 }
@@ -179,7 +185,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
         }
     }
     arriving[index] = vec4f(visible / f32(rays), plane_depth(ray, distance_seen));
-    if (HAS_PICTURED_ENVIRONMENT || COAT) {
+    if (HAS_PICTURED_ENVIRONMENT != COAT) {
         sent[index] = vec4f(unoccluded / f32(rays), 1.0);
     }
     normals[index] = pack_view_normal(surface.normal);
