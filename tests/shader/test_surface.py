@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.scene_dtypes import DTYPES
 from helpers.wgsl_harness import Evaluator
 
 from wgpu_gi.scene.built_in.shapes import quad, sphere
 from wgpu_gi.scene.scene import Instance, Scene
+from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
 SURFACE = "scene/surface.wgsl"
 HIT = """
@@ -80,7 +82,9 @@ def rays_at(scene, count=4000):
     outside *= 1.5 / np.linalg.norm(outside, axis=1, keepdims=True)
     aim = rng.normal(size=(count, 3))
     aim *= 0.98 * rng.random((count, 1)) ** (1 / 3) / np.linalg.norm(aim, axis=1, keepdims=True)
-    origin = scene.bounds().mean(0)
+    hierarchy = TwoLevelBvh(DTYPES)
+    hierarchy.update(scene.instances, {id(material): 0 for material in scene.materials})
+    origin = hierarchy.origin
     o = (outside @ m[:3, :3].T + m[:3, 3] - origin).astype(np.float32)
     target = aim @ m[:3, :3].T + m[:3, 3] - origin
     d = target - o

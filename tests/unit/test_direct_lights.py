@@ -82,8 +82,8 @@ def test_punctual_lights():
     assert np.allclose(records["direction"][1:3], [(0.6, -0.8, 0), (0, 0, 1)])
     assert np.allclose(records["inverse_range"], [0.2, 0.25, 0, 0])
     scale, offset = records["cone_scale"][1], records["cone_offset"][1]
-    assert scale * math.cos(0.2) + offset == pytest.approx(1, abs=1e-5)
-    assert scale * math.cos(0.5) + offset == pytest.approx(0, abs=1e-5)
+    assert offset - scale * (1 - math.cos(0.2)) == pytest.approx(1, abs=1e-5)
+    assert offset - scale * (1 - math.cos(0.5)) == pytest.approx(0, abs=1e-5)
     assert (records["view_count"] == 0).all()
     assert (lights_of(scene)[0]["inverse_range"] == 0).all()
 

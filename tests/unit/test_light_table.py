@@ -109,8 +109,8 @@ def test_punctual_lights():
     assert np.allclose(point["position"], (1, 2, 3) - hierarchy.origin) and np.allclose(point["color"], (4, 0, 0))
     assert np.allclose(cone["edge1"], (0.6, -0.8, 0)) and np.allclose(cone["color"], (1, 2, 4))
     scale, offset, _ = cone["edge2"]
-    assert scale * math.cos(0.2) + offset == pytest.approx(1, abs=1e-5)
-    assert scale * math.cos(0.5) + offset == pytest.approx(0, abs=1e-5)
+    assert offset - scale * (1 - math.cos(0.2)) == pytest.approx(1, abs=1e-5)
+    assert offset - scale * (1 - math.cos(0.5)) == pytest.approx(0, abs=1e-5)
     assert np.allclose(sun["edge1"], (0, 0, 1)) and np.allclose(sun["color"], 3)
     powers = np.array(
         [

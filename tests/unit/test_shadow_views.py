@@ -91,8 +91,7 @@ def light(kind, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0), color=(1.0,
 
 def spot(half_angle, **fields):
     """A spot whose inner cone has no width."""
-    scale = 1 / max(0.001, 1 - math.cos(half_angle))
-    return light(DIRECT_SPOT, cone_scale=scale, cone_offset=-math.cos(half_angle) * scale, **fields)
+    return light(DIRECT_SPOT, cone_scale=1 / (1 - math.cos(half_angle)), cone_offset=1.0, **fields)
 
 
 def join(*records):
@@ -457,7 +456,7 @@ def test_culling_keeps_every_visible_box():
     lights = many_points(15)
     lights["kind"] = np.arange(15) % 4
     lights["direction"] = random_directions(15)
-    lights["area"], lights["cone_scale"], lights["cone_offset"] = 0.1, 2.0, rng.uniform(-1.9, 0.5, 15)
+    lights["area"], lights["cone_scale"], lights["cone_offset"] = 0.1, 2.0, rng.uniform(0.1, 2.5, 15)
     records = lay_out(lights).records
     middle, half = rng.uniform(-15, 15, (400, 3)), 10.0 ** rng.uniform(-4, 1, (400, 3))
     boxes = np.stack([middle - half, middle + half], 1).astype(np.float32)

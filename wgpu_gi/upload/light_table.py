@@ -22,6 +22,8 @@ from .light_values import emitted_radiance, punctual_light
 from .two_level_bvh import TwoLevelBvh
 
 KIND_POINT, KIND_SPOT, KIND_SUN, KIND_TRIANGLE, KIND_ENVIRONMENT = range(5)  # as wgsl/scene/lights.wgsl
+HARDEST = 1e-4  # least difference of a spot's versines over the outer one: a hard edge, 5e-5 of the angle wide
+NARROWEST = 5e-13  # least outer versine, of 1e-6 radians: below, float32 directions do not resolve a cone
 POWER_SHARE = 0.5  # share of the probability that goes by power
 
 Group = tuple[NDArray[np.void], NDArray[np.float64]]  # records and the power of each
@@ -114,16 +116,21 @@ def _punctual(light: Light, origin: NDArray, radius: float, dtype: np.dtype) -> 
     assert isinstance(light, SpotLight)
     record["kind"], record["edge1"] = KIND_SPOT, light_direction(light)
     record["edge2"] = (*spot_falloff(light), 0.0)
-    inner, outer = np.cos(light.inner_cone_angle), np.cos(light.outer_cone_angle)
+    inner, outer = versine(light.inner_cone_angle), versine(light.outer_cone_angle)
     # The squared fall-off has the mean 1/3 over the ring between the cones.
-    return record, luminance * 2 * np.pi * ((1 - inner) + (inner - outer) / 3)
+    return record, luminance * 2 * np.pi * (inner + (outer - inner) / 3)
 
 
 def spot_falloff(light: SpotLight) -> tuple[float, float]:
-    """Return scale and offset of the fall-off saturate(cosine * scale + offset)^2 of KHR_lights_punctual."""
-    inner, outer = float(np.cos(light.inner_cone_angle)), float(np.cos(light.outer_cone_angle))
-    scale = 1.0 / max(0.001, inner - outer)
-    return scale, -outer * scale
+    """Return scale and offset of the fall-off saturate(offset - versine * scale)^2 of KHR_lights_punctual."""
+    inner, outer = versine(light.inner_cone_angle), max(versine(light.outer_cone_angle), NARROWEST)
+    scale = 1.0 / max(HARDEST * outer, outer - inner)
+    return scale, outer * scale
+
+
+def versine(angle: float) -> float:
+    """Return 1 - cos(angle), exact for small angles."""
+    return 2 * float(np.sin(angle / 2)) ** 2
 
 
 def light_direction(light: DirectionalLight | SpotLight) -> NDArray[np.float64]:

@@ -19,12 +19,13 @@ struct LightVertex {
     brdf: Brdf,
     position: vec3f,
     offset: f32,             // of rays that leave it, metres; below 0: there is no hit
-    normal: vec3f,           // shading, turned to the light
+    normal: vec3f,           // shading, on the light's side, unbent
+    bumped: bool,
     ray_density: f32,        // of the light ray, 1/m2
     geometric_normal: vec3f,
     light_pdf: f32,          // N's density of the light ray's origin, seen from here, 1/sr; 0 without area
     to_light: vec3f,         // unit
-    flux: vec3f,             // W; divided by the densities, corrected for the shading normal
+    flux: vec3f,             // W; divided by the densities and the cosine at the geometric normal
 }
 
 struct Connection {
@@ -41,11 +42,10 @@ fn no_connection() -> Connection {
 fn light_vertex(surface: Surface, sent: LightRay, squared_distance: f32, cosine: f32) -> LightVertex {
     let falloff = select(1.0 / squared_distance, 1.0, sent.parallel);
     let to_light = -sent.ray.direction;
-    // N applies the shading normal's cosine, the light ray the geometric normal's: correct the flux to N's.
-    let flux = sent.flux * (max(dot(surface.normal, to_light), 0.0) / cosine);
     return LightVertex(
-        surface_brdf(surface), surface.position, surface.offset, surface.normal, sent.ray_density * cosine * falloff,
-        surface.geometric_normal, sent.pdf / falloff, to_light, flux);
+        surface_brdf(surface), surface.position, surface.offset, surface.unbent_normal, surface.bumped,
+        sent.ray_density * cosine * falloff, surface.geometric_normal, sent.pdf / falloff, to_light,
+        sent.flux / cosine);
 }
 
 // Connects a vertex with a point of a light (N): next-event estimation. `choice` picks the light, `u` the point.
@@ -77,7 +77,12 @@ fn connect_light_vertex(v: PathVertex, lit: LightVertex) -> Connection {
     // Both surfaces scatter: f at the path's vertex, g at the light ray's.
     let f = evaluate_brdf(v.brdf, v.w_o, direction * v.frame);
     let cosine = dot(v.surface.normal, direction);
-    let lit_frame = frame_from_normal(lit.normal);
+    // The normal at the light ray's hit is the one that a path from here finds.
+    let outward = dot(lit.geometric_normal, direction) < 0.0;
+    let across = outward != (dot(lit.geometric_normal, lit.to_light) > 0.0);
+    let side = select(-lit.geometric_normal, lit.geometric_normal, outward);
+    let lit_normal = facing_normal(select(lit.normal, -lit.normal, across), side, -direction, lit.bumped);
+    let lit_frame = frame_from_normal(lit_normal);
     let g = evaluate_brdf(lit.brdf, -direction * lit_frame, lit.to_light * lit_frame);
     let lit_cosine = abs(dot(lit.geometric_normal, direction));
     let faces = f.w > 0.0 && g.w > 0.0 && cosine > 0.0 && squared > 0.0;
@@ -86,7 +91,9 @@ fn connect_light_vertex(v: PathVertex, lit: LightVertex) -> Connection {
     }
     let own_density = f.w * lit_cosine / squared;
     let weight = weight_of_light_ray(lit.light_pdf, g.w, own_density, lit.ray_density);
-    let radiance = v.throughput * f.rgb * g.rgb * lit.flux * (cosine * lit_cosine / squared * weight);
+    // N applies the shading normal's cosine to the light, too.
+    let arriving = lit.flux * max(dot(lit_normal, lit.to_light), 0.0);
+    let radiance = v.throughput * f.rgb * g.rgb * arriving * (cosine * lit_cosine / squared * weight);
     if (max3(radiance) > 0.0) {
         let start = leave_surface(v.surface, direction);
         let end = offset_origin(lit.position, lit.geometric_normal, lit.offset, -direction);

@@ -7,6 +7,7 @@
 #import "scene/emission.wgsl"
 #import "scene/environment_sampling.wgsl"
 #import "common/random.wgsl"
+#import "common/spot.wgsl"
 
 const KIND_POINT: u32 = 0u;
 const KIND_SPOT: u32 = 1u;
@@ -19,7 +20,7 @@ struct Light {
     kind: u32,
     edge1: vec3f,        // triangle: edge; spot, sun: unit direction of travel
     triangle: u32,
-    edge2: vec3f,        // triangle: edge; spot: scale and offset of the fall-off over the cosine
+    edge2: vec3f,        // triangle: edge; spot: scale and offset of the fall-off, as `spot_falloff` takes them
     sides: u32,          // triangle: 1 shines from the side of edge1 x edge2, 2 from the other; cell: | turn << 2
     color: vec3f,        // intensity W/sr, irradiance W/m2, or radiance W/(m2 sr)
     cumulative: f32,     // probability that this light or one before it is drawn
@@ -72,17 +73,14 @@ fn direction_density(light: Light) -> f32 {
     if (light.kind == KIND_POINT) {
         return 0.25 * INV_PI;
     }
-    let outer_cosine = -light.edge2.y / light.edge2.x;
-    return 0.5 * INV_PI / max(1.0 - outer_cosine, 1e-7);
+    return 0.5 * INV_PI * light.edge2.x / light.edge2.y;
 }
 
-// KHR_lights_punctual: saturate((cos - cos_outer) / (cos_inner - cos_outer))^2
 fn punctual_intensity(light: Light, from_light: vec3f) -> vec3f {
     if (light.kind == KIND_POINT) {
         return light.color;
     }
-    let falloff = saturate(dot(from_light, light.edge1) * light.edge2.x + light.edge2.y);
-    return light.color * (falloff * falloff);
+    return light.color * spot_falloff(from_light, light.edge1, light.edge2.x, light.edge2.y);
 }
 
 // Returns the light whose interval of cumulative probability holds `choice` in [0, 1) (binary search).
@@ -223,10 +221,10 @@ fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) 
     // Punctual light: directions are uniform over the sphere or the spot's cone.
     let density = direction_density(light);
     var direction: vec3f;
-    let z = 1.0 - u_direction.x / (TWO_PI * density);
-    let sine = sqrt(max(1.0 - z * z, 0.0));
+    let versine = u_direction.x / (TWO_PI * density);
+    let sine = sqrt(max(versine * (2.0 - versine), 0.0));
     let phi = TWO_PI * u_direction.y;
-    direction = vec3f(sine * cos(phi), sine * sin(phi), z);
+    direction = vec3f(sine * cos(phi), sine * sin(phi), 1.0 - versine);
     if (light.kind == KIND_SPOT) {
         direction = frame_from_normal(light.edge1) * direction;
     }

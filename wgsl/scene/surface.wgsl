@@ -1,12 +1,15 @@
 // The surface at a hit: position, normals, material.
 #import "scene/corners.wgsl"
 #import "scene/ray_offset.wgsl"
+#import "scene/facing_normal.wgsl"
 
 struct Surface {
     position: vec3f,          // metres, relative to the scene's origin
     offset: f32,              // of rays that leave it, metres (`ray_offset.wgsl`)
     geometric_normal: vec3f,  // unit, on the counter-clockwise side
-    normal: vec3f,            // unit, shading, turned to the viewer
+    normal: vec3f,            // unit, shading, facing the viewer (`facing_normal.wgsl`)
+    unbent_normal: vec3f,     // unit, shading, on the viewer's side of the triangle
+    bumped: bool,             // its normal is of a normal map
     front: bool,              // the viewer is on the counter-clockwise side
     flags: u32,               // of the material
     emission: vec3f,          // W/(m2 sr) towards the viewer
@@ -72,6 +75,8 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
     s.offset = ray_offset(s.geometric_normal, terms);
     s.normal = normalize_or(normal, s.geometric_normal);
     s.front = dot(s.geometric_normal, direction) < 0.0;
+    // Vertex normals may lie on the other side of the triangle.
+    let inverted = dot(s.normal, s.geometric_normal) < 0.0;
 
     // Evaluate the material.
     var base = materials[material].base_color;
@@ -100,6 +105,7 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
         if (HAS_NORMAL_MAPS && has_texture(material, NORMAL_SLOT)) {
             let map = sample_texture(material, NORMAL_SLOT, uv0, uv1).xyz * 2.0 - 1.0;
             s.normal = bend_normal(s.normal, map, triangle, corners, hit.instance);
+            s.bumped = true;
         }
     }
     s.base_color = base.rgb;
@@ -107,9 +113,9 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
         s.emission = vec3f(0.0);
     }
     // All surfaces reflect on both sides: turn the shading normal to the viewer.
-    if (dot(s.normal, direction) > 0.0) {
-        s.normal = -s.normal;
-    }
+    s.unbent_normal = select(s.normal, -s.normal, s.front == inverted);
+    let side = select(-s.geometric_normal, s.geometric_normal, s.front);
+    s.normal = facing_normal(s.unbent_normal, side, -direction, s.bumped);
     return s;
 }
 

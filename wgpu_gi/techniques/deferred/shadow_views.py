@@ -33,7 +33,7 @@ NEAR_EMITTER = 1e-5
 WIDEST_COSINE = 0.5
 DIMMEST_SIDE = 1 / 8  # least side over that of the most important light of its kind: tools/README.md, "Constants"
 PROBES = 64  # surface points at which lights are compared: tools/README.md, "Constants"
-ROUNDING = 1e-6  # of cosines: 17 roundings of float32
+ROUNDING = 1e-6  # of cosines and versines: 17 roundings of float32
 
 # Forward and up of a cube's faces, in the order of deferred/shadow/views.wgsl: world, then light frame.
 WORLD_FACES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
@@ -187,14 +187,14 @@ def _power_of_two(side: int) -> int:
     return 1 << (int(side).bit_length() - 1)
 
 
-def _outer_cosine(lights: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return the cosine of spots' half angle, 0 for other lights."""
+def _outer_versine(lights: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return 1 - cosine of spots' half angle, 1 for other lights."""
     scale = np.where(lights["cone_scale"] > 0, lights["cone_scale"], 1.0).astype(np.float64)
-    return np.clip(-lights["cone_offset"] / scale, -1, 1)
+    return np.where(lights["kind"] == DIRECT_SPOT, np.clip(lights["cone_offset"] / scale, 0, 2), 1.0)
 
 
 def _view_counts(lights: NDArray[np.void], suns: dict[int, _Sun]) -> NDArray[np.int64]:
-    kind, cosine = lights["kind"], _outer_cosine(lights)
+    kind, cosine = lights["kind"], 1 - _outer_versine(lights)
     spot = np.select([cosine > WIDEST_COSINE - ROUNDING, cosine > -ROUNDING], [1, HALF_CUBE], CUBE)
     area = np.where(lights["both_sides"] > 0, CUBE, HALF_CUBE)
     counts = np.select([kind == DIRECT_SPOT, kind == DIRECT_AREA], [spot, area], CUBE)
@@ -210,7 +210,7 @@ def _importance(lights: NDArray[np.void], probes: NDArray[np.float64], radius: f
     # Bound the light of a lamp that touches a probe.
     squared = np.maximum((offset**2).sum(2), (0.01 * radius) ** 2)
     cosine = np.einsum("lpc,lc->lp", offset, lights["direction"].astype(np.float64)) / np.sqrt(squared)
-    cone = np.clip(cosine * lights["cone_scale"][:, None] + lights["cone_offset"][:, None], 0, 1) ** 2
+    cone = np.clip(lights["cone_offset"][:, None] - (1 - cosine) * lights["cone_scale"][:, None], 0, 1) ** 2
     disc = np.where(lights["both_sides"][:, None] > 0, np.abs(cosine), np.maximum(cosine, 0)) * lights["area"][:, None]
     kind = lights["kind"][:, None]
     intensity = np.select([kind == DIRECT_SPOT, kind == DIRECT_AREA], [cone, disc], 1.0)
@@ -253,9 +253,9 @@ def _perspective(
     right = np.cross(forward, up)
 
     # Extent to show at 1 m, to either side: the cone of a narrow spot, else a whole face or its upper half.
-    cosine = np.maximum(_outer_cosine(lights) - ROUNDING, WIDEST_COSINE - 2 * ROUNDING)
-    single = (lights["kind"] == DIRECT_SPOT) & (_outer_cosine(lights) > WIDEST_COSINE - ROUNDING)
-    reach = np.where(single, np.sqrt(1 - cosine**2) / cosine, 1.0)
+    versine = np.minimum(_outer_versine(lights) * (1 + ROUNDING), 1 - WIDEST_COSINE + 2 * ROUNDING)
+    single = (lights["kind"] == DIRECT_SPOT) & (_outer_versine(lights) < 1 - WIDEST_COSINE + ROUNDING)
+    reach = np.where(single, np.sqrt(versine * (2 - versine)) / (1 - versine), 1.0)
     flat = size[:, 1] < size[:, 0]
     texel = reach / (size[:, 1] / np.where(flat, 1, 2) - np.where(flat, 2 * MARGIN, MARGIN))
     half = texel[:, None] * size / 2

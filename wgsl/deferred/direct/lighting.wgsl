@@ -2,6 +2,7 @@
 #import "scene/info.wgsl"
 #import "deferred/shadow/lookup.wgsl"
 #import "deferred/direct/receiver.wgsl"
+#import "common/spot.wgsl"
 
 const EDGE_GROUP: u32 = 64u;  // pixels that a workgroup of `edges.wgsl` takes per turn
 
@@ -23,8 +24,8 @@ fn light_at(light: DirectLight, position: vec3f) -> Incident {
     let squared = max(dot(to_light, to_light), 1e-30);
     let direction = to_light * inverseSqrt(squared);
     let cosine = -dot(light.direction, direction);
-    let falloff = clamp(cosine * light.cone_scale + light.cone_offset, 0.0, 1.0);
-    let shape = select(1.0, falloff * falloff, light.kind == DIRECT_SPOT);
+    let falloff = spot_falloff(-direction, light.direction, light.cone_scale, light.cone_offset);
+    let shape = select(1.0, falloff, light.kind == DIRECT_SPOT);
     let facing = select(max(cosine, 0.0), abs(cosine), light.both_sides != 0u);
     let is_area = light.kind == DIRECT_AREA;
     let strength = select(shape, light.area * facing, is_area) / (squared + select(0.0, light.area * INV_PI, is_area));

@@ -36,12 +36,13 @@ fn reaches(light: DirectLight, centre: vec3f, half: vec3f) -> bool {
     if (light.kind == DIRECT_AREA) {
         return light.both_sides != 0u || dot(light.direction, offset) + reach >= 0.0;
     }
-    // Test the sphere around the box against the cone at which the fall-off ends: cosine = -offset / scale.
-    let edge = -light.cone_offset / light.cone_scale;
+    // Test the sphere around the box against the cone at which the fall-off ends, at the versine offset / scale.
+    let versine = light.cone_offset / light.cone_scale;
+    let edge = 1.0 - versine;
     let radius = length(half);
     let along = dot(light.direction, offset);
     let aside = length(offset - light.direction * along);
-    let sine = sqrt(max(1.0 - edge * edge, 0.0));
+    let sine = sqrt(max(versine * (2.0 - versine), 0.0));
     // Distance of the sphere's centre from the cone's surface, within the plane through its axis.
     return edge <= 0.0 || dot(offset, offset) <= radius * radius || aside * edge - along * sine <= radius;
 }

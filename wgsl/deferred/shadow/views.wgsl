@@ -14,7 +14,7 @@ struct DirectLight {
     inverse_range: f32,   // 1/m; 0: no range
     color: vec3f,         // point, spot: intensity W/sr; sun: irradiance W/m2; area: radiance W/(m2 sr)
     area: f32,            // area: part of the emitter that the sample represents, m2
-    cone_scale: f32,      // spot: fall-off saturate(cosine * scale + offset)^2
+    cone_scale: f32,      // spot: fall-off, as `common/spot.wgsl` takes it
     cone_offset: f32,
     first_view: u32,      // its first ShadowView
     view_count: u32,      // sun: cascades, the finest first; point: 6 faces; area: 5 or 6 faces; spot: 1, wide 5 or 6

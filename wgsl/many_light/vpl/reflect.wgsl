@@ -13,7 +13,7 @@ const MAX_SHADING_RATIO: f32 = 4.0;
 fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32, nearness: f32) -> Vpl {
     let normal = select(-s.geometric_normal, s.geometric_normal, s.front);
     let geometric = max(-dot(normal, direction), 1e-6);
-    let shading = max(-dot(s.normal, direction), 0.0);
+    let shading = max(-dot(s.unbent_normal, direction), 0.0);
     let ratio = min(shading / geometric, MAX_SHADING_RATIO);
     let is_lit = (s.flags & UNLIT) == 0u;
     let b = surface_brdf(s);
@@ -22,7 +22,7 @@ fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32, nearness: 
     var v = Vpl(s.position, normal, select(vec3f(0.0), reflected, is_lit), area, no_lobe());
     if (HAS_METALS && b.glossy && s.metallic > 0.0) {
         let wide = wide_reflectance(b, shading) / max(reflectance, vec3f(1e-6));
-        v.lobe = VplLobe(sqrt(b.alpha), flux * ratio, -direction, nearness, s.normal, b.f0, wide);
+        v.lobe = VplLobe(sqrt(b.alpha), flux * ratio, -direction, nearness, s.unbent_normal, b.f0, wide);
     }
     return v;
 }
