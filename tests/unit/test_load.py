@@ -4,10 +4,12 @@ import os
 
 import numpy as np
 import pytest
+from unit.gltf_builder import GltfBuilder
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES
 from wgpu_gi.scene.files.light_texts import light_texts, parse_light, relight
+from wgpu_gi.scene.gltf.write import save_glb
 from wgpu_gi.scene.load import load
 from wgpu_gi.scene.scene import DirectionalLight, Environment, PointLight, Scene
 
@@ -44,6 +46,33 @@ def test_an_emitter_prevents_the_default_sky(tmp_path):
     (tmp_path / "m.mtl").write_text("newmtl lamp\nKe 1 1 1\n")
     (tmp_path / "lamp.obj").write_text("mtllib m.mtl\nusemtl lamp\n" + TRIANGLE)
     assert load(tmp_path / "lamp.obj").environment is None
+
+
+@pytest.mark.parametrize(
+    ("emission", "textured", "sky"),
+    [
+        ((0.0, 0.5, 0.0), False, True),
+        ((1.0, 1.0, 1.0), True, True),
+        ((1.0, 1.0, 1.0), False, False),
+        ((2, 0, 0), True, False),
+    ],
+)
+def test_a_gltf_file_whose_surfaces_only_glow_gets_the_default_sky(tmp_path, emission, textured, sky):
+    """A helmet with a display is shown by daylight; a lamp that emits more than 1, or 1 all over, is a light."""
+    builder = GltfBuilder()
+    keys = {"emissiveFactor": [min(value, 1.0) for value in emission]}
+    if textured:
+        keys["emissiveTexture"] = {"index": builder.texture(np.full((2, 2, 3), 9, np.uint8))}
+    keys["extensions"] = {"KHR_materials_emissive_strength": {"emissiveStrength": max(1.0, *emission)}}
+    builder.node(mesh=builder.mesh(builder.primitive(material=builder.material(**keys))))
+    path = builder.glb(tmp_path)
+    scene = load(path)
+    assert (scene.environment is not None) == sky and any("glow" in note for note in scene.notes) == sky
+    assert load(path, lights=[parse_light("point 0,0,1 1")]).environment is None
+    saved = tmp_path / "saved.glb"
+    scene.environment = None
+    given = save_glb(saved, scene)
+    assert given == ("0,0,0" if sky else None)
 
 
 def test_extension_in_capitals(tmp_path, triangle):

@@ -20,7 +20,7 @@ from ..scene.files.environment_files import load_environment
 from ..scene.files.light_texts import parse_light, relight
 from ..scene.files.memory import MAX_MEMORY
 from ..scene.files.notes import Notes
-from ..scene.load import NO_CAMERA_NOTE, NO_LIGHT_NOTE, read_scene
+from ..scene.load import GLOW_NOTE, NO_CAMERA_NOTE, NO_LIGHT_NOTE, read_scene
 from ..scene.scene import Scene
 from ..settings import apply_quality, assign, cells_of, describe, format_rows, validate
 from ..version import __version__
@@ -32,7 +32,8 @@ REASONS = {
     "spp": "averages frames, set by camera.frames",
     "camera.frames": "averages samples, set by --spp",
 }
-REMEDIES = {NO_LIGHT_NOTE: "--env or --light set others", NO_CAMERA_NOTE: "--camera sets another"}
+REMEDIES = dict.fromkeys((NO_LIGHT_NOTE, GLOW_NOTE), "--env or --light set others")
+REMEDIES[NO_CAMERA_NOTE] = "--camera sets another"
 LISTS = ("help", "help=all")  # what --set takes in place of a setting
 
 

@@ -24,6 +24,7 @@ GLTF_EXTENSIONS = (".glb", ".gltf")
 
 NO_CAMERA_NOTE = "the scene has no camera: one that frames it was added"
 NO_LIGHT_NOTE = "the scene has no light: a white sky of radiance 1 was added"
+GLOW_NOTE = "the scene has no light but surfaces that glow: a white sky of radiance 1 was added"
 
 # Radiance of the default sky: 1, so that an unoccluded matte surface of albedo rho has radiance rho.
 DEFAULT_SKY = (1.0, 1.0, 1.0)
@@ -42,8 +43,8 @@ def load(
 
     Objects are a trimesh mesh or scene, a pair of arrays (vertices, faces), a Mesh, or a Scene, which is copied but
     shares its instances. `environment` replaces the scene's; it is an Environment, or what `load_environment` takes.
-    `lights` are added to the scene's own. A scene that then has no source of light gets a white sky of radiance 1, and
-    one without a camera gets a camera that frames it. `Scene.notes` says so, and what was approximated or left out;
+    `lights` are added to the scene's own. A scene that then has no source of light (see `glows_only`) gets a white sky
+    of radiance 1, and one without a camera one that frames it. `Scene.notes` says so, and what was approximated;
     each note is also a GiWarning, except that on the camera. A bare name is a built-in scene, even if a file has that
     name; files need their extension. A damaged part of a file is left out with a note, or raises GiError if `strict`.
     Points without faces are shown as discs or spheres of the diameter `point_size` in metres, by default twice their
@@ -80,6 +81,7 @@ def read_scene(
     if not isinstance(lights, (list, tuple)):
         raise GiError(f"lights must be a list of lights, not {shown(lights)}")
     notes = Notes(strict)
+    is_gltf = isinstance(source, (str, os.PathLike)) and Path(source).suffix.lower() in GLTF_EXTENSIONS
     if isinstance(source, (str, os.PathLike)):
         scene = _load_path(source, MemoryBudget(max_memory), notes, point_size)
     else:
@@ -89,7 +91,7 @@ def read_scene(
         scene.notes.extend(found)
     scene.lights.extend(lights)
     check_scene(scene)
-    add_defaults(scene)
+    add_defaults(scene, glow=is_gltf and glows_only(scene))
     return scene
 
 
@@ -135,7 +137,9 @@ def lit(source: Any, environment: Environment | str | Path | None = None) -> tup
 
 def with_remedies(notes: Iterable[str]) -> list[str]:
     """Return notes with what a Python program can do about them."""
-    return [f"{note} (environment= or lights= set others)" if note == NO_LIGHT_NOTE else note for note in notes]
+    return [
+        f"{note} (environment= or lights= set others)" if note in (NO_LIGHT_NOTE, GLOW_NOTE) else note for note in notes
+    ]
 
 
 def _unknown(path: Path) -> GiError:
@@ -159,11 +163,22 @@ def has_light(scene: Scene) -> bool:
     return bool(scene.lights) or scene.environment is not None or emitting
 
 
-def add_defaults(scene: Scene) -> None:
-    """Add a white sky to a scene without light and a framing camera to one without cameras, with a note for each."""
-    if not has_light(scene):
+def glows_only(scene: Scene) -> bool:
+    """Tell whether the scene's only light is emission of the kind that decorates glTF files: displays, labels, coals.
+
+    Programs that show glTF files add a sky, so their authors count on one. A lamp emits more than 1
+    (KHR_materials_emissive_strength), or 1 from a surface without a texture, since older exporters limit it to that.
+    """
+    emitters = [(max(m.emission), m.emission_texture is not None) for m in scene.materials if max(m.emission) > 0]
+    lamps = [radiance for radiance, textured in emitters if radiance > 1 or (radiance == 1 and not textured)]
+    return bool(emitters) and not (lamps or scene.lights or scene.environment is not None)
+
+
+def add_defaults(scene: Scene, glow: bool = False) -> None:
+    """Add a white sky to a scene without light, or with a glow only, and a framing camera to one without cameras."""
+    if glow or not has_light(scene):
         scene.environment = Environment(DEFAULT_SKY, name="default sky")
-        scene.notes.append(NO_LIGHT_NOTE)
+        scene.notes.append(GLOW_NOTE if glow else NO_LIGHT_NOTE)
     if not scene.cameras:
         scene.cameras.append(framing_camera(scene))
         scene.notes.append(NO_CAMERA_NOTE)

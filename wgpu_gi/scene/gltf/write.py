@@ -29,7 +29,7 @@ from ...errors import GiError
 from ...pictures.atomic_file import atomic_file
 from ...pictures.image import save_image
 from ..check import check_camera, check_scene
-from ..load import has_light
+from ..load import glows_only, has_light
 from ..scene import (
     DirectionalLight,
     Environment,
@@ -75,7 +75,7 @@ def _save_environment(path: Path, scene: Scene) -> str | None:
     """Write an image environment beside `path`; return the value of `--env`."""
     environment = scene.environment
     if environment is None:
-        return None if has_light(scene) else "0,0,0"
+        return None if has_light(scene) and not glows_only(scene) else "0,0,0"
     if environment.image is None:
         return ",".join(repr(float(value)) for value in environment.color)
     beside = path.with_suffix(".exr")
