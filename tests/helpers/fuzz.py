@@ -113,7 +113,9 @@ def gltf_document() -> tuple[dict[str, Any], bytes]:
     }
     shiny |= {"diffuseFactor": [1, 0.5, 1, 1], "specularFactor": [0.5, 0.5, 1]}
     second_material = builder.material(extensions={"KHR_materials_pbrSpecularGlossiness": shiny})
-    pair = builder.mesh(builder.primitive(mode=5), builder.primitive(material=second_material))
+    pair = builder.mesh(
+        builder.primitive(mode=5), builder.primitive(material=second_material), builder.primitive(mode=0)
+    )
     places = {"TRANSLATION": builder.accessor(moves), "SCALE": builder.accessor(np.ones((3, 3), np.float32))}
     places["ROTATION"] = builder.accessor(np.full((3, 4), 0.5, np.float32))
     copies = {"EXT_mesh_gpu_instancing": {"attributes": places}, "KHR_node_visibility": {"visible": True}}

@@ -186,12 +186,45 @@ def test_strip_and_fan_wind_like_lists(tmp_path):
         assert (np.cross(b - a, c - a)[:, 2] == 1.0).all()
 
 
-def test_points_and_lines_are_left_out_with_a_note(tmp_path):
-    builder = triangle_scene()
-    builder.node(mesh=builder.mesh(*(builder.primitive(mode=mode) for mode in range(4)), builder.primitive()))
+def test_lines_are_left_out_with_a_note(tmp_path):
+    builder = GltfBuilder()
+    builder.node(mesh=builder.mesh(*(builder.primitive(mode=mode) for mode in (1, 2, 3, 4))))
     scene = load_gltf(builder.glb(tmp_path))
-    assert scene.triangle_count == 2
-    assert any("lines" in note for note in scene.notes)
+    assert scene.triangle_count == 1
+    assert scene.notes == ["Lines were left out; only triangles and points are shown."]
+
+
+@pytest.mark.parametrize("normals", [False, True])
+def test_points_are_shown_as_spheres_or_as_discs_along_their_normals(tmp_path, normals):
+    """Each has the given diameter (its polygon the area of the round shape), its colour and its material."""
+    builder = GltfBuilder()
+    colors = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    more = {"NORMAL": np.tile(np.float32([0, 0, 2]), (3, 1))} if normals else {}
+    material = builder.material(name="chalk")
+    points = builder.primitive(TRIANGLE * 10, mode=0, COLOR_0=colors, material=material, **more)
+    builder.node(mesh=builder.mesh(builder.primitive(), points), translation=[0, 0, 5], name="cloud")
+    scene = load_gltf(builder.glb(tmp_path), point_size=0.5)
+    plain, cloud = scene.instances
+    assert plain.mesh.triangles.shape == (1, 3) and cloud.name == "cloud"
+    world = cloud.mesh.positions @ cloud.world_from_local[:3, :3].T + cloud.world_from_local[:3, 3]
+    for place, color in zip(TRIANGLE * 10 + np.float32([0, 0, 5]), colors, strict=True):
+        mine = np.linalg.norm(world - place, axis=1) < 1
+        np.testing.assert_allclose(world[mine].mean(0), place, atol=1e-5)
+        assert np.linalg.norm(world[mine] - place, axis=1).max() == pytest.approx(0.25, rel=0.1)
+        np.testing.assert_allclose(cloud.mesh.colors[mine, :3], np.tile(color, (mine.sum(), 1)), atol=1e-6)
+    assert (np.ptp(world[:, 2]) < 1e-6) == normals
+    assert cloud.mesh.materials[0].name == "chalk"
+    assert any("3 points without faces are shown" in note for note in scene.notes)
+
+
+def test_points_that_are_not_finite_are_left_out(tmp_path):
+    builder = GltfBuilder()
+    places = np.concatenate([TRIANGLE, np.float32([[np.nan, 0, 0]])])
+    empty = builder.primitive(np.full((2, 3), np.inf, np.float32), mode=0)
+    builder.node(mesh=builder.mesh(builder.primitive(places, mode=0), empty))
+    scene = load_gltf(builder.glb(tmp_path))
+    assert np.isfinite(scene.bounds()).all() and len(scene.instances) == 1
+    assert any("none of its points is finite; the primitive was left out" in note for note in scene.notes)
 
 
 def test_primitives_are_merged_with_neutral_values(tmp_path):

@@ -104,7 +104,7 @@ def _load_path(source: str | os.PathLike[str], budget: MemoryBudget, notes: Note
     if extension in GLTF_EXTENSIONS:
         from .gltf.load import load_gltf
 
-        return load_gltf(path, budget, notes)
+        return load_gltf(path, budget, notes, point_size)
     if extension in MESH_EXTENSIONS:
         return load_mesh_file(path, budget, notes, point_size)
     raise _unknown(path)

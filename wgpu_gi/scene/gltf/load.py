@@ -1,7 +1,7 @@
 """Reads glTF 2.0 and GLB files as a `Scene`, with json and numpy alone (Khronos glTF 2.0 specification).
 
-Departures: alpha blending becomes an alpha mask, animations and morph targets are shown in their rest pose, points and
-lines are left out. The scene's notes say what was changed or left out. Files are untrusted: every index, count, type
+Departures: alpha blending becomes an alpha mask, animations and morph targets are shown in their rest pose, lines are
+left out. The scene's notes say what was changed or left out. Files are untrusted: every index, count, type
 and path is checked, and nothing is allocated by an announced size. Damage costs the smallest part that holds it
 (a value, a triangle, a primitive, a texture, a skin, a light), with a note; `Notes(strict=True)` refuses it.
 """
@@ -14,131 +14,40 @@ from pathlib import Path
 import numpy as np
 
 from ...camera import Camera
-from ...errors import GiError
 from ...float_limits import LARGEST_HEIGHT, LARGEST_LIGHT, LARGEST_YFOV, MAX_COORDINATE, SMALLEST_HEIGHT, SMALLEST_YFOV
 from ..files.memory import MemoryBudget
 from ..files.notes import Notes
-from ..scene import DirectionalLight, Instance, Light, Mesh, PointLight, Scene, SpotLight
-from .accessors import Accessors
+from ..scene import DirectionalLight, Light, PointLight, Scene, SpotLight
 from .document import Document
-from .instancing import instance_matrices
+from .instances import read_instances
 from .json_object import JsonObject
-from .materials import Materials, some
-from .meshes import Meshes
 from .nodes import Matrix, Nodes
-from .skins import SkinDamage, joint_matrices
-from .vertices import Pose
 
-_FLAT = 1e-7  # ratio of a matrix's singular values below which float32 cannot invert it
+_FLAT = 1e-7  # sine of the angle between two axes below which they are one direction
 _RIGID = 1e-14  # error of the products of a rotation's axes: some roundings of float64
-_NOTHING = 1e-18  # scale at which anything is invisible
 _WIDEST_CONE = math.pi / 2 + 1e-3  # radians; what exceeds a right angle by less is rounding
-_LONGEST_REASONS = 200  # characters of the notes in a message
 
 
-def load_gltf(path: Path, budget: MemoryBudget | None = None, notes: Notes | None = None) -> Scene:
+def load_gltf(
+    path: Path, budget: MemoryBudget | None = None, notes: Notes | None = None, point_size: float | None = None
+) -> Scene:
     """Return the default scene of a .gltf or .glb file, which may unpack to the bytes of `budget`.
 
     Each glTF mesh becomes one Mesh, shared by the instances of all nodes that refer to it. Lights and cameras have the
     name of their node, or else their own. Raises GiError if the file is not glTF 2.0, is truncated or read beyond its
-    data, needs a decoder that is not installed, or has no triangles to show.
+    data, needs a decoder that is not installed, or has no triangles and points to show. Points become discs or spheres
+    of the diameter `point_size`; see `points_scene`.
     """
     document = Document(path, budget or MemoryBudget(), notes or Notes())
     nodes = Nodes(document)
     shown = nodes.shown()
     scene = Scene(name=nodes.scene_name() or path.stem)
-    scene.instances = _instances(document, nodes, shown)
+    scene.instances = read_instances(document, nodes, shown, point_size)
     scene.lights = _lights(document, nodes, shown)
     scene.cameras = _cameras(document, nodes, shown)
     _note_rest_pose(document)
     scene.notes = document.notes.sentences
     return scene
-
-
-def _instances(document: Document, nodes: Nodes, shown: list[int]) -> list[Instance]:
-    """Return an instance for every shown node that has a mesh with triangles."""
-    # Read the materials of all meshes that are shown.
-    descriptions = document.array("nodes")
-    accessors = Accessors(document)
-    materials = Materials(document, accessors)
-    meshes = Meshes(document, accessors, materials)
-    references = {node: descriptions[node].optional_index("mesh", len(meshes), "meshes") for node in shown}
-    mesh_of_node = {node: mesh for node, mesh in references.items() if mesh is not None}
-    if not mesh_of_node:
-        raise GiError(f"{document.path.name}: its scene has no meshes; there is nothing to show{_reasons(document)}")
-    materials.load(meshes.materials_of(mesh_of_node.values()))
-    # Read the meshes at rest, and place them.
-    poses = Poses(document, accessors, nodes)
-    instances: list[Instance] = []
-    flat: list[str] = []
-    for node, mesh_index in mesh_of_node.items():
-        mesh, matrix = poses.mesh(node, meshes, mesh_index)
-        name = descriptions[node].text("name") or meshes.name(mesh_index)
-        for copy in instance_matrices(document, accessors, descriptions[node], matrix):
-            placed = _invertible(copy)
-            if placed is None:
-                flat.append(name)
-            elif mesh is not None:
-                instances.append(Instance(mesh, placed, name))
-    # Note what was left out.
-    meshes.note_left_out()
-    if flat:
-        document.notes.add(f"Objects scaled to zero were left out: {some(list(dict.fromkeys(flat)))}.")
-    if not instances:
-        raise GiError(f"{document.path.name}: there are no triangles to show{_reasons(document)}")
-    return instances
-
-
-class Poses:
-    """The meshes of nodes at rest, with their morph targets and skins."""
-
-    def __init__(self, document: Document, accessors: Accessors, nodes: Nodes) -> None:
-        self._document = document
-        self._accessors = accessors
-        self._nodes = nodes
-        self._skins: dict[int, tuple[Matrix, Matrix]] = {}  # the joint matrices and the frame of each skin
-
-    def mesh(self, node: int, meshes: Meshes, index: int) -> tuple[Mesh | None, Matrix]:
-        """Return the posed mesh of a shown node, None without triangles, and world_from_mesh."""
-        description = self._document.array("nodes")[node]
-        weights = meshes.weights(description, index)
-        skins = self._document.array("skins")
-        skin = description.optional_index("skin", len(skins), "skins")
-        if skin is not None:
-            # A skinned mesh ignores the transform of its own node (glTF 2.0, 3.7.3.2).
-            try:
-                if skin not in self._skins:
-                    self._skins[skin] = joint_matrices(self._document, self._accessors, skin, self._nodes.world)
-                joints, frame = self._skins[skin]
-                return meshes.get(index, Pose(weights, skin, joints)), frame
-            except SkinDamage as error:
-                self._document.notes.damage(f"{error}; the mesh is shown without its skin.")
-        return meshes.get(index, Pose(weights)), self._nodes.placed(node)
-
-
-def _reasons(document: Document) -> str:
-    """Return the first notes as the end of a message, damage first; it is no longer than a reader takes in."""
-    reasons = ""
-    for sentence in [*document.notes.damages, *document.notes.sentences]:
-        if len(reasons) + len(sentence) > _LONGEST_REASONS:
-            break
-        reasons += f" {sentence}" if sentence not in reasons else ""
-    return f".{reasons}" if reasons else ""
-
-
-def _invertible(matrix: Matrix) -> Matrix | None:
-    """Return `matrix`, or one that is invertible and looks the same; None if it projects everything to a line.
-
-    Exporters write flat objects with a scale of zero along one axis. Those get a thickness below float32's resolution.
-    """
-    left, scales, right = np.linalg.svd(matrix[:3, :3])
-    if scales[1] <= max(_FLAT * scales[0], _NOTHING):
-        return None
-    if scales[2] > _FLAT * scales[0]:
-        return matrix
-    thick = matrix.copy()
-    thick[:3, :3] = left @ np.diag([scales[0], scales[1], 10 * _FLAT * scales[0]]) @ right
-    return thick
 
 
 def _lights(document: Document, nodes: Nodes, shown: list[int]) -> list[Light]:

@@ -1,4 +1,7 @@
-"""Meshes of a glTF file: the triangle primitives of each mesh checked, cleaned and merged into one `Mesh`."""
+"""Meshes of a glTF file: the triangle primitives of each mesh checked, cleaned and merged into one `Mesh`.
+
+Each primitive of points becomes a `Mesh` of its own, of discs or spheres; lines are left out.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,8 @@ from numpy.typing import NDArray
 
 from ...errors import GiError
 from ...float_limits import MAX_COORDINATE
+from ..files.points import points_scene
+from ..files.raw_mesh import RawPoints
 from ..mesh_cleaning import has_area, used_vertices
 from ..scene import Material, Mesh
 from . import compression as gltf_compression
@@ -21,7 +26,9 @@ from .materials import Materials, some
 from .morphs import Weights, rest_weights
 from .vertices import ATTRIBUTES, Pose, VertexReader, Vertices
 
-_TRIANGLES = 4  # the lower primitive modes are points and lines
+_POINTS, _TRIANGLES = 0, 4  # the primitive modes between are lines
+
+PlacedMesh = tuple[Mesh, NDArray[np.float64]]  # a mesh and the matrix that places it in its glTF mesh
 
 # Many primitives may share one accessor, so the size of a file does not bound its triangles. 2^27 triangles have
 # 1.5 GiB of indices, more than a WebGPU buffer can hold.
@@ -40,13 +47,16 @@ class _Part:
 class Meshes:
     """The meshes of a document by index; each is read once for all instances in the same pose."""
 
-    def __init__(self, document: Document, accessors: Accessors, materials: Materials) -> None:
+    def __init__(
+        self, document: Document, accessors: Accessors, materials: Materials, point_size: float | None
+    ) -> None:
         self._document = document
         self._accessors = accessors
         self._materials = materials
         self._reader = VertexReader(document, accessors)
         self._descriptions = document.array("meshes")
-        self._meshes: dict[Hashable, Mesh | None] = {}
+        self._point_size = point_size
+        self._meshes: dict[Hashable, list[PlacedMesh]] = {}
         self._index_count = 0
         self._without_area: dict[str, int] = {}
 
@@ -65,8 +75,8 @@ class Meshes:
         """Return the indices of the materials that these meshes use; None is the default material."""
         return {self._material(p) for i in set(indices) for p in self._descriptions[i].objects("primitives")}
 
-    def get(self, index: int, pose: Pose) -> Mesh | None:
-        """Return mesh `index` in a pose; None if no triangle with an area is left. Its materials must have been loaded.
+    def get(self, index: int, pose: Pose) -> list[PlacedMesh]:
+        """Return mesh `index` in a pose: its triangles, and its points. Its materials must have been loaded.
 
         Raises SkinDamage for a skin that cannot be applied.
         """
@@ -84,21 +94,48 @@ class Meshes:
     def _material(self, primitive: JsonObject) -> int | None:
         return primitive.optional_index("material", len(self._materials), "materials")
 
-    def _read(self, index: int, pose: Pose) -> Mesh | None:
-        """Return a mesh merged from its triangle primitives."""
+    def _read(self, index: int, pose: Pose) -> list[PlacedMesh]:
+        """Return a mesh merged from the triangle primitives, and one for each primitive of points."""
         # Collect the triangles by the vertices that they share.
         parts: dict[Hashable, _Part] = {}
         slot_of_material: dict[int | None, int] = {}
+        placed: list[PlacedMesh] = []
         for number, primitive in enumerate(self._descriptions[index].objects("primitives")):
             with self._document.leaving_out("the primitive"):
-                self._add(parts, slot_of_material, number, primitive, pose)
+                mode = primitive.integer("mode", _TRIANGLES, high=6)
+                if _POINTS < mode < _TRIANGLES:
+                    self._document.notes.add("Lines were left out; only triangles and points are shown.")
+                elif "POSITION" not in primitive.child("attributes"):
+                    raise primitive.error("it has no POSITION")
+                elif mode == _POINTS:
+                    placed.append(self._points(primitive, pose))
+                else:
+                    self._add(parts, slot_of_material, number, primitive, mode, pose)
         # Clean and merge them.
         finished = [self._finish(index, part) for part in parts.values()]
         finished = [part for part in finished if len(part.triangles[0])]
-        if not finished:
+        if finished:
+            materials = [self._materials.get(material) for material in slot_of_material]
+            placed.insert(0, (self._merge(index, finished, materials), np.eye(4)))
+        if not placed:
             self._document.notes.add(f"Mesh {self.name(index)[:60]!r} was left out: it has no triangle with an area.")
-            return None
-        return self._merge(index, finished, [self._materials.get(material) for material in slot_of_material])
+        return placed
+
+    def _points(self, primitive: JsonObject, pose: Pose) -> PlacedMesh:
+        """Return a primitive of points as discs or spheres. Raises Damage if no point is finite."""
+        vertices = self._reader.read(primitive, None, pose)
+        positions, colors, normals = (vertices.get(name) for name in ("POSITION", "COLOR_0", "NORMAL"))
+        assert positions is not None, "a primitive without positions is left out"
+        if not np.isfinite(positions).all(axis=1).any():
+            raise primitive.error("none of its points is finite")
+        self._document.budget.take(8 * 10 * len(positions), primitive.where)
+        doubled = (None if values is None else values.astype(np.float64) for values in (colors, normals))
+        points = RawPoints(positions.astype(np.float64), *doubled)
+        shapes = points_scene(
+            points, self._point_size, "", primitive.where, self._document.notes, self._document.budget
+        ).instances[0]
+        shapes.mesh.materials = [self._materials.get(self._material(primitive))]
+        return shapes.mesh, shapes.world_from_local
 
     def _add(
         self,
@@ -106,15 +143,10 @@ class Meshes:
         slot_of_material: dict[int | None, int],
         number: int,
         primitive: JsonObject,
+        mode: int,
         pose: Pose,
     ) -> None:
         """Add the triangles of a primitive, the mesh's `number`-th, to the part that has its vertices."""
-        mode = primitive.integer("mode", _TRIANGLES, high=6)
-        if mode < _TRIANGLES:
-            self._document.notes.add("Points and lines were left out; only triangles are shown.")
-            return
-        if "POSITION" not in primitive.child("attributes"):
-            raise primitive.error("it has no POSITION")
         draco = self._reader.draco(primitive)
         key: Hashable = number
         if draco is not None or pose.joints is not None:
