@@ -27,7 +27,7 @@ from PIL import Image, ImageDraw, ImageFont
 from wgpu_gi.camera import Camera
 from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.options import Settings
-from wgpu_gi.pictures.image import display_layer
+from wgpu_gi.pictures.display import display_layer
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.shapes import sphere
 from wgpu_gi.scene.load import load

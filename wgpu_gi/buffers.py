@@ -16,6 +16,7 @@ COMMON = (
     "direct",
     "indirect",
     "emission",
+    "alpha",
     "albedo",
     "normal",
     "depth",

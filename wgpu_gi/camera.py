@@ -13,13 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import GiError, KnownAttributes
+from .errors import GiError
 from .float_limits import LARGEST_YFOV, MAX_COORDINATE, SMALLEST_YFOV
+from .records import KnownAttributes
 
 YFOV_DEG = math.degrees(SMALLEST_YFOV), math.degrees(LARGEST_YFOV)  # range of full vertical angles
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class Camera(KnownAttributes):
     """A pinhole or orthographic camera.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import warnings
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
 
 FEW = 8  # the most names that a message lists in full
 
@@ -48,32 +47,3 @@ def near_names(name: str, known: Iterable[str]) -> str:
     names = list(known)
     near = difflib.get_close_matches(name.lower().strip("_"), names, n=1)
     return f"did you mean {near[0]!r}?" if near else f"available: {', '.join(names)}"
-
-
-class KnownAttributes:
-    """Base of classes with slots: reading or setting a misspelt attribute raises AttributeError, with the near name."""
-
-    __slots__ = ("__weakref__",)
-
-    if not TYPE_CHECKING:  # a type checker would take these methods as a permission of any attribute
-
-        def __setattr__(self, name: str, value: Any) -> None:
-            try:
-                object.__setattr__(self, name, value)
-            except AttributeError:
-                if hasattr(type(self), name):  # a property or a method
-                    raise
-                raise _unknown_attribute(self, name) from None
-
-        def __getattr__(self, name: str) -> Any:
-            found = getattr(type(self), name, None)
-            if isinstance(found, property):
-                return found.fget(self)  # the property failed: raise its own error again
-            raise _unknown_attribute(self, name)
-
-
-def _unknown_attribute(owner: object, name: str) -> AttributeError:
-    kind = type(owner)
-    known = [known for known in dir(kind) if not known.startswith("_")]
-    article = "an" if kind.__name__[0] in "AEIOU" else "a"
-    return AttributeError(f"{article} {kind.__name__} has no attribute {name!r}; {near_names(name, known)}")

@@ -50,6 +50,7 @@ def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int) -> 
     return {
         **{name: Source(layer) for name, layer in (layers | light.views).items()},
         "display": Source(display),
+        "alpha": Source(layers["radiance"], 3, 1),
         "albedo": Source(primary.albedo),
         "normal": Source(primary.normal),
         "depth": Source(primary.normal, 3, 1),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from .errors import GiError, KnownAttributes
+from .errors import GiError
 from .gpu.device import Device
+from .records import KnownAttributes
 from .scene.rules import is_whole, shown
 from .scene.scene import Scene
 from .settings import setting
@@ -45,7 +46,7 @@ TECHNIQUES = {
 FOR_ALL = ("gi", "exposure", "diffuse", "camera")  # settings and sections that the renderer itself uses
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class Settings(KnownAttributes):
     """What to render and how well. `--set` reaches sections as `section.name`."""
 
@@ -61,6 +62,9 @@ class Settings(KnownAttributes):
         None, "Scale the displayed picture by 2^exposure; none means automatic.", "EV", range=(-60, 60)
     )
     diffuse: bool = setting(False, "Treat every material as Lambert with its base colour.")
+    transparent: bool = setting(
+        False, "Leave the environment out of the picture where the camera sees it; it lights the scene all the same."
+    )
     camera: CameraSettings = field(default_factory=CameraSettings)
     path: PathSettings = field(default_factory=PathSettings)
     direct: DirectSettings = field(default_factory=DirectSettings)

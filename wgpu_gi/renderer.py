@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .buffers import BUFFERS, Source, buffers_of, check_buffers
 from .camera import Camera
-from .errors import GiError, KnownAttributes, warn_of
+from .errors import GiError, warn_of
 from .frame import declare_frame
 from .gpu.describe import table
 from .gpu.device import open_device
@@ -25,6 +25,7 @@ from .gpu.wgsl.load import refresh
 from .options import TECHNIQUES, Settings, check_size, picture_count, technique_of
 from .pictures.picture import Picture
 from .pictures.tables import Table
+from .records import KnownAttributes
 from .scene.check import check_camera, check_scene, check_structure
 from .scene.files.camera_files import camera_of
 from .scene.load import lit
@@ -121,6 +122,10 @@ class Renderer(KnownAttributes):
         self._ran: dict[str, Stale] = {}  # why each pass ran, in the last step that ran any
         self._complete = False  # every pixel is known to have all its samples
         self._refining = False  # the technique has planned more runs than were declared
+
+    def __repr__(self) -> str:
+        width, height = self.size
+        return f"<Renderer {width}x{height}, {self.settings.gi}, {'closed' if self._closed else self.adapter_name}>"
 
     @property
     def adapter_name(self) -> str:

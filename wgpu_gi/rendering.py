@@ -7,6 +7,8 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any, overload
 
+import numpy as np
+
 from .buffers import check_buffers
 from .camera import Camera
 from .errors import GiError, warn_of
@@ -31,6 +33,7 @@ def render(
     bounces: int | None = ...,
     seed: int | None = ...,
     diffuse: bool | None = ...,
+    transparent: bool | None = ...,
     quality: str | None = ...,
     show: str = ...,
     settings: Settings | None = ...,
@@ -51,6 +54,7 @@ def render(
     bounces: int | None = ...,
     seed: int | None = ...,
     diffuse: bool | None = ...,
+    transparent: bool | None = ...,
     quality: str | None = ...,
     show: Sequence[str],
     settings: Settings | None = ...,
@@ -70,6 +74,7 @@ def render(
     bounces: int | None = None,
     seed: int | None = None,
     diffuse: bool | None = None,
+    transparent: bool | None = None,
     quality: str | None = None,
     show: str | Sequence[str] = "radiance",
     settings: Settings | None = None,
@@ -81,13 +86,16 @@ def render(
     `scene` is a Scene or what `load` takes: a path, a trimesh mesh or scene, a pair (vertices, faces). A scene without
     light gets a white sky of radiance 1. Its user learns that, and what else was approximated, by a GiWarning.
     `environment` replaces the scene's. `camera` is a Camera, or the name or the index of one in the scene. With several
-    names in `show`, such as ("radiance", "depth"), the result is a dictionary of pictures by name.
+    names in `show`, such as ("radiance", "depth"), the result is a dictionary of pictures by name. With `transparent`,
+    radiance is (height, width, 4): the environment is left out where the camera sees it, colours are multiplied by
+    alpha, and alpha is the share of the pixel that surfaces cover.
 
     The other arguments override `settings` where they are given. `quality` (low, medium, high) overrides all settings
     that have presets. Raises GiError for bad values.
     """
     # Check the arguments before any slow step.
-    values = {"gi": gi, "spp": spp, "bounces": bounces, "seed": seed, "diffuse": diffuse}
+    values: dict[str, Any] = {"gi": gi, "spp": spp, "bounces": bounces, "seed": seed, "diffuse": diffuse}
+    values["transparent"] = transparent
     chosen = settings_of(settings, values, quality)
     names = (show,) if isinstance(show, str) else show
     check_buffers(names, chosen.gi)
@@ -97,8 +105,8 @@ def render(
     warn_of(notes, stacklevel=2)
     # Render.
     with Renderer(lighted, size=size, camera=camera, settings=chosen, adapter=adapter) as renderer:
-        renderer.run(progress, show=tuple(names))
-        pictures = {name: renderer.read_back(name) for name in names}
+        renderer.run(progress, show=with_alpha(names, chosen))
+        pictures = read_pictures(renderer, names, chosen)
     return pictures[show] if isinstance(show, str) else pictures
 
 
@@ -117,3 +125,18 @@ def settings_of(settings: Settings | None, values: dict[str, Any], quality: str 
             setattr(chosen, name, value)
     validate(chosen)
     return chosen
+
+
+def with_alpha(names: Sequence[str], settings: Settings) -> tuple[str, ...]:
+    """Return the buffers to render for `read_pictures`."""
+    extra = ("alpha",) if settings.transparent and "radiance" in names else ()
+    return (*dict.fromkeys((*names, *extra)),)
+
+
+def read_pictures(renderer: Renderer, names: Sequence[str], settings: Settings) -> dict[str, Picture]:
+    """Return buffers by name; radiance is RGBA if the background is transparent."""
+    pictures = {name: renderer.read_back(name) for name in names}
+    if settings.transparent and "radiance" in pictures:
+        color = pictures["radiance"]
+        pictures["radiance"] = Picture(np.dstack([color, renderer.read_back("alpha")]), color.name, color.exposure)
+    return pictures

@@ -201,7 +201,7 @@ BAD_FILES = {
         ("--show beauty", "beauty"),
         ("--set path.nonsense=1", "path.nonsense"),
         ("--adapter nonesuch", "nonesuch"),
-        ("-o out.jpeg", r"\.jpeg"),
+        ("-o out.tiff", r"\.tiff"),
         ("-o missing/out.png", "no folder"),
     ],
 )

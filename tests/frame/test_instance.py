@@ -7,7 +7,7 @@ import pytest
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.options import TECHNIQUES
-from wgpu_gi.pictures.image import display_layer
+from wgpu_gi.pictures.display import display_layer
 from wgpu_gi.rendering import render
 from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES
 from wgpu_gi.scene.scene import Instance, Mesh, PointLight, Scene

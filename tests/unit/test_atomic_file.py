@@ -37,3 +37,31 @@ def test_refusals_are_sentences(tmp_path):
         check_writable(tmp_path / "no" / "a.txt")
     check_writable(tmp_path / "a.txt")
     assert not os.listdir(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
+def test_devices_and_pipes_are_refused_and_stay(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    (tmp_path / "link.png").symlink_to("/dev/null")
+    for path in (tmp_path / "pipe.png", tmp_path / "link.png", "/dev/null"):
+        before = os.stat(path).st_mode
+        with pytest.raises(GiError, match="is a device, pipe or folder; give the name of a file"):
+            check_writable(path)
+        with pytest.raises(GiError, match="is a device, pipe or folder"), atomic_file(path) as temporary:
+            temporary.write_text("x")
+        assert os.stat(path).st_mode == before
+    assert sorted(os.listdir(tmp_path)) == ["link.png", "pipe.png"]
+
+
+def test_a_link_stays_and_its_target_is_replaced(tmp_path):
+    (tmp_path / "folder").mkdir()
+    target, link, dangling = tmp_path / "folder" / "a.txt", tmp_path / "link.txt", tmp_path / "new.txt"
+    target.write_text("before")
+    link.symlink_to(target)
+    dangling.symlink_to(tmp_path / "folder" / "b.txt")
+    for path in (link, dangling):
+        check_writable(path)
+        with atomic_file(path) as temporary:
+            temporary.write_text("after")
+        assert path.is_symlink() and path.read_text() == "after"
+    assert target.read_text() == "after" and sorted(os.listdir(tmp_path / "folder")) == ["a.txt", "b.txt"]

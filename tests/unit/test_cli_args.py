@@ -165,7 +165,7 @@ FLAGS_OF_RENDER += ("--max-memory", "-o", "--show", "--frames", "--shard", "--fp
         ("render --set camera.jitter", "section.name=value"),
         ("render --set camera.shake=1", "no setting 'camera.shake'"),
         ("render --set camera.jitter=maybe", "true or false"),
-        ("render -o out.jpeg", "unknown picture format"),
+        ("render -o out.tiff", "unknown picture format"),
         ("render -o missing/out.png", "there is no folder missing"),
         ("render -o .", "unknown picture format"),
         ("render -o out.png --show radiance --show depth", "holds one buffer"),

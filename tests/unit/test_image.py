@@ -7,17 +7,21 @@ import sys
 
 import numpy as np
 import pytest
+from PIL import Image as Pillow
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.pictures import image
+from wgpu_gi.pictures import writers
 from wgpu_gi.pictures.color import linear_from_srgb, srgb_from_linear
+from wgpu_gi.pictures.display import display_layer, tone_map
+from wgpu_gi.pictures.exr_files import read_exr
 from wgpu_gi.pictures.image import (
+    FORMATS,
     check_output,
-    display_layer,
     load_image,
     save_image,
-    tone_map,
 )
+from wgpu_gi.pictures.picture import Picture
+from wgpu_gi.scene.files.environment_files import load_environment
 
 
 @pytest.fixture
@@ -163,7 +167,7 @@ def test_display_of_buffers():
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("picture.jpeg", "unknown picture format '.jpeg'; use one of .png .exr .npy .npz"),
+        ("picture.tiff", "unknown picture format '.tiff'; use one of .png .exr .npy .npz .jpg .jpeg .webp .hdr"),
         ("picture", "unknown picture format ''"),
         ("missing/picture.png", "there is no folder"),
         ("folder.png", "is a folder"),
@@ -202,7 +206,7 @@ def test_failure_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch, e
         temporary.write_bytes(b"half")
         raise error("no more")
 
-    monkeypatch.setitem(image._WRITERS, ".npy", half_written)
+    monkeypatch.setitem(writers.WRITERS, ".npy", half_written)
     with pytest.raises(GiError if error is OSError else error):
         save_image(path, {"radiance": np.zeros((2, 2, 3))})
     assert os.listdir(tmp_path) == ["p.npy"]
@@ -250,10 +254,98 @@ def test_load_refuses_unknown_layers_and_pickles(tmp_path, layers):
         load_image(tmp_path / "q.npy")
 
 
-@pytest.mark.parametrize("shape", [(2, 2, 4), (4,), (0, 5, 3)])
+@pytest.mark.parametrize("shape", [(2, 2, 5), (4,), (0, 5, 3)])
 def test_layers_of_odd_shape_are_refused(tmp_path, shape):
     with pytest.raises(GiError, match="layer 'radiance'"):
         save_image(tmp_path / "p.npy", {"radiance": np.zeros(shape)})
+
+
+def ramp() -> np.ndarray:
+    """Return a picture (16, 24, 3) of smooth colours."""
+    y, x = np.mgrid[0:16, 0:24]
+    return np.stack([x / 24, y / 16, np.full(x.shape, 0.3)], -1).astype(np.float32) * 0.7
+
+
+@pytest.mark.parametrize(("suffix", "most"), [(".webp", 0), (".jpg", 12), (".jpeg", 12)])
+def test_pictures_of_8_bits_hold_what_png_holds(tmp_path, suffix, most):
+    """WebP is lossless; JPEG loses some steps of 255."""
+    for name in ("p.png", f"p{suffix}"):
+        save_image(tmp_path / name, {"radiance": ramp()}, exposure=0.0)
+    png, other = (srgb_from_linear(load_image(tmp_path / name)) * 255 for name in ("p.png", f"p{suffix}"))
+    assert png.shape == other.shape and np.abs(png - other).max() <= most + 1e-3
+
+
+def test_hdr_keeps_radiance_to_half_a_step(tmp_path):
+    """The largest channel has a mantissa of 127.75 or more before it is rounded: half a step is at most 1/255 of it."""
+    picture = ramp() * np.float32(1e3)
+    picture[0, 0], picture[0, 1], picture[0, 2] = (0, 0, 0), (1e-30, 2e-30, 3e-30), (255.9999, 1, 0)
+    picture[1, 0] = (np.nan, -1.0, 5.0)
+    save_image(tmp_path / "p.hdr", {"radiance": picture})
+    found = load_environment(tmp_path / "p.hdr").image
+    expected = np.maximum(np.nan_to_num(picture), 0)
+    assert found.shape == picture.shape and found[0, 0].tolist() == [0, 0, 0]
+    assert (np.abs(found - expected) <= expected.max(-1, keepdims=True) / 255 + 1e-38).all()
+
+
+def test_grey_layers_fit_into_every_format(tmp_path):
+    for suffix in FORMATS:
+        save_image(tmp_path / f"p{suffix}", {"depth": ramp()[..., 0]})
+        assert (tmp_path / f"p{suffix}").stat().st_size > 0
+
+
+def covered() -> np.ndarray:
+    """Return the ramp as RGBA with colours multiplied by alpha, 0 to 1 from left to right."""
+    alpha = np.broadcast_to(np.linspace(0, 1, 24, dtype=np.float32), (16, 24))[..., None]
+    return np.concatenate([ramp() * alpha, alpha], -1)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".webp"])
+def test_alpha_is_straight_in_8_bits(tmp_path, suffix):
+    """So colours do not depend on alpha, but for pixels that nothing covers."""
+    save_image(tmp_path / f"a{suffix}", {"radiance": covered()}, exposure=0.0)
+    save_image(tmp_path / "b.png", {"radiance": ramp()}, exposure=0.0)
+    with Pillow.open(tmp_path / f"a{suffix}") as a, Pillow.open(tmp_path / "b.png") as b:
+        assert (a.mode, b.mode) == ("RGBA", "RGB")
+        found, expected = np.asarray(a).astype(int), np.asarray(b).astype(int)
+    assert np.array_equal(found[0, :, 3], np.round(np.linspace(0, 255, 24)))
+    assert np.abs(found[:, 1:, :3] - expected[:, 1:]).max() <= 1 and not found[:, 0].any()
+
+
+def test_alpha_is_associated_in_float_files(tmp_path):
+    save_image(tmp_path / "a.exr", {"radiance": covered(), "depth": ramp()[..., 0]})
+    save_image(tmp_path / "a.npy", {"radiance": covered()})
+    _, channels = read_exr(tmp_path / "a.exr", lambda *_: None)
+    found = np.stack([channels[letter] for letter in "RGBA"], -1)
+    assert np.array_equal(found, covered()) and np.array_equal(np.load(tmp_path / "a.npy"), covered())
+    assert np.array_equal(load_image(tmp_path / "a.exr"), covered()[..., :3])
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".hdr"])
+def test_formats_without_alpha_are_refused(tmp_path, suffix):
+    with pytest.raises(GiError, match=r"holds no transparency; use \.png"):
+        save_image(tmp_path / f"a{suffix}", {"radiance": covered()})
+    with pytest.raises(GiError, match="holds no transparency"):
+        check_output(tmp_path / f"a{suffix}", ["radiance"], transparent=True)
+    check_output(tmp_path / f"a{suffix}", ["depth"], transparent=True)
+
+
+def test_a_picture_is_an_array_that_saves_itself(tmp_path):
+    picture = Picture(ramp(), "radiance", 1.0)
+    assert isinstance(picture, np.ndarray) and type(picture.mean()) is np.float32
+    picture.save(tmp_path / "a.png")
+    picture.save(tmp_path / "b.png", exposure=0.0)
+    (picture * 2).save(tmp_path / "c.png", exposure=0.0)
+    picture[..., 0].save(tmp_path / "d.npy")
+    save_image(tmp_path / "e.png", picture, exposure=1.0)
+    a, b, c, e = (load_image(tmp_path / f"{name}.png") for name in "abce")
+    assert np.array_equal(a, c) and np.array_equal(a, e) and a.mean() > b.mean()
+
+
+def test_bytes_for_a_screen_stay_unchanged(tmp_path):
+    pixels = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3)
+    Picture(pixels, "display").save(tmp_path / "a.png")
+    with Pillow.open(tmp_path / "a.png") as image:
+        assert np.array_equal(np.asarray(image), pixels)
 
 
 def test_import_is_cheap():

@@ -27,6 +27,7 @@ LAYERS = [
     ("upload",),
     ("scene", "gpu"),
     ("settings", "camera", "pictures"),
+    ("records",),
     ("errors", "float_limits", "resources", "version", "webgpu_limits"),
 ]
 LEVEL = {unit: len(LAYERS) - number for number, units in enumerate(LAYERS) for unit in units}

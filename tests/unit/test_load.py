@@ -11,7 +11,7 @@ from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES
 from wgpu_gi.scene.files.light_texts import light_texts, parse_light, relight
 from wgpu_gi.scene.gltf.write import save_glb
 from wgpu_gi.scene.load import load
-from wgpu_gi.scene.scene import DirectionalLight, Environment, PointLight, Scene
+from wgpu_gi.scene.scene import DirectionalLight, Environment, PointLight, Scene, SpotLight
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -132,6 +132,16 @@ def test_parse_light():
     np.testing.assert_allclose(np.multiply(point.color, point.intensity), [40, 40, 40])
 
 
+def test_parse_spots():
+    spot = parse_light("spot 1,2,3 0,-2,0 10,20,30 30,15")
+    assert isinstance(spot, SpotLight) and (list(spot.position), list(spot.direction)) == ([1, 2, 3], [0, -2, 0])
+    assert (spot.intensity, spot.color) == (1.0, (10, 20, 30))
+    assert np.degrees([spot.outer_cone_angle, spot.inner_cone_angle]) == pytest.approx([30, 15])
+    spot = parse_light("spot 0,1,0 0,-1,0 5")
+    assert (spot.color, spot.outer_cone_angle, spot.inner_cone_angle) == ((5, 5, 5), pytest.approx(np.pi / 4), 0)
+    assert parse_light("spot 0,1,0 0,-1,0 5 20").outer_cone_angle == pytest.approx(np.radians(20))
+
+
 def relit() -> Scene:
     lights = [
         PointLight((0, 1, 0), 2.0, (1.0, 0.5, 0.0), name="lamp"),
@@ -209,6 +219,12 @@ def test_no_environment_to_change():
         ("sun 0,nan,0 1,1,1", "finite"),
         ("sun 0,-1,0 1,inf,1", "finite"),
         ("sun 0,-1,0 1,-1,1", "negative"),
+        ("spot 0,1,0 0,-1,0", "not understood"),
+        ("spot 0,1,0 0,0,0 1", "points nowhere"),
+        ("spot 0,1,0 0,-1,0 1 0", "OUTER,INNER with 0 <= INNER <= OUTER <= 90"),
+        ("spot 0,1,0 0,-1,0 1 20,30", "OUTER,INNER"),
+        ("spot 0,1,0 0,-1,0 1 91", "OUTER,INNER"),
+        ("spot 0,1,0 0,-1,0 1 20,10,5", "OUTER,INNER"),
     ],
 )
 def test_bad_lights(text, sentence):

@@ -126,7 +126,8 @@ def _add_light_arguments(group: argparse._ArgumentGroup) -> None:
         action="append",
         default=[],
         metavar="LIGHT",
-        help='add "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b", repeatable',
+        help='add "sun dx,dy,dz r,g,b", "point x,y,z r,g,b" or "spot x,y,z dx,dy,dz r,g,b OUTER,INNER" (angles from its'
+        " axis in degrees, default 45,0), repeatable",
     )
     add(
         "--relight",
@@ -166,8 +167,9 @@ def _add_render_arguments(parser: Parser) -> None:
         "--output",
         default="out.png",
         metavar="OUT",
-        help=".png .exr .npy .npz, with --frames .mp4; default out.png",
+        help=".png .jpg .webp .exr .hdr .npy .npz, with --frames .mp4; default out.png",
     )
+    add("--transparent", action="store_true", help="leave the environment out of the background; the file gets alpha")
     add(
         "--show",
         action="append",

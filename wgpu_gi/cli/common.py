@@ -14,6 +14,7 @@ from ..camera import Camera
 from ..errors import GiError, known_names
 from ..options import TECHNIQUES, Settings, uses
 from ..pictures.exposure import automatic_exposure, is_exposed
+from ..pictures.image import DISPLAYED_FORMATS
 from ..renderer import Renderer
 from ..scene.files.camera_files import choose_camera
 from ..scene.files.environment_files import load_environment
@@ -26,7 +27,6 @@ from ..settings import apply_quality, assign, cells_of, describe, format_rows, v
 from ..version import __version__
 from .messages import Messages
 
-DISPLAYED_FORMATS = (".png", ".mp4")  # 8 bits, with exposure and tone curve
 FLAGS = {"spp": "--spp", "seed": "--seed", "path.visible_only": "--visible-only"}  # settings with a flag of their own
 REASONS = {
     "spp": "averages frames, set by camera.frames",
@@ -77,6 +77,7 @@ def settings_from(arguments: Namespace, first: Sequence[str] = ()) -> Settings:
         seed=arguments.seed,
         exposure=arguments.exposure,
         diffuse=arguments.diffuse,
+        transparent=getattr(arguments, "transparent", False),
     )
     settings.path.visible_only = arguments.visible_only
     validate(settings)
@@ -176,7 +177,7 @@ def checked_buffers(names: Sequence[str], gi: str) -> list[str]:
 
 def exposure_for(output: str, settings: Settings, name: str, layer: ArrayLike) -> float | None:
     """Return the exposure of a buffer in a file, None for linear files and for buffers that hold no light."""
-    if Path(output).suffix.lower() not in DISPLAYED_FORMATS or not is_exposed(name):
+    if Path(output).suffix.lower() not in (*DISPLAYED_FORMATS, ".mp4") or not is_exposed(name):
         return None
     return automatic_exposure(layer) if settings.exposure is None else settings.exposure
 
@@ -193,6 +194,7 @@ def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> 
         "spp": settings.spp,
         "seed": settings.seed,
         "diffuse": settings.diffuse,
+        "transparent": settings.transparent,
         "environment": arguments.env or "",
         "lights": "; ".join(arguments.light),
         "relight": "; ".join(arguments.relight),

@@ -22,7 +22,7 @@ Pictures = dict[str, NDArray]
 class FrameFiles:
     """The files of a sequence: a picture for each frame, its layers beside it, and one .json for all frames."""
 
-    def __init__(self, output: str, shown: Sequence[str], layers: Sequence[str]) -> None:
+    def __init__(self, output: str, shown: Sequence[str], layers: Sequence[str], transparent: bool = False) -> None:
         """Make the folder. Raises GiError for invalid file names."""
         self.output, self.shown, self.layers = output, list(shown), list(layers)
         self._job = Path(_NUMBER.sub("job", output)).with_suffix(".json")
@@ -34,7 +34,7 @@ class FrameFiles:
             Path(output).parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise GiError(f"-o {output}: its folder cannot be made ({error.strerror or error})") from None
-        check_output(self._name(0), shown)
+        check_output(self._name(0), shown, transparent)
 
     def _name(self, frame: int) -> Path:
         return Path(_NUMBER.sub(lambda match: format(frame, f"{match[1] or ''}d"), self.output))

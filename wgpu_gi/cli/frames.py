@@ -17,6 +17,7 @@ from ..options import Settings
 from ..pictures.exposure import exposure_text
 from ..pictures.video import check_video, is_video, video_file
 from ..renderer import Renderer
+from ..rendering import read_pictures, with_alpha
 from ..scene.files.camera_paths import CameraAt, load_camera_path, turntable
 from .common import checked_buffers, exposure_for, metadata_of, renderer_from
 from .frame_files import FrameFiles, Pictures
@@ -44,8 +45,8 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
     """Render the missing frames; return the exit code. Raises GiError for an error that the user can fix."""
     # Check the arguments before any slow step.
     layers = checked_buffers(arguments.layers.split(","), settings.gi) if arguments.layers else []
-    _check(arguments, shown)
-    files = None if is_video(arguments.output) else FrameFiles(arguments.output, shown, layers)
+    _check(arguments, shown, settings)
+    files = None if is_video(arguments.output) else FrameFiles(arguments.output, shown, layers, settings.transparent)
     path = None if arguments.camera_path is None else load_camera_path(arguments.camera_path)
 
     # Load the scene and list what to render.
@@ -54,7 +55,7 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
         frames=arguments.frames,
         shard=arguments.shard or (1, 1),
         camera_at=path or _without_path(arguments, renderer, say),
-        show=tuple(dict.fromkeys((*shown, *layers))),
+        show=with_alpha((*shown, *layers), settings),
         exists=(lambda frame: False) if files is None else files.exist,
         check=arguments.check,
         timings=arguments.timings,
@@ -98,7 +99,7 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
     return 0
 
 
-def _check(arguments: Namespace, shown: Sequence[str]) -> None:
+def _check(arguments: Namespace, shown: Sequence[str], settings: Settings) -> None:
     """Raise GiError for flags that do not go together."""
     if arguments.camera_path is not None and (arguments.turntable or arguments.camera is not None):
         raise GiError("--camera-path gives the camera of every frame; leave out --turntable and --camera")
@@ -108,6 +109,8 @@ def _check(arguments: Namespace, shown: Sequence[str]) -> None:
         raise GiError(
             f"-o {arguments.output}: a video has one buffer, without --shard or --layers; write frames instead"
         )
+    if settings.transparent:
+        raise GiError(f"-o {arguments.output}: a video holds no transparency; write frames, as .png or .exr")
     check_video(arguments.output, arguments.size, arguments.fps)
 
 
@@ -209,7 +212,7 @@ def _pictures(renderer: Renderer, sequence: Job, report: Report) -> Pictures:
         renderer.step(**options)
         pictures["motion"] = renderer.read_back("motion")
     renderer.run(report, **options)
-    return {**{name: renderer.read_back(name) for name in show}, **pictures}
+    return {**read_pictures(renderer, show, renderer.settings), **pictures}
 
 
 def _part_of(report: Report, done: int, total: int) -> Report:

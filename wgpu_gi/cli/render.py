@@ -10,6 +10,7 @@ from ..errors import GiError
 from ..options import check_size, picture_count
 from ..pictures.exposure import exposure_text
 from ..pictures.image import check_output, save_image
+from ..rendering import read_pictures, with_alpha
 from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, settings_from
 from .messages import Messages
 
@@ -31,14 +32,15 @@ def render(arguments: Namespace) -> int:
 
         return render_frames(arguments, settings, shown, say)
     check_single(arguments)
-    check_output(arguments.output, shown)
+    check_output(arguments.output, shown, settings.transparent)
 
     # Render.
     renderer = renderer_from(arguments, settings, say)
     start = time.perf_counter()
     with say.progress("rendering") as report:
-        renderer.run(progress=report, show=tuple(shown), check=arguments.check, timings=arguments.timings)
-    layers = {name: renderer.read_back(name) for name in shown}
+        show = with_alpha(shown, settings)
+        renderer.run(progress=report, show=show, check=arguments.check, timings=arguments.timings)
+    layers = read_pictures(renderer, shown, settings)
     seconds = time.perf_counter() - start
 
     # Write the file.

@@ -1,4 +1,7 @@
-"""Atomic files: a file appears complete or not at all, even if the writing is interrupted."""
+"""Atomic files: a file appears complete or not at all, even if the writing is interrupted.
+
+A symbolic link stays; the file that it leads to is replaced. Devices and pipes are refused, never replaced.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,7 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
     temporary = _temporary_name(final)
     try:
         with _errors_for(path):
+            _refuse_special(path)
             yield temporary
             os.replace(temporary, final)
     finally:
@@ -38,12 +42,19 @@ def check_writable(path: str | Path) -> None:
     with _errors_for(path):
         if path.is_dir():
             raise GiError(f"{path} is a folder; give a file name")
+        _refuse_special(path)
         # Try it: names may be too long, file systems full or read-only.
         temporary = _temporary_name(Path(os.path.realpath(path)))
         try:
             temporary.touch(exist_ok=False)
         finally:
             temporary.unlink(missing_ok=True)
+
+
+def _refuse_special(path: str | Path) -> None:
+    """Raise GiError for a device, a pipe or a socket, which a rename would replace by a file."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise GiError(f"{path} is a device, pipe or folder; give the name of a file")
 
 
 def _temporary_name(final: Path) -> Path:

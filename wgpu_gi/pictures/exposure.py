@@ -19,13 +19,13 @@ KEY = 0.18
 DARKEST = 1 / 255 / 12.92 / KEY
 STEP = 0.1  # EV: invisible, and easy to type
 LARGEST = 60.0  # EV: the range of the setting `exposure`
-NOT_EXPOSED = ("albedo", "normal", "depth", "position", "instance")  # buffers that hold no light
+NOT_EXPOSED = ("alpha", "albedo", "normal", "depth", "position", "instance")  # buffers that hold no light
 
 
 def automatic_exposure(picture: ArrayLike) -> float:
-    """Return the exposure in EV, a multiple of 0.1, for linear radiance (h, w, 3) or (h, w); 0 without any light."""
+    """Return the exposure in EV, a multiple of 0.1, of linear radiance (h, w), (h, w, 3) or RGBA; 0 without light."""
     values = np.asarray(picture, np.float64)
-    luminance = values @ REC709_LUMINANCE if values.ndim == 3 else values
+    luminance = values[..., :3] @ REC709_LUMINANCE if values.ndim == 3 else values
     luminance = luminance[np.isfinite(luminance) & (luminance > 0.0)]
     if not luminance.size:
         return 0.0

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .image import png_bytes
+from .display import png_bytes
+from .image import save_image
 
 
 class Picture(np.ndarray):
-    """A buffer `name` as an array, displayed with 2^`exposure`; arrays computed from it inherit both.
+    """A buffer `name` as a numpy array, displayed with 2^`exposure`; arrays computed from it inherit both.
 
     None exposes each array automatically by its own values. A number makes several arrays comparable.
     """
@@ -35,7 +37,15 @@ class Picture(np.ndarray):
             return array[()]
         return super().__array_wrap__(array, context, return_scalar)
 
+    def save(self, path: str | Path, *, exposure: float | None = None) -> None:
+        """Write the picture as `save_image` does, in the format of the extension; `exposure` None: its own.
+
+        Raises GiError if it cannot be written.
+        """
+        save_image(path, {self.name: self}, exposure=self.exposure if exposure is None else exposure)
+
     def _repr_png_(self) -> bytes | None:
         """Return the array as a PNG; None if it does not have the shape of a picture."""
-        is_picture = (self.ndim == 3 and self.shape[2] == 3) or (self.ndim == 2 and self.name in ("depth", "instance"))
+        grey = ("depth", "instance", "alpha")
+        is_picture = (self.ndim == 3 and self.shape[2] in (3, 4)) or (self.ndim == 2 and self.name in grey)
         return png_bytes(self.name, self, self.exposure) if is_picture and self.size else None

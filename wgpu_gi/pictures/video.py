@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import GiError
 from .atomic_file import atomic_file, check_writable
-from .image import display_layer
+from .display import display_layer
 
 QUALITY = "18"  # constant rate factor of x264: ffmpeg's guide calls 17 or 18 visually lossless
 

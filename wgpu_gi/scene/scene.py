@@ -16,16 +16,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..camera import Camera
-from ..errors import GiError, KnownAttributes
+from ..errors import GiError
 from ..pictures.tables import html_table
+from ..records import KnownAttributes
 from .arrays import mesh_arrays
 from .rules import shown
 
 MATTE = (0.8, 0.8, 0.8, 1.0)  # base colour of arrays without colours: light in a closed room dies out
+MOST_NAMES = 5  # of cameras, in a summary
 Wrap = Literal["repeat", "clamp", "mirror"]
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class Image(KnownAttributes):
     """8-bit pixels, (height, width, 4) uint8 RGBA, row 0 on top. Treated as immutable once in use."""
 
@@ -33,7 +35,7 @@ class Image(KnownAttributes):
     name: str = ""
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class Texture(KnownAttributes):
     """An image, its sampler and its transform on the surface (glTF texture, sampler, KHR_texture_transform)."""
 
@@ -47,7 +49,7 @@ class Texture(KnownAttributes):
     rotation: float = 0.0  # radians, counter-clockwise, as KHR_texture_transform
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class Material(KnownAttributes):
     """glTF metallic-roughness material. Colours are linear; factors multiply their textures.
 
@@ -72,7 +74,7 @@ class Material(KnownAttributes):
     emission_texture: Texture | None = None  # sRGB colour
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class Mesh(KnownAttributes):
     """An indexed triangle mesh in its local space; its arrays are treated as immutable once in use.
 
@@ -93,7 +95,7 @@ class Mesh(KnownAttributes):
     name: str = ""
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class Instance(KnownAttributes):
     """A mesh placed in the world by an affine (4, 4) float64 matrix, which may mirror it."""
 
@@ -102,7 +104,7 @@ class Instance(KnownAttributes):
     name: str = ""
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class PointLight(KnownAttributes):
     """KHR_lights_punctual point: `intensity` in candela (W/sr), times `color`. E = I cos / d2.
 
@@ -116,7 +118,7 @@ class PointLight(KnownAttributes):
     name: str = ""
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class SpotLight(KnownAttributes):
     """KHR_lights_punctual spot: a point light times saturate((cos - cos_outer)/(cos_inner - cos_outer))^2."""
 
@@ -130,7 +132,7 @@ class SpotLight(KnownAttributes):
     name: str = ""
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class DirectionalLight(KnownAttributes):
     """KHR_lights_punctual directional: `intensity` in lux (W/m2 on a plane facing the light), times `color`."""
 
@@ -148,7 +150,7 @@ def values_of(part: Light | Texture) -> dict[str, Any]:
     return {field.name: getattr(part, field.name) for field in fields(part)}
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class Environment(KnownAttributes):
     """Light from infinitely far away: radiance `color`, times an equirectangular `image` if there is one.
 
@@ -167,7 +169,7 @@ class Environment(KnownAttributes):
             raise GiError(f"an Environment takes a colour and an array; {hint}")
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class Scene(KnownAttributes):
     """Everything that a frame shows. `notes` are sentences on what loading changed, assumed or left out."""
 
@@ -231,30 +233,53 @@ class Scene(KnownAttributes):
 
     def bounds(self) -> NDArray[np.float64]:
         """Return the world-space box of all instances, (2, 3): lower and upper corner; zeros if there is none."""
+        boxes: dict[int, NDArray[np.float64]] = {}  # the corners of each mesh
         corners = []
         for instance in self.instances:
-            if len(instance.mesh.positions) == 0:
+            mesh = instance.mesh
+            if len(mesh.positions) == 0:
                 continue
-            low, high = instance.mesh.positions.min(0), instance.mesh.positions.max(0)
-            box = np.array([[(low, high)[(k >> a) & 1][a] for a in range(3)] for k in range(8)], np.float64)
+            if id(mesh) not in boxes:
+                ends = mesh.positions.min(0), mesh.positions.max(0)
+                boxes[id(mesh)] = np.array([[ends[(k >> a) & 1][a] for a in range(3)] for k in range(8)], np.float64)
             matrix = np.asarray(instance.world_from_local, np.float64)
-            corners.append(box @ matrix[:3, :3].T + matrix[:3, 3])
+            corners.append(boxes[id(mesh)] @ matrix[:3, :3].T + matrix[:3, 3])
         if not corners:
             return np.zeros((2, 3))
         points = np.concatenate(corners)
         return np.stack([points.min(0), points.max(0)])
 
+    def __repr__(self) -> str:
+        try:
+            counts = f"{len(self.instances)} instances of {len(self.meshes)} meshes, {self.triangle_count} triangles"
+            rest = f"{len(self.lights)} lights, {len(self.cameras)} cameras"
+        except (AttributeError, TypeError):  # a list holds something else
+            return super(Scene, self).__repr__()
+        return f"<Scene {self.name!r}: {counts}, {rest}, {'an' if self.environment else 'no'} environment>"
+
+    def __str__(self) -> str:
+        """Return a summary, a line for each kind of part."""
+        rows = [("scene", self.name or "unnamed"), *self._summary().items(), *(("note", note) for note in self.notes)]
+        return "\n".join(f"{name:<22}{text}" for name, text in rows)
+
     def _repr_html_(self) -> str:
         """Return a summary as an HTML table, for notebooks."""
+        return html_table(("scene", self.name), [*self._summary().items(), *(("note", note) for note in self.notes)])
+
+    def _summary(self) -> dict[str, str]:
+        """Return the number of parts of each kind, and the extent, in words."""
         low, high = self.bounds()
         lights = Counter(type(light).__name__ for light in self.lights)
-        counts = {
+        cameras = [camera.name or "unnamed" for camera in self.cameras]
+        more = f" and {len(cameras) - MOST_NAMES} more" if len(cameras) > MOST_NAMES else ""
+        return {
             "instances, of meshes": f"{len(self.instances)}, of {len(self.meshes)}",
             "triangles": f"{self.triangle_count:,}",
             "size in metres": " x ".join(f"{length:.4g}" for length in high - low),
+            "centre": ", ".join(f"{value:.4g}" for value in (low + high) / 2),
             "materials": str(len(self.materials)),
             "lights": ", ".join(f"{count} {name}" for name, count in lights.items()) or "none",
+            "emissive materials": str(sum(max(material.emission) > 0 for material in self.materials)),
             "environment": "none" if self.environment is None else self.environment.name or "yes",
-            "cameras": ", ".join(camera.name or "unnamed" for camera in self.cameras) or "none",
+            "cameras": ", ".join(cameras[:MOST_NAMES]) + more or "none",
         }
-        return html_table(("scene", self.name), [*counts.items(), *(("note", note) for note in self.notes)])

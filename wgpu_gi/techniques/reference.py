@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from ..errors import KnownAttributes
 from ..gpu.formats import FOUR_FLOATS
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
 from ..gpu.passes import Pass
+from ..records import KnownAttributes
 from ..settings import setting
 from .shared.sampling import CameraSettings
 from .shared.scene_inputs import SceneInputs, share_scene
@@ -22,7 +22,7 @@ from .shared.technique import Kept, Light, Shot, Technique
 UNLIMITED = 0x7FFFFFFF
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class PathSettings(KnownAttributes):
     """How the path tracer divides its work, and which light it counts."""
 
@@ -49,6 +49,7 @@ class PathOptions(Protocol):
     spp: int
     bounces: int | None
     seed: int
+    transparent: bool
     camera: CameraSettings
     path: PathSettings
 
@@ -73,7 +74,9 @@ class LongPaths:
 
 def path_inputs(shot: Shot, settings: PathOptions) -> PathInputs:
     """Set the uniforms `scene` and `view`; return the inputs of the passes."""
-    shot.graph.uniform("view", shot.upload.view(shot.camera, shot.size, settings.camera.jitter))
+    shot.graph.uniform(
+        "view", shot.upload.view(shot.camera, shot.size, settings.camera.jitter, transparent=settings.transparent)
+    )
     return PathInputs(**vars(share_scene(shot.graph, shot.upload)), runs=_runs(settings, shot.kept))
 
 

@@ -200,12 +200,18 @@ class SceneUpload:
         self.resources.release()
 
     def view(
-        self, camera: Camera, size: tuple[int, int], jitter: bool, offset: tuple[float, float] = (0.5, 0.5)
+        self,
+        camera: Camera,
+        size: tuple[int, int],
+        jitter: bool,
+        offset: tuple[float, float] = (0.5, 0.5),
+        transparent: bool = False,
     ) -> NDArray[np.void]:
         """Return the View uniform of a camera for a picture of `size` (width, height).
 
-        With `jitter` each ray goes through a random point of its pixel, otherwise all go through `offset`. The camera
-        must be one that `check_camera` accepts, or a technique's own.
+        With `jitter` each ray goes through a random point of its pixel, otherwise all go through `offset`.
+        `transparent`: the camera does not see the environment, which lights the scene all the same. The camera must be
+        one that `check_camera` accepts, or a technique's own.
         """
         view = np.zeros((), self._view_dtype)
         # The camera's position and axes; `right` and `up` reach from the middle to the edges of the picture.
@@ -219,6 +225,7 @@ class SceneUpload:
         view["forward"] = -matrix[:3, 2]
         view["orthographic"] = camera.orthographic_height is not None
         view["jitter"], view["size"], view["offset"] = jitter, size, offset
+        view["background"] = 0.0 if transparent else 1.0
         # The projection; the far plane, which only orthographic cameras have, lies behind the scene.
         radius = max(self._hierarchy.radius, 1e-30)
         far = max(float((self._hierarchy.centre - view["position"]) @ view["forward"]) + radius, radius)

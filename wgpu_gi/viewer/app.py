@@ -10,7 +10,7 @@ import glfw
 import wgpu
 
 from ..errors import GiError
-from ..pictures.image import display_layer
+from ..pictures.display import display_layer
 from . import navigation
 from .camera_controller import CameraController
 from .comparison import Comparison

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..errors import GiError, warn_of
 from ..options import Settings
-from ..pictures.image import display_layer, png_bytes
+from ..pictures.display import display_layer, png_bytes
 from ..pictures.tables import html_table
 from ..renderer import Renderer
 from ..rendering import settings_of

@@ -6,9 +6,9 @@ struct View {
     right: vec3f,      // from the picture's centre to its right edge, at unit distance (metres if orthographic)
     jitter: u32,       // 1: rays go through a random point of their pixel, 0: through its centre
     up: vec3f,         // from the picture's centre to its top edge, as `right`
-    pad0: u32,
+    background: f32,   // factor on the environment where the camera sees it: 1, or 0 for a transparent background
     forward: vec3f,    // unit
-    pad1: u32,
+    pad0: u32,
     size: vec2u,       // pixels
     offset: vec2f,     // point of each pixel that unjittered rays go through, pixels from its top left corner
     clip_from_world: mat4x4f,  // reversed depth: near / view depth, or 1 .. 0 to the far end if orthographic

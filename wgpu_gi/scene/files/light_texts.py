@@ -7,31 +7,47 @@ from collections.abc import Iterable
 
 from ...errors import GiError
 from ...float_limits import LARGEST_LIGHT, MAX_COORDINATE
-from ..scene import DirectionalLight, Light, PointLight, Scene
+from ..scene import DirectionalLight, Light, PointLight, Scene, SpotLight
 
+KINDS = {"sun": (2,), "point": (2,), "spot": (3, 4)}  # how many words follow
+FORMS = '"sun dx,dy,dz r,g,b", "point x,y,z r,g,b" or "spot x,y,z dx,dy,dz r,g,b OUTER,INNER"'
 ENVIRONMENT = "env"  # names the environment among the lights
 
 
 def parse_light(text: str) -> Light:
-    """Return the light that "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b" describes.
+    """Return the light that a text of one of these forms describes, `KINDS`.
 
-    A sun has the direction in which its light travels, and r,g,b in lux (W/m2 on a plane facing it); a point has its
-    position in metres, and r,g,b in candela (W/sr). One number instead of three means white. Raises GiError for text
-    that is malformed, not finite or negative, and for a sun without direction.
+    "sun dx,dy,dz r,g,b": the direction in which its light travels; r,g,b in lux (W/m2 on a plane facing it). "point
+    x,y,z r,g,b": position in metres; r,g,b in candela (W/sr). "spot x,y,z dx,dy,dz r,g,b OUTER,INNER": position,
+    direction, candela on the axis, and the angles from the axis in degrees at which the light ends and begins to fade;
+    INNER is 0 and OUTER 45 by default, as in glTF. One number instead of r,g,b means white. Raises GiError for text
+    that is malformed, not finite or negative, and for a sun or spot without direction.
     """
-    words = text.split()
-    if len(words) != 3 or words[0] not in ("sun", "point"):
-        raise GiError(f'light {_short(text)} is not understood; write "sun dx,dy,dz r,g,b" or "point x,y,z r,g,b"')
-    where = _numbers(text, words[1])
-    place = "direction" if words[0] == "sun" else "position"
-    if len(where) != 3:
-        raise GiError(f"light {_short(text)} needs three numbers for its {place} and three for its colour")
+    kind, *words = text.split() or [""]
+    if kind not in KINDS or len(words) not in KINDS[kind]:
+        raise GiError(f"light {_short(text)} is not understood; write {FORMS}")
+    if kind == "sun":
+        return DirectionalLight(_place(text, words[0], "direction"), 1.0, _color(text, words[1]), name="sun")
+    position = _place(text, words[0], "position")
+    if max(map(abs, position)) > MAX_COORDINATE:
+        raise GiError(f"light {_short(text)}: its position must lie within {MAX_COORDINATE:g} m")
+    if kind == "point":
+        return PointLight(position, 1.0, _color(text, words[1]), name="point")
+    angles = _numbers(text, words[3]) if len(words) == 4 else [45.0]
+    outer, inner = [*angles, 0.0][:2]
+    if len(angles) > 2 or not 0.0 <= inner <= outer <= 90.0 or outer == 0.0:
+        raise GiError(f"light {_short(text)}: the angles of a spot must be OUTER,INNER with 0 <= INNER <= OUTER <= 90")
+    direction = _place(text, words[1], "direction")
     color = _color(text, words[2])
-    if words[0] == "point":
-        if max(map(abs, where)) > MAX_COORDINATE:
-            raise GiError(f"light {_short(text)}: its position must lie within {MAX_COORDINATE:g} m")
-        return PointLight(where, 1.0, color, name="point")
-    return DirectionalLight(_direction(text, where), 1.0, color, name="sun")
+    return SpotLight(position, direction, math.radians(inner), math.radians(outer), 1.0, color, name="spot")
+
+
+def _place(text: str, word: str, what: str) -> list[float]:
+    """Parse three numbers, a position, or a direction that is not zero."""
+    numbers = _numbers(text, word)
+    if len(numbers) != 3:
+        raise GiError(f"light {_short(text)} needs three numbers for its {what} and three for its colour")
+    return _direction(text, numbers) if what == "direction" else numbers
 
 
 def relight(scene: Scene, text: str) -> None:

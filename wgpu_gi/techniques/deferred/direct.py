@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import KnownAttributes
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
 from ...gpu.wgsl.load import load
+from ...records import KnownAttributes
 from ...scene.scene import Scene
 from ...settings import setting
 from ...upload.light_values import emitted_radiance
@@ -33,7 +33,7 @@ EDGE_LIGHTS = 64
 TILED_FROM = 8  # number of bounded lights from which lists save time: tools/README.md, "Constants"
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class DirectSettings(KnownAttributes):
     """Direct light."""
 

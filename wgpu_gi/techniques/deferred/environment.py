@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Handle, Shared
 from ...gpu.wgsl.load import load
+from ...records import KnownAttributes
 from ...settings import setting
 from ..shared.scene_inputs import SceneInputs
 
@@ -20,7 +20,7 @@ from ..shared.scene_inputs import SceneInputs
 TABLE_SIZE = (64, 64)
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class EnvironmentSettings(KnownAttributes):
     """Lighting by the environment."""
 

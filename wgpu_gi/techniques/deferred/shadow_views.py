@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import KnownAttributes
 from ...gpu.wgsl.load import load
 from ...pictures.color import REC709_LUMINANCE
+from ...records import KnownAttributes
 from ...settings import setting
 from ...upload.direct_lights import DIRECT_AREA, DIRECT_POINT, DIRECT_SPOT, DIRECT_SUN
 from ...webgpu_limits import MAX_TEXTURE_SIDE
@@ -42,7 +42,7 @@ OWN_FACES = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (
 OWN_UPS = np.array([(0, 1, 0), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 1, 0)], float)
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class ShadowSettings(KnownAttributes):
     """Resolution of shadow maps; sides are rounded down to powers of two."""
 

@@ -30,6 +30,7 @@ class DeferredOptions(Protocol):
     """The settings that every deferred technique reads."""
 
     seed: int
+    transparent: bool
     camera: CameraSettings
     direct: DirectSettings
     shadow: ShadowSettings
@@ -113,7 +114,8 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
         upload, shot.scene, lambda: upload.view(shot.camera, shot.size, False), settings.direct, settings.shadow
     )
     jittered = shot.frames if settings.camera.jitter else 1
-    view = upload.view(shot.camera, shot.size, False, pixel_offset(max(shot.frame, 0), jittered))
+    offset = pixel_offset(max(shot.frame, 0), jittered)
+    view = upload.view(shot.camera, shot.size, False, offset, settings.transparent)
     state.note_motion(upload, shot.scene, graph, view)
     sequence = np.zeros((), SEQUENCE)
     sequence["index"], sequence["ahead"] = max(shot.frame, 0), max(-shot.frame, 0)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
+from ...records import KnownAttributes
 from ...settings import setting
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import Gbuffer
@@ -39,7 +39,7 @@ def declare_temporal(
     return Accumulated(replace(gathered, irradiance=found.averaged), found.rejected)
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class DenoiseSettings(KnownAttributes):
     """The blur of gathered light."""
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import DTypeLike
 
-from ...errors import KnownAttributes
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
+from ...records import KnownAttributes
 from ...settings import setting
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
@@ -31,7 +31,7 @@ _GROUP = tuple(int(load("many_light/gather/pixels.wgsl").constants[name]) for na
 _PIXELS = int(load("many_light/gather/pixels.wgsl").constants["PIXELS"])
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class GatherSettings(KnownAttributes):
     """Gathering of light from VPLs."""
 

@@ -17,11 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import GiError, KnownAttributes
+from ...errors import GiError
 from ...gpu.formats import FOUR_FLOATS, FOUR_WORDS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
+from ...records import KnownAttributes
 from ...settings import setting
 from ...webgpu_limits import MAX_TEXTURE_SIDE
 from ..shared.scene_inputs import SceneInputs
@@ -36,7 +37,7 @@ REFINE_GROUP = int(load("many_light/ism/silhouette_cells.wgsl").constants["REFIN
 DEFAULT_POINTS = {"splat": 0, "pull-push": 1024}
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class IsmSettings(KnownAttributes):
     """Imperfect shadow maps of virtual point lights."""
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
+from ...records import KnownAttributes
 from ...settings import setting
 from .inputs import ManyLightInputs
 
@@ -24,7 +24,7 @@ def candidate_words(scene: ManyLightInputs) -> int:
     return 4 if scene.features["HAS_METALS"] else 2
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class RsmSettings(KnownAttributes):
     """Reflective shadow maps."""
 

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
+from ...records import KnownAttributes
 from ...settings import setting
 from ..shared.gbuffer import Gbuffer
 from .inputs import ManyLightInputs
@@ -32,7 +32,7 @@ TABLE_WIDTH = int(load("many_light/vpl/table.wgsl").constants["VPL_TABLE_WIDTH"]
 BLOCK = int(load("many_light/vpl/candidates.wgsl").constants["BLOCK"])
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class VplSettings(KnownAttributes):
     """Virtual point lights."""
 

@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 from functools import cache
 
-from ...errors import KnownAttributes
+from ...records import KnownAttributes
 from ...settings import setting
 from ...upload.surface_samples import GOLDEN, R2
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class CameraSettings(KnownAttributes):
     """Pixel sampling."""
 

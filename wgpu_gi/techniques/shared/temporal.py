@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...errors import KnownAttributes
 from ...gpu.formats import FOUR_FLOATS, FOUR_WORDS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
+from ...records import KnownAttributes
 from ...settings import setting
 from .gbuffer import Gbuffer
 from .scene_inputs import SceneInputs
@@ -19,7 +19,7 @@ from .scene_inputs import SceneInputs
 SHADER = "shared/temporal/reproject.wgsl"
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class TemporalSettings(KnownAttributes):
     """Temporal accumulation of indirect light."""
 

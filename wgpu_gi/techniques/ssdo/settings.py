@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...errors import KnownAttributes
+from ...records import KnownAttributes
 from ...settings import setting
 
 MAX_LAYERS = MAX_CAMERAS = 4
@@ -12,7 +12,7 @@ MAX_LAYERS = MAX_CAMERAS = 4
 PLACEMENTS = {"wide": ("wide", "above", "behind", "left"), "aside": ("left", "right", "above", "behind")}
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class SsdoSettings(KnownAttributes):
     """The search for light in screen space."""
 

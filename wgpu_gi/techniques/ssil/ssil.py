@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
+from ...records import KnownAttributes
 from ...settings import setting
 from ..deferred.environment import Ambient
 from ..shared.gbuffer import Gbuffer
@@ -29,7 +29,7 @@ STARTS = ("full", "half", "quarter")
 MOST_BOUNCES = 16
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class SsilSettings(KnownAttributes):
     """Gathering of light from visible surfaces."""
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import KnownAttributes
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
+from ...records import KnownAttributes
 from ...settings import setting
 from ...upload.solid_meshes import CHOICES
 from .inputs import SsilInputs
@@ -27,7 +27,7 @@ LEAST_CELLS = 160
 TRIANGLE_ROW, CELL_ROW = (int(load(f"ssil/voxels/{name}.wgsl").constants["ROW"]) for name in ("voxelize", "fill"))
 
 
-@dataclass(slots=True)
+@dataclass(repr=False, slots=True)
 class VoxelSettings(KnownAttributes):
     """Visibility by voxels."""
 

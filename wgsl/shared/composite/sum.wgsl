@@ -1,4 +1,5 @@
-// One invocation sums the layers of a pixel: radiance = emission + direct + indirect. In and out: W/(m2 sr).
+// One invocation sums the layers of a pixel: radiance = emission + direct + indirect. In and out: W/(m2 sr). The fourth
+// value of `radiance` is the coverage: 1 if the pixel shows a surface, else 0; that of `emission` is 1 minus it.
 
 struct Params {
     size: vec2u,  // pixels
@@ -22,5 +23,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (HAS_INDIRECT) {
         sum += indirect[index].rgb;
     }
-    radiance[index] = vec4f(sum, 1.0);
+    radiance[index] = vec4f(sum, 1.0 - emission[index].a);
 }

@@ -1,7 +1,7 @@
 // One invocation resolves a pixel of the visibility buffer: the triangle's surface, exactly as the path tracer sees it.
 //
 // In: visibility. Out: the packed surface; distance along the pixel's ray in metres, 0 where nothing is seen; emission,
-// the surface's radiance towards the eye, W/(m2 sr). Pixels without a surface are not written.
+// the surface's radiance towards the eye, W/(m2 sr), with 0 in its fourth value. Pixels without a surface are not written.
 #import "shared/gbuffer/tiles.wgsl"
 #import "shared/gbuffer/visible_surface.wgsl"
 #import "shared/gbuffer/surface.wgsl"
@@ -33,7 +33,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     surfaces[index] = pack_gbuffer(
         GbufferSurface(s.normal, s.geometric_normal, s.base_color, s.metallic, s.roughness, flags));
     if (HAS_EMISSION) {
-        emission[index] = vec4f(select(s.emission, s.base_color, unlit), 1.0);
+        emission[index] = vec4f(select(s.emission, s.base_color, unlit), 0.0);
     }
     // Keep it above 0, which means no surface.
     textureStore(distance, pixel, vec4f(max(hit.distance, 1e-37)));

@@ -1,7 +1,8 @@
 // One invocation writes the environment to a pixel that shows no surface; one workgroup lists its tile of 8x8 pixels if
 // any pixel shows a surface.
 //
-// In: visibility, environment. Out, for pixels without a surface: an empty surface, distance 0, emission W/(m2 sr).
+// In: visibility, environment. Out, for pixels without a surface: an empty surface, distance 0, emission W/(m2 sr),
+// with 1 in its fourth value.
 #import "scene/environment.wgsl"
 #import "shared/gbuffer/tile_row.wgsl"
 
@@ -31,7 +32,7 @@ fn main(
         } else {
             let index = pixel.y * view.size.x + pixel.x;
             surfaces[index] = vec4u(0u);
-            emission[index] = vec4f(environment_radiance(pixel_ray(pixel).direction), 1.0);
+            emission[index] = vec4f(environment_radiance(pixel_ray(pixel).direction) * view.background, 1.0);
             textureStore(distance, pixel, vec4f(0.0));
         }
     }
