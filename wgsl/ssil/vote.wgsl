@@ -1,27 +1,30 @@
 // One invocation chooses the surfel of a pixel among its four finer pixels: the position and normal with the largest
 // score survive; areas are summed. Nothing is averaged.
 //
-// s(i) = sum_j g1(|p_i - p_j|) g2(1 - n_i . n_j) g3(d_ij) over the pixels j at most one step from i (eq. 5). Departure:
+// s(i) = sum_j g1(|p_i - p_j|) g2(1 - n_i . n_j) g3(d_ij) over the pixels j at most one step from i (eq. 5). Departures:
 // d_ij is the distance from the tangent plane of i in pixel widths, not a difference of depths, so that floors at a
-// glancing angle are one surface. On flat walls all scores tie: one corner wins, and on the next level the opposite
-// one, so that samples do not drift. In: surfels. Out: surfels of the next level. Errs by omitting surfaces thinner
-// than a pixel.
+// glancing angle are one surface. On flat walls all scores tie, and a random pixel wins, above the receivers' level
+// another one in each frame: the mean of frames then samples all pixels alike. In: surfels. Out: surfels of the next
+// level. Errs by omitting surfaces thinner than a pixel.
 #import "ssil/surfel.wgsl"
+#import "scene/sequence.wgsl"
+#import "common/random.wgsl"
 
 @group(1) @binding(11) var finer: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(12) var surfels: texture_storage_2d<rgba32uint, write>;
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
-    corner: i32,  // the preferred one, 0 or 3
+    seed: u32,    // of this level
+    varies: u32,  // 1: other pixels win in other frames, 0: in all frames the same
 }
 
 // Standard deviations of g1 (pixels), g2 (cosines) and g3 (pixel widths). tools/README.md, "Constants".
 const STEP_WIDTH: f32 = 1.0;
 const NORMAL_WIDTH: f32 = 0.1;
 const PLANE_WIDTH: f32 = 1.0;
-// Added to the score of the preferred corner: above the rounding of scores of at most 5, 3e-7, and far below the vote
-// of a neighbour.
+// Most that chance adds to a score: above the rounding of scores of at most 5, 3e-7, and far below the vote of a
+// neighbour.
 const TIE_BREAK: f32 = 1e-3;
 
 // Returns the vote of a neighbour for a surfel, 0 to 1.
@@ -48,6 +51,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var area = 0.0;
     let facing = facing_side();
     let near = exp(-0.5 / (STEP_WIDTH * STEP_WIDTH));
+    let chance = hash2(id.x | (id.y << 16u), hash2(params.seed, params.varies * sequence.index));
     for (var k = 0; k < 4; k += 1) {
         let pixel = 2 * vec2i(id.xy) + vec2i(k & 1, k >> 1u);
         let own = load(pixel);
@@ -63,7 +67,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             + vote(position, normal, per_width, load(pixel + vec2i(1, 0)))
             + vote(position, normal, per_width, load(pixel - vec2i(0, 1)))
             + vote(position, normal, per_width, load(pixel + vec2i(0, 1)));
-        let score = 1.0 + near * sides + select(0.0, TIE_BREAK, k == params.corner);
+        let score = 1.0 + near * sides + TIE_BREAK * unit_float(hash(chance + u32(k)));
         if (score > best_score) {
             best_score = score;
             best = own;

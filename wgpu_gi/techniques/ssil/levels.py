@@ -14,6 +14,8 @@ from ...gpu.handles import Buffer, Texture
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 
+LEVEL_SEED = 0x9E3779B9  # an odd constant that sets the levels' random numbers apart
+
 
 @dataclass
 class Levels:
@@ -45,7 +47,7 @@ def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
     return -(-size[0] >> level), -(-size[1] >> level)
 
 
-def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: int, count: int) -> Levels:
+def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: int, count: int, seed: int) -> Levels:
     """Declare the surfels of levels 0 to first + count - 1."""
     surfels = [
         graph.texture(f"ssil/surfels_{k}", "rgba32uint", size=level_size(graph.size, k)) for k in range(first + count)
@@ -66,7 +68,7 @@ def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: in
             over=surfels[k],
             reads={"finer": surfels[k - 1]},
             writes={"surfels": surfels[k]},
-            params={"corner": 3 * (k % 2)},
+            params={"seed": (seed ^ k * LEVEL_SEED) & 0xFFFFFFFF, "varies": int(k > first)},
         )
     return Levels(surfels, first)
 

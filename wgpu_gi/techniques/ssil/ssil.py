@@ -111,7 +111,7 @@ def declare_bounces(
     None: as many bounces as the settings say. Each bounce has its own passes; bounces beyond MOST_BOUNCES are left out.
     """
     # Declare the stages that do not depend on light: surfels, samples, voxels.
-    levels = declare_levels(graph, scene, gbuffer, STARTS.index(settings.start), settings.levels)
+    levels = declare_levels(graph, scene, gbuffer, STARTS.index(settings.start), settings.levels, seed)
     radius = settings.radius or default_radius(levels.size, settings.levels)
     pattern = declare_pattern(graph, settings.samples, radius, seed)
     voxels: Voxels | None = None

@@ -104,8 +104,8 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SsilInputs, lev
     graph.compute(
         "voxels/depth_range",
         "ssil/voxels/depth_range.wgsl",
-        over=levels.surfels[levels.first],
-        reads={"surfels": levels.surfels[levels.first]},
+        over=levels.surfels[0],  # level 0 does not change from frame to frame, so voxels of a still picture are kept
+        reads={"surfels": levels.surfels[0]},
         writes={"range": range_},
         clear=[range_],
     )
