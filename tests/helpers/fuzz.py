@@ -41,6 +41,7 @@ from wgpu_gi.scene.files.environment_files import load_environment
 from wgpu_gi.scene.files.light_texts import parse_light, relight
 from wgpu_gi.scene.files.notes import Notes
 from wgpu_gi.scene.scene import Environment, PointLight, Scene
+from wgpu_gi.scene.usd.stage import prepare_usd
 
 SECONDS = 5  # for one file, on a busy machine
 MAX_MEMORY = 64 << 20
@@ -181,6 +182,144 @@ def binary_stl() -> bytes:
     triangles = np.zeros(2, record)
     triangles["v"] = [0, 0, 0, 1, 0, 0, 0, 1, 0]
     return bytes(80) + (2).to_bytes(4, "little") + triangles.tobytes()
+
+
+USD = """#usda 1.0
+(
+    upAxis = "Z"
+    metersPerUnit = 0.01
+    startTimeCode = 1
+    endTimeCode = 5
+)
+def Mesh "m" (prepend apiSchemas = ["MaterialBindingAPI"])
+{
+    uniform bool doubleSided = 1
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.2, 0.3, 0)]
+    int[] faceVertexCounts = [3, 5]
+    int[] faceVertexIndices = [0, 1, 2, 0, 1, 2, 3, 4]
+    int[] holeIndices = []
+    normal3f[] normals = [(0, 0, 1), (0, 1, 0)] (interpolation = "uniform")
+    texCoord2f[] primvars:st = [(0, 0), (1, 1), (0.5, 0)] (interpolation = "faceVarying")
+    int[] primvars:st:indices = [0, 1, 2, 0, 1, 2, 0, 1]
+    color3f[] primvars:displayColor = [(1, 0.5, 0)]
+    uniform token subdivisionScheme = "catmullClark"
+    double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 5: (1, 2, 3) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    rel material:binding = </a>
+    def GeomSubset "part" (prepend apiSchemas = ["MaterialBindingAPI"])
+    {
+        uniform token elementType = "face"
+        uniform token familyName = "materialBind"
+        int[] indices = [1]
+        rel material:binding = </a>
+    }
+}
+def PointInstancer "i"
+{
+    rel prototypes = [</i/p>]
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (5, 5, 5)]
+    quath[] orientations = [(1, 0, 0, 0), (0, 1, 0, 0)]
+    def Cone "p"
+    {
+        double radius = 2
+        uniform token axis = "X"
+    }
+}
+def Points "q"
+{
+    point3f[] points = [(0, 0, 1), (2, 0, 1)]
+    float[] widths = [0.1, 0.2]
+}
+def Material "a"
+{
+    token outputs:surface.connect = </a/s.outputs:surface>
+    def Shader "s"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </a/t.outputs:rgb>
+        float inputs:roughness.connect = </a/t.outputs:g>
+        float inputs:opacity.connect = </a/t.outputs:a>
+        float inputs:opacityThreshold = 0.5
+        color3f inputs:emissiveColor = (1, 2, 3)
+        token outputs:surface
+    }
+    def Shader "t"
+    {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @t.png@
+        float4 inputs:scale = (1, 0.5, 1, 1)
+        float2 inputs:st.connect = </a/x.outputs:result>
+        token inputs:wrapS = "mirror"
+        float3 outputs:rgb
+        float outputs:g
+        float outputs:a
+    }
+    def Shader "x"
+    {
+        uniform token info:id = "UsdTransform2d"
+        float2 inputs:in.connect = </a/r.outputs:result>
+        float inputs:rotation = 30
+        float2 inputs:scale = (2, 3)
+        float2 outputs:result
+    }
+    def Shader "r"
+    {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }
+}
+def SphereLight "l1" (prepend apiSchemas = ["ShapingAPI"])
+{
+    float inputs:intensity = 3
+    float inputs:exposure = 2
+    float inputs:radius = 0.5
+    float inputs:shaping:cone:angle = 40
+    bool inputs:normalize = 1
+}
+def RectLight "l2"
+{
+    color3f inputs:color = (1, 0.5, 0.25)
+    float inputs:width = 3
+    bool inputs:enableColorTemperature = 1
+}
+def DistantLight "l3"
+{
+    float inputs:angle = 5
+}
+def DomeLight "l4"
+{
+    asset inputs:texture:file = @t.png@
+    double3 xformOp:rotateXYZ = (90, 20, 0)
+    uniform token[] xformOpOrder = ["xformOp:rotateXYZ"]
+}
+def Camera "c"
+{
+    float focalLength = 35
+    float verticalAperture = 20
+    token projection = "perspective"
+}
+"""
+
+
+def usd_files() -> dict[str, Files]:
+    """Return a stage as text, in binary and in an archive; none without usd-core."""
+    prepare_usd()
+    try:
+        from pxr import Usd, UsdUtils
+    except ImportError:
+        return {}
+    texture = {"t.png": picture("PNG")}
+    found = {"usda": {"s.usda": USD.encode(), **texture}}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, data in found["usda"].items():
+            (Path(folder) / name).write_bytes(data)
+        Usd.Stage.Open(f"{folder}/s.usda").Export(f"{folder}/s.usdc")
+        UsdUtils.CreateNewUsdzPackage(f"{folder}/s.usdc", f"{folder}/s.usdz")
+        found["usdc"] = {"s.usdc": (Path(folder) / "s.usdc").read_bytes(), **texture}
+        found["usdz"] = {"s.usdz": (Path(folder) / "s.usdz").read_bytes()}
+    return found
 
 
 def hdr(runs: bool) -> bytes:
@@ -399,6 +538,11 @@ def formats() -> dict[str, tuple[Files, Callable[[bytes, random.Random], bytes],
         "camera path": ({"c.json": json.dumps(path).encode()}, json_damage(path), read_cameras),
         "lights": ({"l.txt": "\n".join(LIGHTS).encode()}, damaged_text, read_lights),
     }
+    usd = usd_files()
+    for name, files in usd.items():
+        found[f"{name} bytes"] = (files, damaged_bytes, read_scene)
+    if usd:
+        found["usda text"] = (usd["usda"], damaged_text, read_scene)
     for kind in ("PNG", "JPEG", "WEBP", "TIFF", "GIF", "BMP"):
         files = {"t.png": picture(kind), "s.obj": OBJ.encode(), **library}
         found[f"texture {kind.lower()}"] = (files, damaged_bytes, read_scene)

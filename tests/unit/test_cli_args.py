@@ -54,7 +54,7 @@ class FakeRenderer:
         return "THE TIMINGS"
 
 
-def fake_load(name, environment, lights, max_memory=None, strict=False, point_size=None):
+def fake_load(name, environment, lights, max_memory=None, strict=False, point_size=None, time=None):
     return Scene(name=name, environment=environment, lights=list(lights), notes=["a remark"])
 
 

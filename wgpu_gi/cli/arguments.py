@@ -156,6 +156,7 @@ def _add_loading_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="METRES",
         help="diameter of the discs or spheres that show points without faces, default twice their spacing",
     )
+    add("--time", type=parse_time, metavar="T", help="time code at which a USD file is shown, default its start")
 
 
 def _add_render_arguments(parser: Parser) -> None:
@@ -337,6 +338,17 @@ def parse_length(text: str) -> float:
     if not 0 < length < math.inf:
         raise argparse.ArgumentTypeError(f"a length is a number of metres above 0, not {text!r}")
     return length
+
+
+def parse_time(text: str) -> float:
+    """Parse a time code, a finite number."""
+    try:
+        time = float(text)
+    except ValueError:
+        time = math.nan
+    if not math.isfinite(time):
+        raise argparse.ArgumentTypeError(f"a time is a number, not {text!r}")
+    return time
 
 
 def parse_bounces(text: str) -> int | None:

@@ -111,13 +111,20 @@ def load_scene(
     max_memory: int = MAX_MEMORY,
     strict: bool = False,
     point_size: float | None = None,
+    time: float | None = None,
 ) -> Scene:
     """Load a scene, set its environment, add `lights` and apply `changes` to lights; all in command-line syntax."""
     notes = Notes(strict)
     added = [parse_light(text) for text in lights]
     environment = None if env is None else load_environment(env, notes, max_memory=max_memory)
     scene = read_scene(
-        source, environment=environment, lights=added, max_memory=max_memory, strict=strict, point_size=point_size
+        source,
+        environment=environment,
+        lights=added,
+        max_memory=max_memory,
+        strict=strict,
+        point_size=point_size,
+        time=time,
     )
     scene.notes.extend(notes.sentences)
     for text in changes:
@@ -136,6 +143,7 @@ def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Sce
             arguments.max_memory,
             arguments.strict,
             arguments.point_size,
+            arguments.time,
         )
         camera = choose_camera(scene, arguments.camera, Path(source).parent)
     for note in scene.notes:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 CORE_PACKAGES = ("wgpu", "numpy", "mapbox-earcut", "Pillow", "OpenEXR", "rich")
 EXTRAS = {
     "gltf": ("compressed glTF (Draco, meshopt)", ("DracoPy", "meshoptimizer")),
+    "usd": ("OpenUSD files", ("usd-core",)),
     "bench": ("perceptual errors and plots", ("flip-evaluator", "matplotlib")),
     "video": ("videos (.mp4)", ("av",)),
     "viewer": ("wgpu-gi view", ("glfw", "imgui-bundle")),

@@ -33,8 +33,9 @@ def view(arguments: Namespace) -> int:
             source += [f"--{name}", getattr(arguments, name)]
     if arguments.max_memory != MAX_MEMORY:
         source += ["--max-memory", f"{arguments.max_memory / GIB:g}"]
-    if arguments.point_size is not None:
-        source += ["--point-size", f"{arguments.point_size:g}"]
+    for name in ("point_size", "time"):
+        if getattr(arguments, name) is not None:
+            source += [f"--{name.replace('_', '-')}", f"{getattr(arguments, name):g}"]
     for light in arguments.light:
         source += ["--light", light]
     for change in arguments.relight:

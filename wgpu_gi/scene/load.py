@@ -21,6 +21,7 @@ from .rules import is_whole, shown
 from .scene import Environment, Light, Scene
 
 GLTF_EXTENSIONS = (".glb", ".gltf")
+USD_EXTENSIONS = (".usd", ".usda", ".usdc", ".usdz")
 
 NO_CAMERA_NOTE = "the scene has no camera: one that frames it was added"
 NO_LIGHT_NOTE = "the scene has no light: a white sky of radiance 1 was added"
@@ -38,8 +39,9 @@ def load(
     max_memory: int = MAX_MEMORY,
     strict: bool = False,
     point_size: float | None = None,
+    time: float | None = None,
 ) -> Scene:
-    """Load a scene from a built-in name ("cornell"), a .glb, .gltf, .obj, .ply, .stl or .off file, or objects.
+    """Load a scene from a built-in name ("cornell"), a .glb, .gltf, .obj, .ply, .stl, .off or .usd* file, or objects.
 
     Objects are a trimesh mesh or scene, a pair of arrays (vertices, faces), a Mesh, or a Scene, which is copied but
     shares its instances. `environment` replaces the scene's; it is an Environment, or what `load_environment` takes.
@@ -48,7 +50,7 @@ def load(
     each note is also a GiWarning, except that on the camera. A bare name is a built-in scene, even if a file has that
     name; files need their extension. A damaged part of a file is left out with a note, or raises GiError if `strict`.
     Points without faces are shown as discs or spheres of the diameter `point_size` in metres, by default twice their
-    spacing.
+    spacing. USD files are shown at the time code `time`, by default at their start.
 
     Raises GiError for unknown names and extensions, with a list of the known ones, for missing, empty and truncated
     files and those with nothing to show, for objects of other types, and for a file that unpacks to more than
@@ -61,6 +63,7 @@ def load(
         max_memory=max_memory,
         strict=strict,
         point_size=point_size,
+        time=time,
     )
     warn_of(with_remedies(note for note in scene.notes if note != NO_CAMERA_NOTE), stacklevel=2)
     return scene
@@ -74,6 +77,7 @@ def read_scene(
     max_memory: int = MAX_MEMORY,
     strict: bool = False,
     point_size: float | None = None,
+    time: float | None = None,
 ) -> Scene:
     """Load a scene as `load` does, without warnings: only `Scene.notes` says what was assumed."""
     if not is_whole(max_memory) or max_memory < 1:
@@ -83,7 +87,7 @@ def read_scene(
     notes = Notes(strict)
     is_gltf = isinstance(source, (str, os.PathLike)) and Path(source).suffix.lower() in GLTF_EXTENSIONS
     if isinstance(source, (str, os.PathLike)):
-        scene = _load_path(source, MemoryBudget(max_memory), notes, point_size)
+        scene = _load_path(source, MemoryBudget(max_memory), notes, point_size, time)
     else:
         scene = scene_of_object(source, notes, MemoryBudget(max_memory), point_size)
     if environment is not None:
@@ -95,7 +99,9 @@ def read_scene(
     return scene
 
 
-def _load_path(source: str | os.PathLike[str], budget: MemoryBudget, notes: Notes, point_size: float | None) -> Scene:
+def _load_path(
+    source: str | os.PathLike[str], budget: MemoryBudget, notes: Notes, point_size: float | None, time: float | None
+) -> Scene:
     """Load a built-in scene or a file."""
     path = Path(source)
     extension = path.suffix.lower()
@@ -107,6 +113,10 @@ def _load_path(source: str | os.PathLike[str], budget: MemoryBudget, notes: Note
         return load_gltf(path, budget, notes, point_size)
     if extension in MESH_EXTENSIONS:
         return load_mesh_file(path, budget, notes, point_size)
+    if extension in USD_EXTENSIONS:
+        from .usd.load import load_usd
+
+        return load_usd(path, budget, notes, time)
     raise _unknown(path)
 
 
@@ -144,7 +154,7 @@ def with_remedies(notes: Iterable[str]) -> list[str]:
 
 def _unknown(path: Path) -> GiError:
     """Return the reason why `path` is not a scene: a folder, missing, empty, a mistyped name or an unknown format."""
-    formats = " ".join((*GLTF_EXTENSIONS, *MESH_EXTENSIONS))
+    formats = " ".join((*GLTF_EXTENSIONS, *MESH_EXTENSIONS, *USD_EXTENSIONS))
     if not path.suffix and not os.path.exists(path):
         hint = f"{known_names(str(path), BUILTIN_SCENES)} (built in: {', '.join(BUILTIN_SCENES)}; files: {formats})"
         return GiError(f"there is no built-in scene or file {str(path)!r}; {hint}")

@@ -22,7 +22,7 @@ from .mtl import read_mtl
 from .mtl_textures import Textures
 from .notes import Notes
 from .polygons import Floats, Ints
-from .raw_mesh import RawMesh, RawPoints, clay, default_material, polygon_mesh
+from .raw_mesh import Attributes, RawMesh, RawPoints, clay, default_material, polygon_mesh
 from .read import decode_text, find_inside, path_inside, read_file
 
 _NONE = -1  # the index of an attribute that a corner does not have
@@ -61,10 +61,12 @@ def read_obj(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh | RawPoi
         np.array(lines.corner_counts, np.int64),
         str(path),
         notes,
-        normals=_attribute(path, lines.rows["vn"], index[:, 2], 3, "vn", notes),
-        # From v upwards (OBJ) to downwards (glTF and this package).
-        texcoords=None if texcoords is None else texcoords * (1.0, -1.0) + (0.0, 1.0),
-        colors=None if colors is None else colors[vertex],
+        vertices=Attributes(
+            _attribute(path, lines.rows["vn"], index[:, 2], 3, "vn", notes),
+            # From v upwards (OBJ) to downwards (glTF and this package).
+            None if texcoords is None else texcoords * (1.0, -1.0) + (0.0, 1.0),
+            colors=None if colors is None else colors[vertex],
+        ),
         materials=materials,
         # -1 (no material) becomes the last material, the default.
         material_of_face=np.array(lines.material_of_face, np.int64) % max(len(materials), 1),

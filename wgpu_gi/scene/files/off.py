@@ -16,7 +16,7 @@ from ...pictures.color import linear_from_srgb
 from .memory import MemoryBudget
 from .notes import Notes
 from .polygons import Floats
-from .raw_mesh import RawMesh, RawPoints, polygon_mesh
+from .raw_mesh import Attributes, RawMesh, RawPoints, polygon_mesh
 from .read import decode_text, read_file
 
 # The counts may follow the word without a space, as in the files of ModelNet.
@@ -50,8 +50,8 @@ def read_off(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh | RawPoi
             return RawPoints(vertices.positions, vertices.colors, vertices.normals)
         return polygon_mesh(
             vertices.positions, np.array(ids, np.int64), counts.clip(0), str(path), notes,
-            normals=vertices.normals, texcoords=vertices.texcoords, colors=vertices.colors,
-            face_colors=None if vertices.colors is not None else _face_colors(face_lines, counts),
+            vertices=Attributes(vertices.normals, vertices.texcoords, colors=vertices.colors),
+            faces=None if vertices.colors is not None else Attributes(colors=_face_colors(face_lines, counts)),
         )  # fmt: skip
     except (ValueError, IndexError, OverflowError):
         raise GiError(f"{path} is not a readable OFF file: it is damaged") from None

@@ -19,7 +19,7 @@ from .mtl_textures import Textures
 from .notes import Notes
 from .ply import Element, Lists, read_ply
 from .polygons import Floats, Ints
-from .raw_mesh import RawMesh, RawPoints, clay, polygon_mesh
+from .raw_mesh import Attributes, RawMesh, RawPoints, clay, polygon_mesh
 from .read import read_file
 
 _CORNERS = ("vertex_indices", "vertex_index")
@@ -47,11 +47,11 @@ def read_ply_mesh(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh | R
     positions = _columns(vertex, (("x", "y", "z"),))
     assert positions is not None
     texcoords = _columns(vertex, _TEXCOORDS)
-    attributes = {
-        "normals": _columns(vertex, _NORMALS),
-        "texcoords": None if texcoords is None else texcoords * (1.0, -1.0) + (0.0, 1.0),
-        "colors": _colors(vertex),
-    }
+    attributes = Attributes(
+        _columns(vertex, _NORMALS),
+        None if texcoords is None else texcoords * (1.0, -1.0) + (0.0, 1.0),
+        colors=_colors(vertex),
+    )
     face = file.elements.get("face")
     strips = file.elements.get("tristrips")
     corners = None if face is None else next((face.lists[name] for name in _CORNERS if name in face.lists), None)
@@ -63,12 +63,12 @@ def read_ply_mesh(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh | R
         triangles = _strip_triangles(lists)
         return polygon_mesh(
             positions, triangles.ravel(), np.full(len(triangles), 3), str(path), notes,
-            **attributes, materials=_materials(path, file.textures, attributes["colors"], notes, budget),
+            vertices=attributes, materials=_materials(path, file.textures, attributes.colors, notes, budget),
         )  # fmt: skip
     edges = file.elements.get("edge")
     if edges is not None and edges.count:
         raise GiError(f"{path} has edges and no faces; lines are not shown")
-    return RawPoints(positions, attributes["colors"], attributes["normals"])
+    return RawPoints(positions, attributes.colors, attributes.normals)
 
 
 def _with_faces(
@@ -77,7 +77,7 @@ def _with_faces(
     face: Element,
     corners: Lists,
     positions: Floats,
-    attributes: dict[str, Floats | None],
+    attributes: Attributes,
     notes: Notes,
     budget: MemoryBudget,
 ) -> RawMesh:
@@ -90,7 +90,7 @@ def _with_faces(
             corner_texcoords = texcoords.values.reshape(-1, 2).astype(np.float64) * (1.0, -1.0) + (0.0, 1.0)
         elif texcoords.counts.any():
             notes.damage(f"{path}: texture coordinates that do not belong to every corner of a face were ignored")
-    colors = attributes["colors"]
+    colors = attributes.colors
     face_colors = _colors(face) if colors is None else None
     materials = _materials(path, texture_files, colors if face_colors is None else face_colors, notes, budget)
     number = face.columns.get("texnumber")
@@ -99,7 +99,7 @@ def _with_faces(
         material_of_face = _indices(number).clip(0, len(materials) - 1)
     return polygon_mesh(
         positions, _indices(corners.values), corners.counts, str(path), notes,
-        **attributes, corner_texcoords=corner_texcoords, face_colors=face_colors,
+        vertices=attributes, corners=Attributes(texcoords=corner_texcoords), faces=Attributes(colors=face_colors),
         materials=materials, material_of_face=material_of_face,
     )  # fmt: skip
 

@@ -46,12 +46,13 @@ def points_scene(
     source: str,
     notes: Notes,
     budget: MemoryBudget,
+    unit: float = 1.0,
 ) -> Scene:
     """Return a scene of one mesh with a disc or a sphere of diameter `size` (metres) for each point.
 
     Without a size, it is twice the mean distance to the fourth neighbour, and a note says so. Points that are NaN
     or infinite are left out with a note. Raises GiError if no point is left, if the size is not above 0, and for memory
-    beyond the budget. Messages begin with `source`.
+    beyond the budget. Messages begin with `source`; lengths in them are in metres if `unit` is that of the positions.
     """
     positions, colors, normals = _finite(points, source, notes)
     if len(positions) > MAX_POINTS:
@@ -69,7 +70,7 @@ def points_scene(
         given = "as given"
     shape = _disc(len(positions)) if normals is not None else _sphere(len(positions))
     kind = "discs" if normals is not None else "spheres"
-    notes.add(f"{source}: {len(positions)} points without faces are shown as {kind} of {size:.3g} m, {given}")
+    notes.add(f"{source}: {len(positions)} points without faces are shown as {kind} of {size * unit:.3g} m, {given}")
     # Copy it to every point: positions, normals and colours of its vertices in float64, triangles.
     count, corners, triangles = len(positions), len(shape.positions), len(shape.triangles)
     budget.take(count * (corners * 10 + triangles * 3) * 8, f"{source} as {kind}")

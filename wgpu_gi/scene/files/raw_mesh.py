@@ -27,6 +27,7 @@ class RawMesh:
     material_of_triangle: NDArray[np.uint32] | None = None
     normals: NDArray[np.float64] | None = None
     texcoords: NDArray[np.float64] | None = None
+    texcoords1: NDArray[np.float64] | None = None
     colors: NDArray[np.float64] | None = None
 
 
@@ -39,6 +40,24 @@ class RawPoints:
     normals: Floats | None = None
 
 
+@dataclass
+class Attributes:
+    """Rows of float64 that belong to vertices, corners or faces; fields as in `RawMesh`."""
+
+    normals: Floats | None = None
+    texcoords: Floats | None = None
+    texcoords1: Floats | None = None
+    colors: Floats | None = None
+
+    def at(self, rows: Ints) -> Attributes:
+        """Return the attributes of some rows."""
+        return Attributes(*(None if all_rows is None else all_rows[rows] for all_rows in self.every()))
+
+    def every(self) -> tuple[Floats | None, ...]:
+        """Return the fields in order."""
+        return self.normals, self.texcoords, self.texcoords1, self.colors
+
+
 def polygon_mesh(
     positions: Floats,
     ids: Ints,
@@ -46,32 +65,29 @@ def polygon_mesh(
     source: str,
     notes: Notes,
     *,
-    normals: Floats | None = None,
-    texcoords: Floats | None = None,
-    colors: Floats | None = None,
-    corner_texcoords: Floats | None = None,
-    face_colors: Floats | None = None,
+    vertices: Attributes | None = None,
+    corners: Attributes | None = None,
+    faces: Attributes | None = None,
     materials: Sequence[Material] = (),
     material_of_face: NDArray[Any] | None = None,
 ) -> RawMesh:
     """Cut polygons into triangles; see `polygons.triangulate` for `ids`, `corner_counts` and what is left out.
 
-    `normals`, `texcoords` and `colors` belong to the positions, `corner_texcoords` to the `ids`, `face_colors` and
-    `material_of_face` to the polygons. With values of corners or faces, triangles share no vertices.
+    Attributes have a row for each position, for each of the `ids`, or for each polygon. Those of corners come before
+    those of faces, and these before those of vertices. With values of corners or faces, triangles share no vertices.
     """
-    corners, face = triangulate(positions, ids, corner_counts, source, notes)
-    triangles = ids[corners]
-    if corner_texcoords is not None or face_colors is not None:
-        vertex = triangles.ravel()
-        positions = positions[vertex]
-        normals, texcoords, colors = (None if rows is None else rows[vertex] for rows in (normals, texcoords, colors))
-        if corner_texcoords is not None:
-            texcoords = corner_texcoords[corners.ravel()]
-        if face_colors is not None:
-            colors = np.repeat(face_colors[face], 3, axis=0)
+    corner, face = triangulate(positions, ids, corner_counts, source, notes)
+    triangles = ids[corner]
+    given = vertices or Attributes()
+    others = [(corners, corner.ravel()), (faces, np.repeat(face, 3))]
+    split = [each.at(rows).every() for each, rows in others if each and any(row is not None for row in each.every())]
+    if split:
+        split.append(given.at(triangles.ravel()).every())
+        given = Attributes(*(next((r for r in field if r is not None), None) for field in zip(*split, strict=True)))
+        positions = positions[triangles.ravel()]
         triangles = np.arange(len(positions)).reshape(-1, 3)
     material_of_triangle = None if material_of_face is None else material_of_face[face].astype(np.uint32)
-    return RawMesh(positions, triangles, list(materials), material_of_triangle, normals, texcoords, colors)
+    return RawMesh(positions, triangles, list(materials), material_of_triangle, *given.every())
 
 
 def clay() -> Material:
@@ -126,6 +142,7 @@ def scene_from_raw(raw: RawMesh, name: str, source: str, notes: Notes) -> Scene:
         material_of_triangle=None if raw.material_of_triangle is None else raw.material_of_triangle[kept],
         normals=_unit_or_zero(raw.normals),
         texcoords0=_finite(raw.texcoords),
+        texcoords1=_finite(raw.texcoords1),
         colors=None if raw.colors is None else _finite(raw.colors.clip(0, 1)),
         name=name,
     )
@@ -145,7 +162,7 @@ def _drop_unused_vertices(raw: RawMesh) -> RawMesh:
         new_index[raw.triangles],
         raw.materials,
         raw.material_of_triangle,
-        *(None if rows is None else rows[used] for rows in (raw.normals, raw.texcoords, raw.colors)),
+        *(None if rows is None else rows[used] for rows in (raw.normals, raw.texcoords, raw.texcoords1, raw.colors)),
     )
 
 

@@ -16,7 +16,7 @@ from ...pictures.color import linear_from_srgb
 from .memory import MemoryBudget
 from .notes import Notes
 from .polygons import Floats
-from .raw_mesh import RawMesh, polygon_mesh
+from .raw_mesh import Attributes, RawMesh, polygon_mesh
 from .read import read_file
 
 _FACET = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("color", "<u2")])
@@ -42,7 +42,12 @@ def read_stl(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh:
         corners, colors = facets["corners"].astype(np.float64), _colors(data[:80], facets["color"])
     count = len(corners)
     return polygon_mesh(
-        corners.reshape(-1, 3), np.arange(3 * count), np.full(count, 3), str(path), notes, face_colors=colors
+        corners.reshape(-1, 3),
+        np.arange(3 * count),
+        np.full(count, 3),
+        str(path),
+        notes,
+        faces=Attributes(colors=colors),
     )
 
 

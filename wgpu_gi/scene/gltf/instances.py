@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ...errors import GiError
 from ..scene import Instance
+from ..transforms import invertible
 from .accessors import Accessors
 from .document import Document
 from .instancing import instance_matrices
@@ -15,8 +14,6 @@ from .nodes import Matrix, Nodes
 from .skins import SkinDamage, joint_matrices
 from .vertices import Pose
 
-_FLAT = 1e-7  # ratio of a matrix's singular values below which float32 cannot invert it
-_NOTHING = 1e-18  # scale at which anything is invisible
 _LONGEST_REASONS = 200  # characters of the notes in a message
 
 
@@ -41,7 +38,7 @@ def read_instances(document: Document, nodes: Nodes, shown: list[int], point_siz
         name = descriptions[node].text("name") or meshes.name(index)
         for copy in instance_matrices(document, accessors, descriptions[node], matrix):
             for mesh, mesh_from_local in placed:
-                world_from_local = _invertible(copy @ mesh_from_local)
+                world_from_local = invertible(copy @ mesh_from_local)
                 if world_from_local is None:
                     flat[name] = None
                 else:
@@ -91,18 +88,3 @@ def _reasons(document: Document) -> str:
             break
         reasons += f" {sentence}" if sentence not in reasons else ""
     return f".{reasons}" if reasons else ""
-
-
-def _invertible(matrix: Matrix) -> Matrix | None:
-    """Return `matrix`, or one that is invertible and looks the same; None if it projects everything to a line.
-
-    Exporters write flat objects with a scale of zero along one axis. Those get a thickness below float32's resolution.
-    """
-    left, scales, right = np.linalg.svd(matrix[:3, :3])
-    if scales[1] <= max(_FLAT * scales[0], _NOTHING):
-        return None
-    if scales[2] > _FLAT * scales[0]:
-        return matrix
-    thick = matrix.copy()
-    thick[:3, :3] = left @ np.diag([scales[0], scales[1], 10 * _FLAT * scales[0]]) @ right
-    return thick

@@ -18,13 +18,12 @@ from ...float_limits import LARGEST_HEIGHT, LARGEST_LIGHT, LARGEST_YFOV, MAX_COO
 from ..files.memory import MemoryBudget
 from ..files.notes import Notes
 from ..scene import DirectionalLight, Light, PointLight, Scene, SpotLight
+from ..transforms import rigid
 from .document import Document
 from .instances import read_instances
 from .json_object import JsonObject
 from .nodes import Matrix, Nodes
 
-_FLAT = 1e-7  # sine of the angle between two axes below which they are one direction
-_RIGID = 1e-14  # error of the products of a rotation's axes: some roundings of float64
 _WIDEST_CONE = math.pi / 2 + 1e-3  # radians; what exceeds a right angle by less is rounding
 
 
@@ -110,7 +109,7 @@ def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]
 
 def _camera(source: JsonObject, matrix: Matrix, name: str) -> Camera:
     """Return the camera of a node. Raises Damage."""
-    pose = _rigid(matrix)
+    pose = rigid(matrix)
     if pose is None:
         raise source.error("its axes are scaled to zero")
     if source.choice("type", {"perspective": False, "orthographic": True}):
@@ -118,26 +117,6 @@ def _camera(source: JsonObject, matrix: Matrix, name: str) -> Camera:
         return Camera(pose, orthographic_height=height, name=name)
     yfov = source.child("perspective").number("yfov", low=SMALLEST_YFOV, high=LARGEST_YFOV)
     return Camera(pose, yfov, None, name)
-
-
-def _rigid(matrix: Matrix) -> Matrix | None:
-    """Return `matrix` with orthonormal axes of the same view direction and up; None if those have no length.
-
-    A rotation stays as it is, to the last bit, so that a saved camera gives the same picture.
-    """
-    axes = matrix[:3, :3]
-    if np.abs(axes.T @ axes - np.eye(3)).max() < _RIGID and np.linalg.det(axes) > 0:
-        return matrix
-    back = matrix[:3, 2]
-    right = np.cross(matrix[:3, 1], back)
-    if not np.linalg.norm(right) > _FLAT * np.linalg.norm(matrix[:3, 1]) * np.linalg.norm(back):
-        return None
-    pose = np.eye(4)
-    pose[:3, 2] = back / np.linalg.norm(back)
-    pose[:3, 0] = right / np.linalg.norm(right)
-    pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
-    pose[:3, 3] = matrix[:3, 3]
-    return pose
 
 
 def _note_rest_pose(document: Document) -> None:

@@ -1,0 +1,1 @@
+"""Loads OpenUSD stages (.usd .usda .usdc .usdz) with the package usd-core."""
