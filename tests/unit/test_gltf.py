@@ -217,6 +217,15 @@ def test_points_are_shown_as_spheres_or_as_discs_along_their_normals(tmp_path, n
     assert any("3 points without faces are shown" in note for note in scene.notes)
 
 
+def test_points_do_not_emit(tmp_path):
+    builder = GltfBuilder()
+    glow = builder.material(emissiveFactor=[1, 1, 1])
+    builder.node(mesh=builder.mesh(builder.primitive(material=glow), builder.primitive(mode=0, material=glow)))
+    scene = load_gltf(builder.glb(tmp_path))
+    assert [mesh.materials[0].emission for mesh in scene.meshes] == [(1, 1, 1), (0, 0, 0)]
+    assert any("Points do not emit light" in note for note in scene.notes)
+
+
 def test_points_that_are_not_finite_are_left_out(tmp_path):
     builder = GltfBuilder()
     places = np.concatenate([TRIANGLE, np.float32([[np.nan, 0, 0]])])

@@ -6,7 +6,7 @@ Each primitive of points becomes a `Mesh` of its own, of discs or spheres; lines
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +134,12 @@ class Meshes:
         shapes = points_scene(
             points, self._point_size, "", primitive.where, self._document.notes, self._document.budget
         ).instances[0]
-        shapes.mesh.materials = [self._materials.get(self._material(primitive))]
+        material = self._materials.get(self._material(primitive))
+        if max(material.emission) > 0.0:
+            # Each triangle of each point would be a light of its own.
+            self._document.notes.add("Points do not emit light; the emission of their materials was left out.")
+            material = replace(material, emission=(0.0, 0.0, 0.0), emission_texture=None)
+        shapes.mesh.materials = [material]
         return shapes.mesh, shapes.world_from_local
 
     def _add(
