@@ -84,7 +84,7 @@ def render(
     """Render one picture: (height, width, 3) float32 linear radiance in W/(m2 sr), or the buffer `show`.
 
     `scene` is a Scene or what `load` takes: a path, a trimesh mesh or scene, a pair (vertices, faces). A scene without
-    light gets a white sky of radiance 1. Its user learns that, and what else was approximated, by a GiWarning.
+    light gets an overcast sky. Its user learns that, and what else was approximated, by a GiWarning.
     `environment` replaces the scene's. `camera` is a Camera, or the name or the index of one in the scene. With several
     names in `show`, such as ("radiance", "depth"), the result is a dictionary of pictures by name. With `transparent`,
     radiance is (height, width, 4): the environment is left out where the camera sees it, colours are multiplied by

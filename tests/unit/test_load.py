@@ -8,6 +8,7 @@ from unit.gltf_builder import GltfBuilder
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES
+from wgpu_gi.scene.default_sky import GROUND, default_sky
 from wgpu_gi.scene.files.light_texts import light_texts, parse_light, relight
 from wgpu_gi.scene.gltf.write import save_glb
 from wgpu_gi.scene.load import load
@@ -31,7 +32,24 @@ def test_builtin_scenes_need_no_defaults(name):
 def test_a_mesh_file_gets_a_sky_and_a_camera(triangle):
     scene = load(triangle)
     assert scene.environment.color == (1, 1, 1) and [camera.name for camera in scene.cameras] == ["framing"]
-    assert len(scene.notes) == 2 and "white sky" in scene.notes[0] and "camera" in scene.notes[1]
+    assert len(scene.notes) == 2 and "overcast sky" in scene.notes[0] and "camera" in scene.notes[1]
+
+
+def test_the_default_sky_gives_level_ground_the_irradiance_pi_and_shows_white_walls():
+    """The sum of L cos over the texels above the horizon; the CIE overcast sky is three times as bright at the zenith.
+
+    A white wall has half the radiance of the ground and 0.396 of the sky's irradiance: more than the ground behind it.
+    """
+    image = default_sky().image[..., 0].astype(np.float64)
+    rows, columns = image.shape
+    angle = np.pi * (np.arange(rows) + 0.5) / rows
+    weight = np.sin(angle) * (np.pi / rows) * (2 * np.pi / columns)
+    level = (image * (weight * np.maximum(np.cos(angle), 0))[:, None]).sum()
+    assert level == pytest.approx(np.pi, rel=1e-3)
+    assert image[0, 0] / image[rows // 2 - 1, 0] == pytest.approx(3, rel=0.06)  # half a row from each end
+    turn = 2 * np.pi * (np.arange(columns) + 0.5) / columns
+    wall = (image * (weight * np.sin(angle))[:, None] * np.maximum(np.cos(turn), 0)).sum() / np.pi
+    assert wall == pytest.approx(0.396 + GROUND / 2, rel=0.01) and wall > 2 * GROUND
 
 
 def test_given_light_replaces_the_default(triangle):

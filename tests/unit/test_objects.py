@@ -79,7 +79,7 @@ def test_flat_faces_are_left_out_with_a_note():
 
 def test_objects_without_light_get_a_sky_and_a_warning():
     for source in ((SQUARE, TWO), trimesh.creation.box(), gi.Scene.from_arrays(SQUARE, TWO).instances[0].mesh):
-        with pytest.warns(gi.GiWarning, match="a white sky of radiance 1 was added") as caught:
+        with pytest.warns(gi.GiWarning, match="an overcast sky was added") as caught:
             scene = gi.load(source)
         assert len(caught) == 1 and caught[0].filename == __file__
         assert scene.environment.color == (1, 1, 1) and [camera.name for camera in scene.cameras]
