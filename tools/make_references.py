@@ -46,7 +46,7 @@ Refused: unlit materials, masked emitters, a texture under vertex colours, textu
 or of one material with different coordinates, spots wider than 80 degrees from their axis.
 Files hold float16: pictures that do not fit (above 65504, or so dim that its steps show) are refused.
 Mitsuba starts rays 0.1 mm or more off a surface: scale up scenes whose details are smaller than centimetres.
-Rendering uses every core; use `nice` on a shared machine. Needs Mitsuba 3, pip install 'wgpu_gi[truth]', and
+Rendering uses every core; use `nice` on a shared machine. Needs Mitsuba 3, pip install mitsuba, and
 LLVM 19 or newer, on Debian apt-get install libllvm19, elsewhere its library named in DRJIT_LIBLLVM_PATH.
 """
 
@@ -71,7 +71,7 @@ def import_mitsuba() -> Any:
     try:
         mi = importlib.import_module("mitsuba")
     except ImportError:
-        raise GiError("references are rendered by Mitsuba 3: pip install 'wgpu_gi[truth]'") from None
+        raise GiError("references are rendered by Mitsuba 3: pip install mitsuba") from None
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         os.environ["DRJIT_LIBLLVM_PATH"] = find_llvm()
     mi.set_variant("llvm_ad_rgb")

@@ -110,7 +110,7 @@ def test_missing_flip_has_a_note(capsys, monkeypatch):
     assert main(["compare", "a.npz", "b.npz"]) == 0
     printed = capsys.readouterr().out
     assert table(printed)["whole picture"]["FLIP"] == "not installed"
-    assert "pip install 'wgpu_gi[bench]'" in printed
+    assert "pip install flip-evaluator" in printed
 
 
 def test_flip_of_regions(capsys):

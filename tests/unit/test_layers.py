@@ -28,7 +28,7 @@ LAYERS = [
     ("scene", "gpu"),
     ("settings", "camera", "pictures"),
     ("records",),
-    ("errors", "float_limits", "resources", "version", "webgpu_limits"),
+    ("errors", "extras", "float_limits", "resources", "version", "webgpu_limits"),
 ]
 LEVEL = {unit: len(LAYERS) - number for number, units in enumerate(LAYERS) for unit in units}
 # The layers within `techniques`: the systems stand beside one another, on the deferred base and what all share.

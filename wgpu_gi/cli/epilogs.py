@@ -14,6 +14,7 @@ examples:
   wgpu-gi render scene.glb --gi path --spp 256      the truth, by path tracing
   wgpu-gi render scene.glb --gi none                direct light only, the fastest
   wgpu-gi render scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8"
+  wgpu-gi render scene.glb --light "spot 0,3,0 0,-1,0 50 30,20" --transparent
   wgpu-gi render scene.glb --relight 0=5,4,3 --relight "env=1,1,1 90"
   wgpu-gi render scene.glb -o frame.exr --show radiance --show depth --show normal
   wgpu-gi render scene.glb -o f/{frame:04d}.exr --frames 0:240 --turntable --layers depth,normal --shard 1/8
@@ -21,8 +22,11 @@ examples:
   wgpu-gi render --gi ssil --set help               the settings of a technique
 
 output:
-  .npy .npz .exr   linear radiance, float32, W/(m2 sr), without exposure or tone curve
-  .png .mp4        sRGB, 8 bits, with exposure and tone curve
+  .npy .npz .exr .hdr    linear radiance, W/(m2 sr), without exposure or tone curve; .hdr has 8 bits and an exponent
+  .png .jpg .webp .mp4   sRGB, 8 bits, with exposure and tone curve
+  --show depth: metres along the pixel's ray, 0 without a surface. --show alpha: share of the pixel that surfaces cover.
+  --transparent: the environment lights the scene, but is no background. Alpha is straight in .png and .webp; in .exr,
+  .npy and .npz colours are multiplied by it.
   Automatic exposure brings the log-average luminance to 0.18. It is printed and stored in the .png, rounded to
   0.1 EV, so --exposure with that number gives the same picture. A sequence keeps the exposure of its first frame.
 
@@ -40,7 +44,7 @@ examples:
   wgpu-gi view scene.glb --gi none --size 1280x720
   wgpu-gi view scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8" --exposure 1
 
-It needs a display and pip install 'wgpu_gi[viewer]'. Shader files are reloaded when saved.
+It needs a display and pip install glfw imgui-bundle. Shader files are reloaded when saved.
 """
 
 COMPARE_EPILOG = """\
@@ -59,7 +63,7 @@ With x of A, t of B, m the mean of t over the picture or the region:
   bias                mean(x-t) / m; in the JSON a fraction, not percent
   99.9th percentile   of |x-t| / (t + 0.1 m), for fireflies
   FLIP                mean LDR-FLIP, from 0 (equal) to 1, at 67 pixels per degree. Both pictures are scaled so that
-                      the mean luminance of B is 0.18, and clipped at 1. Needs pip install 'wgpu_gi[bench]'
+                      the mean luminance of B is 0.18, and clipped at 1. Needs pip install flip-evaluator
 """
 
 BENCH_EPILOG = """\

@@ -8,6 +8,7 @@ from argparse import Namespace
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from ..extras import EXTRAS
 from ..gpu.device import list_adapters
 from ..resources import resource_dir
 from ..version import __version__
@@ -16,14 +17,6 @@ if TYPE_CHECKING:
     from ..gpu.device import AdapterInfo
 
 CORE_PACKAGES = ("wgpu", "numpy", "mapbox-earcut", "Pillow", "OpenEXR", "rich")
-EXTRAS = {
-    "gltf": ("compressed glTF (Draco, meshopt)", ("DracoPy", "meshoptimizer")),
-    "usd": ("OpenUSD files", ("usd-core",)),
-    "bench": ("perceptual errors and plots", ("flip-evaluator", "matplotlib")),
-    "video": ("videos (.mp4)", ("av",)),
-    "viewer": ("wgpu-gi view", ("glfw", "imgui-bundle")),
-    "jupyter": ("gi.show in notebooks", ("rendercanvas", "anywidget", "ipywidgets", "simplejpeg")),
-}
 SHOWN_LIMITS = (
     "max-texture-dimension-2d",
     "max-buffer-size",
@@ -76,10 +69,10 @@ def missing_things(has_adapter: bool) -> list[str]:
     absent = [name for name in CORE_PACKAGES if _version(name) is None]
     if absent:
         sentences.append(f"required packages {', '.join(absent)}: pip install {' '.join(absent)}")
-    for extra, (purpose, packages) in EXTRAS.items():
+    for purpose, packages in (extra for name, extra in EXTRAS.items() if name != "truth"):
         absent = [name for name in packages if _version(name) is None]
         if absent:
-            sentences.append(f'optional, for {purpose}: {", ".join(absent)}: pip install "wgpu_gi[{extra}]"')
+            sentences.append(f"optional, for {purpose}: pip install {' '.join(absent)}")
     try:
         resource_dir("wgsl")
         resource_dir("scenes")

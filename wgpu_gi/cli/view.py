@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 
 from ..errors import GiError
+from ..extras import install_hint
 from ..options import check_size
 from ..scene.files.memory import GIB, MAX_MEMORY
 from .common import list_names, renderer_from, settings_from
@@ -23,7 +24,7 @@ def view(arguments: Namespace) -> int:
         from ..viewer import app, window
         from ..viewer.session import Session
     except ImportError as error:
-        raise GiError(f"the viewer needs the extra ({error.name} is missing): pip install 'wgpu_gi[viewer]'") from None
+        raise GiError(f"the viewer needs packages ({error.name} is missing): {install_hint('viewer')}") from None
     window.start()
     renderer = renderer_from(arguments, settings, Messages(arguments.verbose, arguments.quiet))
     # The arguments that make the scene, for the command that the viewer copies.

@@ -109,7 +109,7 @@ def flip_map(image: ArrayLike, truth: ArrayLike) -> Array:
     try:
         evaluator = importlib.import_module("flip_evaluator")
     except ImportError:
-        raise GiError("FLIP needs the package flip-evaluator: pip install 'wgpu_gi[bench]'") from None
+        raise GiError("FLIP needs a package: pip install flip-evaluator") from None
     scale = display_scale(truth)
     x, t = (np.clip(in_color(picture) * scale, 0.0, 1.0).astype(np.float32) for picture in (image, truth))
     error, _, _ = evaluator.evaluate(t, x, "LDR", inputsRGB=False, applyMagma=False)

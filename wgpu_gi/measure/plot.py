@@ -23,7 +23,7 @@ def require_matplotlib() -> None:
     try:
         importlib.import_module("matplotlib.figure")
     except ImportError:
-        raise GiError("--plot needs the package matplotlib: pip install 'wgpu_gi[bench]'") from None
+        raise GiError("plots need a package: pip install matplotlib") from None
 
 
 def save_plot(path: str | Path, report: Report) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import GiError
+from ..extras import install_hint
 from .atomic_file import atomic_file, check_writable
 from .display import display_layer
 
@@ -56,5 +57,5 @@ def _av() -> Any:
     try:
         import av
     except ImportError:
-        raise GiError("an .mp4 needs the extra: pip install 'wgpu_gi[video]'; or write frames, as .png") from None
+        raise GiError(f"an .mp4 needs a package: {install_hint('video')}; or write frames, as .png") from None
     return av

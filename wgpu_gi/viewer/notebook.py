@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import GiError, warn_of
+from ..extras import install_hint
 from ..options import Settings
 from ..pictures.display import display_layer, png_bytes
 from ..pictures.tables import html_table
@@ -33,7 +34,7 @@ try:
 
     from .controls import Controls, close
 except ImportError as error:
-    raise GiError(f"gi.show needs the extra ({error.name} is missing): pip install 'wgpu_gi[jupyter]'") from None
+    raise GiError(f"gi.show needs packages ({error.name} is missing): {install_hint('jupyter')}") from None
 
 FIRST_SECONDS = 1.0  # render this long before a cell returns, so that its still picture is more than noise
 TELL_SECONDS = 0.25  # between updates of the status line
