@@ -82,14 +82,15 @@ class Renderer(KnownAttributes):
         scene: Any,
         *,
         size: tuple[int, int] = (640, 360),
-        camera: Camera | str | int | None = None,
+        camera: Camera | str | int | dict[str, Any] | None = None,
         settings: Settings | None = None,
         adapter: str | None = None,
     ) -> None:
         """Open the adapter (by part of its name, or the best). Raises GiError for bad values, or without an adapter.
 
         `scene` is a Scene, which is rendered as it stands, black if it has no light; or what `load` takes. `camera` is
-        a Camera, or the name or the index of one in the scene; None: the scene's first.
+        a Camera, the name or the index of one in the scene, "auto", "inside" (at eye height), or the fields of a camera
+        file; None: the scene's first, else "auto".
         """
         if isinstance(scene, Scene):
             check_scene(scene)

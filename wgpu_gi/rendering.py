@@ -26,7 +26,7 @@ def render(
     scene: Any,
     *,
     size: tuple[int, int] = ...,
-    camera: Camera | str | int | None = ...,
+    camera: Camera | str | int | dict[str, Any] | None = ...,
     environment: Environment | str | Path | None = ...,
     gi: str | None = ...,
     spp: int | None = ...,
@@ -47,7 +47,7 @@ def render(
     scene: Any,
     *,
     size: tuple[int, int] = ...,
-    camera: Camera | str | int | None = ...,
+    camera: Camera | str | int | dict[str, Any] | None = ...,
     environment: Environment | str | Path | None = ...,
     gi: str | None = ...,
     spp: int | None = ...,
@@ -67,7 +67,7 @@ def render(
     scene: Any,
     *,
     size: tuple[int, int] = (640, 360),
-    camera: Camera | str | int | None = None,
+    camera: Camera | str | int | dict[str, Any] | None = None,
     environment: Environment | str | Path | None = None,
     gi: str | None = None,
     spp: int | None = None,
@@ -85,7 +85,8 @@ def render(
 
     `scene` is a Scene or what `load` takes: a path, a trimesh mesh or scene, a pair (vertices, faces). A scene without
     light gets an overcast sky. Its user learns that, and what else was approximated, by a GiWarning.
-    `environment` replaces the scene's. `camera` is a Camera, or the name or the index of one in the scene. With several
+    `environment` replaces the scene's. `camera` is a Camera, the name or the index of one in the scene, "auto",
+    "inside" (at eye height), or a dict such as {"position": (0, 1, 5), "target": (0, 1, 0)}. With several
     names in `show`, such as ("radiance", "depth"), the result is a dictionary of pictures by name. With `transparent`,
     radiance is (height, width, 4): the environment is left out where the camera sees it, colours are multiplied by
     alpha, and alpha is the share of the pixel that surfaces cover.

@@ -8,8 +8,9 @@ import pytest
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
+from wgpu_gi.scene.auto_camera import framing_camera
 from wgpu_gi.scene.built_in.shapes import box
-from wgpu_gi.scene.files.camera_files import choose_camera, framing_camera, load_camera
+from wgpu_gi.scene.files.camera_files import camera_of, choose_camera, load_camera
 from wgpu_gi.scene.scene import Instance, Scene
 
 
@@ -145,3 +146,21 @@ def test_unknown_camera_lists_the_known(selector):
 def test_choose_camera_in_a_scene_without_cameras():
     scene = scene_of((0, 0, 0), (1, 1, 1))
     assert choose_camera(scene).name == choose_camera(scene, 0).name == "framing"
+
+
+def test_automatic_views_by_name():
+    """A camera of the scene with such a name comes first."""
+    room = Scene([Instance(box((0, 0, 0), (6, 3, 4), inward=True))], cameras=[Camera(name="door")])
+    assert choose_camera(room).name == "door" and choose_camera(room, "auto").name == "inside"
+    assert choose_camera(room, "inside").name == "inside"
+    ball = scene_of((0, 0, 0), (1, 1, 1))
+    assert choose_camera(ball, "auto").name == "framing"
+    own = Camera(name="auto")
+    assert choose_camera(Scene(cameras=[Camera(name="door"), own]), "auto") is own
+
+
+def test_a_dictionary_is_a_camera():
+    camera = camera_of(Scene(), {"position": (0, 1, 5), "target": np.array([0, 1, 0]), "yfov_deg": 35})
+    assert np.array_equal(camera.position, (0, 1, 5)) and camera.yfov == pytest.approx(math.radians(35))
+    with pytest.raises(GiError, match="camera: unknown field 'fov'"):
+        camera_of(Scene(), {"position": (0, 1, 5), "target": (0, 1, 0), "fov": 35})

@@ -21,6 +21,11 @@ from .epilogs import (
     VIEW_EPILOG,
 )
 
+CAMERA_HELP = (
+    "a camera of the scene by name or index; auto: from outside, or from inside of a room; inside: at eye height; a"
+    ' .json file, or its text such as \'{"position": [0, 1, 5], "target": [0, 1, 0]}\'; default the first, else auto'
+)
+
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that reports an error in one sentence, as the rest of the program does."""
@@ -88,9 +93,7 @@ def _add_picture_arguments(parser: Parser, size: str) -> None:
     scene.add_argument(
         "scene", nargs="?", default="cornell", metavar="SCENE", help="a file or a built-in scene, default cornell"
     )
-    scene.add_argument(
-        "--camera", metavar="CAMERA", help="a camera of the scene by name or index, a .json file, or the text of one"
-    )
+    scene.add_argument("--camera", metavar="CAMERA", help=CAMERA_HELP)
     _add_light_arguments(scene)
     _add_loading_arguments(scene)
 
@@ -225,7 +228,7 @@ def _add_bench_arguments(parser: Parser) -> None:
     scene.add_argument(
         "--size", type=parse_size, metavar="WxH", help="pixels, default 640x360 or that of the --truth file"
     )
-    scene.add_argument("--camera", metavar="CAMERA", help="a camera of the scene by name or index, or a .json file")
+    scene.add_argument("--camera", metavar="CAMERA", help=CAMERA_HELP)
     _add_light_arguments(scene)
     _add_loading_arguments(scene)
 

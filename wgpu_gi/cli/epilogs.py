@@ -11,6 +11,7 @@ RENDER_EPILOG = """\
 examples:
   wgpu-gi render                                    the built-in Cornell box to out.png
   wgpu-gi render scene.glb --camera 1 --size 1280x720 --quality high
+  wgpu-gi render scene.glb --camera inside          a view at eye height
   wgpu-gi render scene.glb --gi path --spp 256      the truth, by path tracing
   wgpu-gi render scene.glb --gi none                direct light only, the fastest
   wgpu-gi render scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8"
@@ -29,6 +30,10 @@ output:
   .npy and .npz colours are multiplied by it.
   Automatic exposure brings the log-average luminance to 0.18. It is printed and stored in the .png, rounded to
   0.1 EV, so --exposure with that number gives the same picture. A sequence keeps the exposure of its first frame.
+
+cameras:
+  --camera takes {"position": [0, 1, 5], "target": [0, 1, 0]}, or a .json file with that. Optional: "up", [0, 1, 0];
+  "yfov_deg", the full vertical angle, 60; "orthographic_height", the height of a parallel view in metres.
 
 sequences:
   --frames A:B renders frames A to B-1 and skips those whose files exist, so the same command resumes a stopped run.

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import GiError, known_names, warn_of
+from .auto_camera import automatic_camera
 from .built_in.scenes import BUILTIN_SCENES, builtin_scene
 from .check import check_scene
 from .default_sky import default_sky
-from .files.camera_files import framing_camera
 from .files.environment_files import load_environment
 from .files.memory import MAX_MEMORY, MemoryBudget
 from .files.mesh_files import MESH_EXTENSIONS, load_mesh_file
@@ -24,7 +24,7 @@ from .scene import Environment, Light, Scene
 GLTF_EXTENSIONS = (".glb", ".gltf")
 USD_EXTENSIONS = (".usd", ".usda", ".usdc", ".usdz")
 
-NO_CAMERA_NOTE = "the scene has no camera: one that frames it was added"
+NO_CAMERA_NOTE = "the scene has no camera: an automatic view was added"
 NO_LIGHT_NOTE = "the scene has no light: an overcast sky was added"
 GLOW_NOTE = "the scene has no light but surfaces that glow: an overcast sky was added"
 
@@ -44,7 +44,7 @@ def load(
     Objects are a trimesh mesh or scene, a pair of arrays (vertices, faces), a Mesh, or a Scene, which is copied but
     shares its instances. `environment` replaces the scene's; it is an Environment, or what `load_environment` takes.
     `lights` are added to the scene's own. A scene that then has no source of light (see `glows_only`) gets an
-    overcast sky, and one without a camera one that frames it. `Scene.notes` says so, and what was approximated;
+    overcast sky, and one without a camera an automatic view. `Scene.notes` says so, and what was approximated;
     each note is also a GiWarning, except that on the camera. A bare name is a built-in scene, even if a file has that
     name; files need their extension. A damaged part of a file is left out with a note, or raises GiError if `strict`.
     Points without faces are shown as discs or spheres of the diameter `point_size` in metres, by default twice their
@@ -183,10 +183,10 @@ def glows_only(scene: Scene) -> bool:
 
 
 def add_defaults(scene: Scene, glow: bool = False) -> None:
-    """Add an overcast sky to a scene without light, or with a glow only, and a framing camera to one without any."""
+    """Add an overcast sky to a scene without light, or with a glow only, and an automatic view if it has no camera."""
     if glow or not has_light(scene):
         scene.environment = default_sky()
         scene.notes.append(GLOW_NOTE if glow else NO_LIGHT_NOTE)
     if not scene.cameras:
-        scene.cameras.append(framing_camera(scene))
+        scene.cameras.append(automatic_camera(scene))
         scene.notes.append(NO_CAMERA_NOTE)

@@ -49,7 +49,7 @@ def show(
     scene: Any = "cornell",
     *,
     size: tuple[int, int] = (640, 360),
-    camera: Camera | str | int | None = None,
+    camera: Camera | str | int | dict[str, Any] | None = None,
     environment: Environment | str | Path | None = None,
     gi: str | None = None,
     quality: str | None = None,

@@ -1,4 +1,4 @@
-"""Cameras that are not part of the scene: from a JSON file or text, or placed so that they frame the scene."""
+"""The camera that a user names: one of the scene, a JSON file or text, or an automatic view (`auto_camera`)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,13 @@ import numpy as np
 from ...camera import YFOV_DEG, Camera
 from ...errors import GiError
 from ...float_limits import LARGEST_HEIGHT, SMALLEST_HEIGHT
+from ..auto_camera import automatic_camera, inside_camera
 from ..rules import is_whole, shown
 from ..scene import Scene
 from .read import read_file
 
+AUTOMATIC = {"auto": automatic_camera, "inside": inside_camera}
 CAMERA_FIELDS = ("position", "target", "up", "yfov_deg", "orthographic_height")
-
-# From the front (+Z in glTF), the right and above: a box shows three faces.
-FRAMING_DIRECTION = (0.55, 0.4, 0.75)
-FRAMING_YFOV_DEG = 45.0
-FRAMING_MARGIN = 1.05  # factor on the distance: 5 % of free picture around the bounding box
 
 
 def load_camera(path: str | Path) -> Camera:
@@ -103,63 +100,55 @@ def _is_number(value: Any) -> bool:
 def _vector(where: str, fields: dict[str, Any], name: str) -> list[float]:
     """Return the three finite numbers of a field. Raises GiError for anything else."""
     value = fields[name]
+    if isinstance(value, (tuple, np.ndarray)):
+        value = value.tolist() if isinstance(value, np.ndarray) else list(value)
     if not isinstance(value, list) or len(value) != 3 or not all(_is_number(v) for v in value):
-        raise GiError(f"{where}: {name!r} must be three finite numbers, not {json.dumps(value)[:60]}")
+        raise GiError(f"{where}: {name!r} must be three finite numbers, not {json.dumps(value, default=str)[:60]}")
     return [float(v) for v in value]
-
-
-def framing_camera(scene: Scene) -> Camera:
-    """Return a camera outside the scene that sees all of it, from the front, the right and above.
-
-    Every corner of the bounding box lies inside a square picture; wider pictures have room at the sides. A scene
-    without extent is seen from 1 m.
-    """
-    low, high = scene.bounds()
-    centre, half = (low + high) / 2, (high - low) / 2
-    back = np.array(FRAMING_DIRECTION) / np.linalg.norm(FRAMING_DIRECTION)
-    axes = Camera.look_at(back, (0.0, 0.0, 0.0)).world_from_view[:3, :3]
-    corners = np.array([[(i >> a & 1) * 2 - 1 for a in range(3)] for i in range(8)]) * half @ axes
-    # A corner at (x, y, z) from the centre is inside if |x| and |y| are below tan(yfov/2) times its distance d - z.
-    slope = math.tan(math.radians(FRAMING_YFOV_DEG) / 2)
-    distance = float((corners[:, 2] + np.abs(corners[:, :2]).max(1) / slope).max()) * FRAMING_MARGIN
-    if distance == 0.0:
-        distance = 1.0
-    return Camera.look_at(centre + back * distance, centre, yfov_deg=FRAMING_YFOV_DEG, name="framing")
 
 
 def choose_camera(scene: Scene, selector: str | int | None = None, folder: Path | None = None) -> Camera:
     """Return the camera that `selector` names; None is the first camera.
 
-    `selector` is a name or an index in the scene, a .json file, or the text of such a file. Names come before indices.
-    A relative file is looked up in the working folder, then in `folder` (the scene's). A scene without cameras uses
-    `framing_camera`. Raises GiError with a list of the cameras if there is no such camera.
+    `selector` is a name or an index in the scene, `auto` (from outside, or from inside a scene that encloses the
+    viewer), `inside` (at eye height), a .json file, or the text of such a file. Names come first, indices last. A
+    relative file is looked up in the working folder, then in `folder` (the scene's). A scene without cameras has one,
+    `auto`. Raises GiError with a list of the cameras if there is no such camera.
     """
-    cameras = scene.cameras or [framing_camera(scene)]
-    if selector is None:
-        return cameras[0]
-    by_name = {camera.name: camera for camera in reversed(cameras) if camera.name}
+    by_name = {camera.name: camera for camera in reversed(scene.cameras) if camera.name}
     if selector in by_name:
         return by_name[str(selector)]
+    if selector in AUTOMATIC:
+        return AUTOMATIC[str(selector)](scene)
     if str(selector).lstrip().startswith("{"):
         return _parse_camera(str(selector), "the camera", "")
     if str(selector).lower().endswith(".json"):
         path = Path(str(selector))
         beside = folder / path if folder else path
         return load_camera(path if os.path.exists(path) or not os.path.exists(beside) else beside)
+    cameras = scene.cameras or [automatic_camera(scene)]
     try:
-        index = int(selector)
+        index = 0 if selector is None else int(selector)
     except ValueError:
         index = -1
     if 0 <= index < len(cameras):
         return cameras[index]
     known = ", ".join(f"{i} {camera.name!r}" for i, camera in enumerate(cameras[:20]))
-    raise GiError(f"there is no camera {selector!r}; this scene has {known}; or name a .json file")
+    raise GiError(
+        f"there is no camera {selector!r}; this scene has {known}; or give {' or '.join(AUTOMATIC)}, or a .json file"
+    )
 
 
-def camera_of(scene: Scene, camera: Camera | str | int | None) -> Camera:
-    """Return a camera that Python code gives: a Camera, or what `choose_camera` takes. Raises GiError for another."""
+def camera_of(scene: Scene, camera: Camera | str | int | dict[str, Any] | None) -> Camera:
+    """Return a camera that Python code gives: a Camera, the fields of a camera file, or what `choose_camera` takes.
+
+    Raises GiError for another.
+    """
     if isinstance(camera, Camera):
         return camera
+    if isinstance(camera, dict):
+        return camera_from(camera, "camera")
     if camera is not None and not isinstance(camera, str) and not is_whole(camera):
-        raise GiError(f"camera must be a Camera, or the name or index of one in the scene, not {shown(camera)}")
+        known = "the name or index of one in the scene, 'auto', 'inside', or a dict"
+        raise GiError(f"camera must be a Camera, {known}, not {shown(camera)}")
     return choose_camera(scene, camera)
