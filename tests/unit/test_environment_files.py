@@ -57,21 +57,47 @@ def test_hdr_long_old_runs_have_counts_to_the_base_256():
     np.testing.assert_array_equal(read_hdr(hdr(pixels, row * 2), "x"), radiance(pixels).astype(np.float32))
 
 
+@pytest.mark.parametrize("first", ["-Y", "+Y", "-X", "+X"])
+@pytest.mark.parametrize("sign", ["-", "+"])
+def test_hdr_orientations(first, sign):
+    """`-Y 3 +X 20` are lines from the top, each from the left; a plus before Y or a minus before X reverses them."""
+    pixels = rgbe_pixels()
+    stored = pixels
+    second = sign + ("X" if first[1] == "Y" else "Y")
+    stored = stored[::-1] if "+Y" in (first, second) else stored
+    stored = stored[:, ::-1] if "-X" in (first, second) else stored
+    stored = stored.transpose(1, 0, 2) if first[1] == "X" else stored
+    size = b"\n%s %d %s %d\n" % (first.encode(), stored.shape[0], second.encode(), stored.shape[1])
+    image = read_hdr(HEADER + size + np.ascontiguousarray(stored).tobytes(), "x")
+    np.testing.assert_array_equal(image, radiance(pixels).astype(np.float32))
+
+
+HEADERS = [HEADER.replace(b"\n", b"\r\n"), b"#?RGBE\n", b"FORMAT=32-bit_rle_rgbe\nGAMMA=1\n"]
+
+
+@pytest.mark.parametrize("header", HEADERS, ids=["CR LF", "no format", "no magic"])
+def test_hdr_headers_of_other_programs(header):
+    pixels = rgbe_pixels()
+    good = hdr(pixels, new_runs(pixels), header)
+    if b"\r" in header:
+        good = good.replace(b"\r\n\n", b"\r\n\r\n").replace(b"X 20\n", b"X 20\r\n")
+    np.testing.assert_array_equal(read_hdr(good, "x"), radiance(pixels).astype(np.float32))
+
+
 def test_hdr_exposure_is_divided_out_and_exponent_zero_is_black():
     pixels = np.array([[[128, 64, 32, 129], [9, 9, 9, 0]]], np.uint8)
-    image = read_hdr(hdr(pixels, pixels.tobytes(), b"#?RGBE\nEXPOSURE=2\nEXPOSURE= 4\n"), "x")
+    image = read_hdr(hdr(pixels, pixels.tobytes(), b"#?RGBE\nEXPOSURE=2\nEXPOSURE = 4\n"), "x")
     np.testing.assert_array_equal(image, np.array([[[1, 0.5, 0.25], [0, 0, 0]]]) / 8)
 
 
 GOOD = hdr(rgbe_pixels(), new_runs(rgbe_pixels()))
 BAD_HDR = {
-    "no magic": GOOD[2:],
+    "no magic": GOOD[2:].replace(b"FORMAT", b"format"),
     "no end of header": HEADER,
     "xyz colours": GOOD.replace(b"rgbe", b"xyze"),
     "no size": HEADER + b"\n",
     "broken size": GOOD.replace(b"-Y 3", b"-Y three"),
-    "other axes": GOOD.replace(b"-Y 3 +X 20", b"+X 20 -Y 3"),
-    "upside down": GOOD.replace(b"-Y 3", b"+Y 3"),
+    "one axis twice": GOOD.replace(b"+X 20", b"+Y 20"),
     "no pixels": GOOD.replace(b"-Y 3", b"-Y 0"),
     "huge": GOOD.replace(b"-Y 3 +X 20", b"-Y 100000 +X 200000"),
     "more rows than bytes": GOOD.replace(b"-Y 3 +X 20", b"-Y 8000 +X 16000"),
@@ -122,13 +148,44 @@ def test_row_zero_is_the_top(tmp_path):
     np.testing.assert_array_equal(image[:, 0, 0], [0, 1, 2, 3])
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["View.R", "View.G", "View.B", "Z.V"],
+        ["r", "g", "b"],
+        ["a.y", "b.R", "b.G", "b.B", "b.A"],
+        ["R", "x.R", "B", "G"],
+    ],
+)
+def test_exr_channels_of_layers_and_in_lower_case(tmp_path, names):
+    planes = {name: np.full((4, 8), sum(map(ord, name.upper()[-1])), np.float32) for name in names}
+    image = load_environment(write_exr(tmp_path / "sky.exr", planes)).image
+    np.testing.assert_array_equal(image[0, 0], [ord(name) for name in "RGB"])
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float16])
+def test_infinite_pixels_become_the_largest_half(tmp_path, dtype):
+    """Or the brightest pixel of the map, which an infinite one outshines."""
+    plane = np.array([[1, np.inf, 0, 2]], dtype)
+    notes = Notes(strict=True)
+    image = load_environment(write_exr(tmp_path / "sun.exr", dict.fromkeys("RGB", plane)), notes).image
+    np.testing.assert_array_equal(image[..., 0], np.array([[1, 65504, 0, 2]], np.float32))
+    (note,) = notes.sentences
+    assert "3 infinite values were limited to 65504" in note
+    plane = np.array([[1, np.inf, 0, 2e6]], np.float32)
+    image = load_environment(write_exr(tmp_path / "sun.exr", dict.fromkeys("RGB", plane))).image
+    assert image.max() == image[0, 1, 0] == np.float32(2e6)
+
+
 def test_invalid_pixels_are_replaced_with_a_note(tmp_path):
     plane = np.array([[1, np.nan, np.inf, -np.inf], [-1, 1e20, 0, 2]], np.float32)
     notes = Notes()
     image = load_environment(write_exr(tmp_path / "bad.exr", dict.fromkeys("RGB", plane)), notes).image
-    np.testing.assert_array_equal(image[..., 0], np.array([[1, 0, 0, 0], [0, 1e10, 0, 2]], np.float32))
-    (note,) = notes.sentences
-    assert "12 negative, NaN or infinite" in note and "3 limited" in note
+    np.testing.assert_array_equal(image[..., 0], np.array([[1, 0, 1e10, 0], [0, 1e10, 0, 2]], np.float32))
+    infinite, absurd, bad = notes.sentences
+    assert "3 infinite" in infinite and "3 values were limited to 1e+10" in absurd and "9 negative or NaN" in bad
+    with pytest.raises(GiError, match="9 negative or NaN"):
+        load_environment(tmp_path / "bad.exr", Notes(strict=True))
 
 
 @pytest.mark.parametrize(

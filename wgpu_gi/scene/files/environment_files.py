@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -29,19 +30,22 @@ ENVIRONMENT_EXTENSIONS = (".hdr", ".pic", ".exr")
 # 16384 x 8192 is the largest map in circulation, 1.5 GiB as floats. A file that announces more is damaged or hostile.
 LARGEST_SIDE = 16384
 MOST_PIXELS = 16384 * 8192
+MOST_HEADER = 1 << 16  # bytes of a Radiance header
 
 
 # The sun's disc has a luminance of 1.6e9 cd/m2; larger values are errors, and would outshine everything else.
 LARGEST_RADIANCE = 1e10
+LARGEST_HALF = 65504.0  # above it, writers of 16-bit floats store infinity
 
 
 def load_environment(text: str | Path, notes: Notes | None = None, *, max_memory: int = MAX_MEMORY) -> Environment:
     """Return the environment that `text` names: "R,G,B" (constant radiance, W/(m2 sr)) or a .hdr, .pic or .exr file.
 
-    Maps are equirectangular with -Z at the left edge, +X at a quarter of the width and +Y on top. Negative, NaN and
-    infinite pixels become 0, and radiance is limited to 1e10; `notes` receives a sentence that says so, without `notes`
-    a GiWarning says so. Raises GiError for negative, non-finite or too large colours, for missing, foreign, damaged or
-    oversized files, and for a map that unpacks to more than `max_memory` bytes.
+    Maps are equirectangular with -Z at the left edge, +X at a quarter of the width and +Y on top. Negative and NaN
+    pixels become 0, infinite ones the largest 16-bit float, 65504, or the largest finite value of the map, and radiance
+    is limited to 1e10; `notes` receives sentences that say so, without `notes` a GiWarning says so. Raises GiError for
+    negative, non-finite or too large colours, for missing, foreign, damaged or oversized files, and for a map that
+    unpacks to more than `max_memory` bytes.
     """
     if not isinstance(text, (str, os.PathLike)):
         raise GiError(f"an environment is loaded from a path or a text R,G,B, not from {shown(text)}")
@@ -75,19 +79,25 @@ def _constant_color(text: str) -> tuple[float, float, float]:
 
 
 def _sanitise(image: NDArray[np.float32], path: Path, notes: Notes) -> None:
-    """Replace values that cannot be radiance by 0, and limit others to LARGEST_RADIANCE, in place."""
-    bad = absurd = 0
+    """Limit infinite and absurd values, and replace others that cannot be radiance by 0, in place."""
+    brightest = max(float(np.max(row, where=np.isfinite(row), initial=0.0)) for row in image)
+    cap = np.float32(min(max(LARGEST_HALF, brightest), LARGEST_RADIANCE))
+    bad = infinite = absurd = 0
     for row in image:
-        wrong = ~(np.isfinite(row) & (row >= 0))
+        endless = row == np.inf
+        infinite += int(np.count_nonzero(endless))
+        row[endless] = cap
+        wrong = ~(row >= 0)
         bad += int(np.count_nonzero(wrong))
         row[wrong] = 0
         absurd += int(np.count_nonzero(row > LARGEST_RADIANCE))
         np.minimum(row, np.float32(LARGEST_RADIANCE), out=row)
-    if bad or absurd:
-        notes.damage(
-            f"environment {path}: {bad} negative, NaN or infinite values were set to 0, "
-            f"{absurd} limited to {LARGEST_RADIANCE:g}"
-        )
+    if infinite:
+        notes.add(f"environment {path}: {infinite} infinite values were limited to {cap:g}; brighter light is lost")
+    if absurd:
+        notes.add(f"environment {path}: {absurd} values were limited to {LARGEST_RADIANCE:g}")
+    if bad:
+        notes.damage(f"environment {path}: {bad} negative or NaN values were set to 0")
 
 
 def _reduced(image: NDArray[np.float32], path: Path, notes: Notes) -> NDArray[np.float32]:
@@ -117,12 +127,13 @@ def _check_size(width: int, height: int, source: str) -> None:
 def read_hdr(data: bytes, source: str, budget: MemoryBudget | None = None) -> NDArray[np.float32]:
     """Decode a Radiance RGBE picture to (height, width, 3) float32 linear radiance; `source` names it in messages.
 
-    EXPOSURE lines are divided out, as the format requires. Raises GiError for XYZE data, for other orientations than
-    `-Y height +X width`, for truncated or damaged data, and for pixels beyond the `budget`.
+    EXPOSURE lines are divided out, as the format requires. Lines may end in CR LF. Raises GiError for XYZE data, for
+    truncated or damaged data, and for pixels beyond the `budget`.
     """
     # Read the header: format, orientation and size.
-    header, separator, body = data.partition(b"\n\n")
-    if not header.startswith(b"#?") or not separator:
+    end = re.search(rb"\r?\n\r?\n", data[:MOST_HEADER])
+    header, body = (data[: end.start()], data[end.end() :]) if end else (b"", b"")
+    if not header.startswith(b"#?") and b"FORMAT=32-bit_rle_" not in header:
         raise GiError(f"{source} is not a Radiance picture: its header (#?RADIANCE) is missing")
     if b"32-bit_rle_xyze" in header:
         raise GiError(f"{source} holds CIE XYZ colours; convert it to RGBE (ra_xyze -r)")
@@ -130,26 +141,31 @@ def read_hdr(data: bytes, source: str, budget: MemoryBudget | None = None) -> ND
     match = re.fullmatch(rb"([+-][XY]) +(\d{1,9}) +([+-][XY]) +(\d{1,9})\s*", resolution)
     if match is None:
         raise GiError(f"{source}: the line with the picture's size is missing or damaged")
-    if (match[1], match[3]) != (b"-Y", b"+X"):
-        raise GiError(
-            f"{source} is stored {match[1].decode()} {match[3].decode()}; only -Y +X (row 0 on top) can be read"
-        )
-    height, width = int(match[2]), int(match[4])
-    _check_size(width, height, source)
+    lines, length = int(match[2]), int(match[4])
+    sideways = match[1][1:] == b"X"
+    if match[1][1:] == match[3][1:]:
+        raise GiError(f"{source}: the line with the picture's size names one axis twice")
+    _check_size(*((lines, length) if sideways else (length, lines)), source)
     # Refuse files that are too short for their size before allocating it; the best compression leaves 8 bytes a row.
-    if len(body) < 8 * height and len(body) < 4 * width * height:
-        raise GiError(f"{source} is truncated: {len(body)} bytes cannot hold {width}x{height} pixels")
-    (budget or MemoryBudget()).take(16 * width * height, f"environment map {source}")
+    if len(body) < 8 * lines and len(body) < 4 * length * lines:
+        raise GiError(f"{source} is truncated: {len(body)} bytes cannot hold {lines} lines of {length} pixels")
+    (budget or MemoryBudget()).take(16 * lines * length, f"environment map {source}")
     try:
-        rgbe = _decode_rows(body, width, height)
+        rgbe = _decode_rows(body, length, lines)
     except IndexError:
-        raise GiError(f"{source} is truncated or damaged: its run lengths do not fit {width}x{height} pixels") from None
+        raise GiError(
+            f"{source} is truncated or damaged: its run lengths do not fit {lines} lines of {length} pixels"
+        ) from None
+    # Turn the picture so that row 0 is on top and column 0 on the left.
+    along = {b"Y": slice(None, None, -1 if b"+Y" in match.groups() else 1)}
+    along[b"X"] = slice(None, None, -1 if b"-X" in match.groups() else 1)
+    rgbe = (rgbe.transpose(1, 0, 2) if sideways else rgbe)[along[b"Y"], along[b"X"]]
     # Decode: mantissas are 8-bit fractions, the exponent is biased by 128, and exponent 0 means black. No half step is
     # added, so that round values stay exact and maps agree with other renderers (writers truncate: up to 0.8 % dark).
     with np.errstate(over="ignore"):  # infinite radiance counts as damage
         scale = (np.ldexp(1.0, np.arange(256) - 136) / _exposure(header, source)).astype(np.float32)
     scale[0] = 0.0
-    image = np.empty((height, width, 3), np.float32)
+    image = np.empty((*rgbe.shape[:2], 3), np.float32)
     for row, codes in zip(image, rgbe, strict=True):
         np.multiply(codes[:, :3], scale[codes[:, 3:]], out=row)
     return image
@@ -158,7 +174,7 @@ def read_hdr(data: bytes, source: str, budget: MemoryBudget | None = None) -> ND
 def _exposure(header: bytes, source: str) -> float:
     """Return the product of all EXPOSURE lines, by which the stored pixels were multiplied."""
     try:
-        exposure = math.prod(float(line[9:]) for line in header.splitlines() if line.startswith(b"EXPOSURE="))
+        exposure = math.prod(float(value) for value in re.findall(rb"^EXPOSURE *=(.*)$", header, re.MULTILINE))
     except ValueError:
         exposure = 0.0
     if not (math.isfinite(exposure) and exposure > 0):
@@ -226,7 +242,7 @@ def _decode_old_row(body: bytes, at: int, row: NDArray[np.uint8]) -> int:
 
 
 def _read_exr(path: Path, magic: bytes, budget: MemoryBudget) -> NDArray[np.float32]:
-    """Read the channels R, G, B (or Y for all three) of the first part of an OpenEXR file."""
+    """Read the channels R, G, B (or Y for all three) of the first part of an OpenEXR file, if need be of a layer."""
     if magic != b"\x76\x2f\x31\x01":
         raise GiError(f"{path} is not an OpenEXR file: its first bytes are wrong")
 
@@ -238,7 +254,21 @@ def _read_exr(path: Path, magic: bytes, budget: MemoryBudget) -> NDArray[np.floa
         _, channels = read_exr(path, check)
     except ValueError as error:
         raise GiError(f"environment map {path} is truncated or damaged ({error})") from None
-    names = ("R", "G", "B") if {"R", "G", "B"} <= set(channels) else ("Y", "Y", "Y")
-    if not set(names) <= set(channels):
+    planes = _color_channels(channels)
+    if planes is None:
         raise GiError(f"{path} has no channels R, G, B or Y, but {', '.join(sorted(channels))[:80]}")
-    return np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
+    return np.stack([channels[name] for name in planes], axis=-1).astype(np.float32)
+
+
+def _color_channels(names: Iterable[str]) -> tuple[str, str, str] | None:
+    """Return the channels of red, green and blue, of any case, outside of layers or in the first layer with them."""
+    by_layer: dict[str, dict[str, str]] = {}
+    for name in sorted(names):
+        layer, _, channel = name.rpartition(".")
+        by_layer.setdefault(layer, {})[channel.upper()] = name
+    for wanted in (("R", "G", "B"), ("RED", "GREEN", "BLUE"), ("Y", "Y", "Y")):
+        for found in by_layer.values():
+            if set(wanted) <= set(found):
+                red, green, blue = (found[channel] for channel in wanted)
+                return red, green, blue
+    return None
