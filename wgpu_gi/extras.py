@@ -13,7 +13,7 @@ class Extra(NamedTuple):
 
 
 EXTRAS = {
-    "gltf": Extra("compressed glTF (Draco, meshopt)", ("DracoPy", "meshoptimizer")),
+    "gltf": Extra("compressed glTF (Draco, meshopt, Basis Universal)", ("DracoPy", "meshoptimizer", "opengl_basisu")),
     "usd": Extra("OpenUSD files", ("usd-core",)),
     "bench": Extra("perceptual errors and plots", ("flip-evaluator", "matplotlib")),
     "video": Extra("videos (.mp4)", ("av",)),

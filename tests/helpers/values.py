@@ -156,9 +156,9 @@ def _pixels() -> tuple[list[Any], list[Any]]:
         [[[1] * 4]],
         *(np.zeros(s, np.uint8) for s in ((0, 0, 4), (4, 0, 4), (4, 4), (4, 4, 3))),
     ]
-    wrong += [np.zeros((4, 4, 4), t) for t in (np.float32, np.uint16, bool)]
-    wrong += [np.broadcast_to(np.uint8(1), (1, 8193, 4))]
+    wrong += [np.zeros((4, 4, 4), t) for t in (np.float32, np.int16, bool)]
     extreme = [np.full((1, 1, 4), v, np.uint8) for v in (0, 255)] + [np.zeros((1, 8192, 4), np.uint8)]
+    extreme += [np.full((2, 2, 4), 65535, np.uint16)]
     return wrong, [*extreme, np.full((4, 8, 4), 99, np.uint8)[:, ::2]]
 
 

@@ -131,6 +131,21 @@ def test_huge_and_undefined_coordinates_stay_in_the_picture(evaluate):
         assert np.allclose(got, (0, 100 / 255, 0, 0), atol=1e-6)
 
 
+def test_normal_maps_keep_16_bits(evaluate):
+    """A slow ramp in 16 bits is smooth to 1 / 65535 between texels; other slots use the high bytes."""
+    ramp = np.round(np.linspace(32000, 33400, 64)).astype(np.uint16)
+    pixels = np.broadcast_to(ramp[None, :, None], (3, 64, 4)).copy()
+    mesh = grid(material=Material(normal_texture=Texture(Image(pixels), "clamp", "clamp")))
+    mesh.materials[0].base_color_texture = Texture(Image(pixels), "clamp", "clamp")
+    u = np.linspace(0.0, 1.0, 2000)
+    uv = np.stack([u, np.full(2000, 0.4)], 1).astype(np.float32)
+    call = "sample_texture(0u, 3u, uv(i), vec2f(0.0))"
+    got = evaluate(MATERIALS, call, "vec4f", scene=Scene([Instance(mesh)]), uv=uv)
+    expected = np.interp(np.clip(u * 64 - 0.5, 0, 63), np.arange(64), ramp.astype(float)) / 65535
+    assert np.abs(got[:, 0] - expected).max() < 1.5 / 65535
+    assert len(np.unique(got[:, 0])) > 1000
+
+
 def test_one_pixel_picture_is_constant(evaluate):
     pixels = np.array([[[10, 20, 30, 40]]], np.uint8)
     for wrap in ("repeat", "clamp", "mirror"):

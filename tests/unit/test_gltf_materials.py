@@ -6,6 +6,7 @@ import base64
 
 import numpy as np
 import pytest
+from PIL import features
 from unit.gltf_builder import encode, triangle_scene
 
 from wgpu_gi.scene.gltf.load import load_gltf
@@ -77,18 +78,20 @@ def test_all_five_textures_with_samplers_and_transforms(tmp_path):
     assert shared.emission_texture.image is m.emission_texture.image
 
 
-@pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP"])
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP", "AVIF"])
 def test_image_formats(tmp_path, kind):
     builder = triangle_scene()
     texture = builder.texture(np.full((8, 8, 3), (200, 100, 50), np.uint8), kind=kind)
-    if kind == "WEBP":
+    if kind == "AVIF" and not features.check("avif"):
+        pytest.skip("this Pillow was built without AVIF")
+    if kind in ("WEBP", "AVIF"):
         source = builder.json["textures"][texture].pop("source")
-        builder.json["textures"][texture]["extensions"] = {"EXT_texture_webp": {"source": source}}
+        builder.json["textures"][texture]["extensions"] = {f"EXT_texture_{kind.lower()}": {"source": source}}
     material = builder.material(pbrMetallicRoughness={"baseColorTexture": {"index": texture}})
     builder.json["meshes"][0]["primitives"][0]["material"] = material
     pixels = load_gltf(builder.glb(tmp_path)).materials[0].base_color_texture.image.pixels
     assert pixels.shape == (8, 8, 4) and pixels.dtype == np.uint8
-    assert np.abs(pixels.astype(int) - (200, 100, 50, 255)).max() <= (3 if kind == "JPEG" else 0)
+    assert np.abs(pixels.astype(int) - (200, 100, 50, 255)).max() <= (0 if kind in ("PNG", "WEBP") else 3)
 
 
 @pytest.mark.parametrize(

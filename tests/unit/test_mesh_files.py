@@ -159,7 +159,7 @@ def test_obj_materials(tmp_path):
         ("map_Kd /etc/hostname", "outside the scene's folder"),
         ("map_Kd \0", "outside the scene's folder"),
         ("map_Kd broken.png", "not an image"),
-        ("map_Kd huge.png", "too large"),
+        ("map_Kd huge.png", "pixels are too many"),
         ("map_Kd .", "is a folder"),
         ("d 0.5", "transparency is ignored"),
         ("Tr 0.5", "transparency is ignored"),
@@ -177,8 +177,8 @@ def test_obj_materials(tmp_path):
 )
 def test_unusable_mtl_rows_become_notes(tmp_path, row, sentence):
     write(tmp_path, "broken.png", b"\x89PNG\r\n\x1a\n" + bytes(50))
-    # A PNG of 9000 x 9000 pixels in a few bytes.
-    ihdr = b"IHDR" + (9000).to_bytes(4, "big") * 2 + bytes([8, 2, 0, 0, 0])
+    # A PNG of 20000 x 20000 pixels in a few bytes.
+    ihdr = b"IHDR" + (20000).to_bytes(4, "big") * 2 + bytes([8, 2, 0, 0, 0])
     ihdr_chunk = bytes([0, 0, 0, 13]) + ihdr + zlib.crc32(ihdr).to_bytes(4, "big")
     write(tmp_path, "huge.png", b"\x89PNG\r\n\x1a\n" + ihdr_chunk + bytes(4) + b"IDAT" + bytes(4))
     notes = Notes()

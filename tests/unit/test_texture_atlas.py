@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wgpu_gi.errors import GiError
 from wgpu_gi.scene.scene import Image
-from wgpu_gi.upload.texture_atlas import MAX_LAYERS, MIN_PAGE, pack_atlas
+from wgpu_gi.upload.texture_atlas import MAX_LAYERS, MIN_PAGE, atlas_pixels, pack_atlas
 from wgpu_gi.webgpu_limits import MAX_TEXTURE_SIDE
 
 
@@ -23,8 +22,8 @@ def check(images):
     assert atlas.places.keys() == {id(i) for i in images}
     pages = np.zeros((atlas.layers, atlas.page, atlas.page), bool)
     for image in images:
-        height, width = image.pixels.shape[:2]
-        layer, x, y = atlas.places[id(image)]
+        layer, x, y, width, height, deep = atlas.places[id(image)]
+        assert (height, width) == image.pixels.shape[:2] and not deep
         assert 0 <= layer < atlas.layers and x >= 0 and y >= 0 and x + width <= atlas.page and y + height <= atlas.page
         place = pages[layer, y : y + height, x : x + width]
         assert not place.any()
@@ -66,9 +65,25 @@ def test_an_image_listed_twice_has_one_place():
     assert pack_atlas([image, image]).places.keys() == {id(image)}
 
 
-def test_too_large():
-    with pytest.raises(
-        GiError, match=rf"layers of {MAX_TEXTURE_SIDE} x {MAX_TEXTURE_SIDE}; {MAX_LAYERS} are possible: scale them down"
-    ):
-        pack_atlas([blank(MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE) for _ in range(MAX_LAYERS + 1)])
-    assert pack_atlas([blank(MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE) for _ in range(MAX_LAYERS)]).layers == MAX_LAYERS
+def test_images_that_are_too_large_or_too_many_are_scaled_down():
+    place = pack_atlas([blank(2 * MAX_TEXTURE_SIDE, 20)]).places
+    assert [tuple(p) for p in place.values()] == [(0, 0, 0, MAX_TEXTURE_SIDE, 10, False)]
+    # One layer too many: all images get half the sides, four to a layer.
+    images = [blank(MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE) for _ in range(MAX_LAYERS + 1)]
+    atlas = pack_atlas(images)
+    assert {place.width for place in atlas.places.values()} == {MAX_TEXTURE_SIDE // 2}
+    assert atlas.layers <= MAX_LAYERS
+    assert pack_atlas(images[1:]).layers == MAX_LAYERS
+
+
+def test_images_of_16_bits_lie_as_high_bytes_above_low_bytes():
+    pixels = np.random.default_rng(0).integers(0, 65536, (30, 50, 4)).astype(np.uint16)
+    deep, flat = Image(pixels), Image(np.full((60, 50, 4), 9, np.uint8))
+    places = pack_atlas([flat, deep], {id(deep)}).places
+    assert places[id(deep)] == (0, 50, 0, 50, 30, True) and not places[id(flat)].deep
+    stored = atlas_pixels(deep, places[id(deep)], srgb=False).astype(int)
+    np.testing.assert_array_equal(256 * stored[:30] + stored[30:], pixels)
+    # Without room for both halves it has 8 bits.
+    tall = Image(np.zeros((MAX_TEXTURE_SIDE, 1, 4), np.uint16))
+    place = pack_atlas([tall], {id(tall)}).places[id(tall)]
+    assert not place.deep and atlas_pixels(tall, place, srgb=False).dtype == np.uint8

@@ -168,7 +168,7 @@ CALLS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "a texture of floats": (
         lambda: gi.render(of_material(base_color_texture=gi.Texture(gi.Image(np.zeros((4, 4, 4)))))),
-        "base_color_texture.image.pixels must be .* of uint8, not an array of shape .* and type float64",
+        "base_color_texture.image.pixels must be .* of uint8 or uint16, not an array of shape .* and type float64",
     ),
     "roughness=text": (lambda: gi.render(of_material(roughness="0.5")), "roughness must be a number from 0 to 1"),
     "alpha_mode=BLEND": (

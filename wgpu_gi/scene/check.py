@@ -100,7 +100,7 @@ _TEXTURE = {
     "scale": _PAIR,
     "rotation": number(unit="radians"),
 }
-_IMAGE = {"pixels": array("uint8", None, None, 4), "name": text}
+_IMAGE = {"pixels": array("uint8 or uint16", None, None, 4), "name": text}
 _CAMERA = {
     "yfov": number(SMALLEST_YFOV, LARGEST_YFOV, "radians"),
     "orthographic_height": optional(number(SMALLEST_HEIGHT, LARGEST_HEIGHT, "m")),
@@ -252,7 +252,9 @@ def _texture_fault(texture: Texture) -> str | None:
     if fault is not None:
         return fault
     image = texture.image
-    fault = fault_of(image, _IMAGE) or size_fault("pixels", image.pixels)
+    fault = fault_of(image, _IMAGE)
+    if fault is None and min(image.pixels.shape) < 1:
+        fault = "pixels must have rows and columns"
     return None if fault is None else f"image.{fault}{_named(image)}"
 
 

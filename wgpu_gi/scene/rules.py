@@ -15,7 +15,7 @@ _NUMBERS = (int, float, np.integer, np.floating)
 _ARRAYS: dict[str, tuple[type, ...]] = {
     "numbers": (np.integer, np.floating),
     "integers": (np.integer,),
-    "uint8": (np.uint8,),
+    "uint8 or uint16": (np.uint8, np.uint16),
 }
 
 
@@ -117,7 +117,7 @@ def items(*kinds: type) -> Rule:
 
 
 def array(types: str, *shape: int | None) -> Rule:
-    """Allow numpy arrays of "numbers", "integers" or "uint8" of a shape, where None is any length."""
+    """Allow numpy arrays of "numbers", "integers" or "uint8 or uint16" of a shape, where None is any length."""
     kinds = _ARRAYS[types]
 
     def allows(value: Any) -> bool:

@@ -29,10 +29,20 @@ Wrap = Literal["repeat", "clamp", "mirror"]
 
 @dataclass(eq=False, repr=False, slots=True)
 class Image(KnownAttributes):
-    """8-bit pixels, (height, width, 4) uint8 RGBA, row 0 on top. Treated as immutable once in use."""
+    """Pixels (height, width, 4) RGBA, row 0 on top, uint8 or uint16. Treated as immutable once in use.
 
-    pixels: NDArray[np.uint8]
+    Only normal maps keep more than 8 bits on the GPU.
+    """
+
+    pixels: NDArray[Any]
     name: str = ""
+
+    @property
+    def eight_bit(self) -> NDArray[np.uint8]:
+        """The pixels as uint8, the high bytes of 16-bit ones."""
+        if self.pixels.dtype == np.uint16:
+            return (self.pixels >> 8).astype(np.uint8)
+        return self.pixels
 
 
 @dataclass(eq=False, repr=False, slots=True)

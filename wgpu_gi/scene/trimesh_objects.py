@@ -208,9 +208,10 @@ class _Materials:
         if source is None:
             return None
         if id(source) not in self._images:
-            from .files.image_files import decode_image  # imports Pillow
+            from .files.image_files import decode_image, from_pillow  # imports Pillow
 
-            pixels = decode_image(source) if hasattr(source, "convert") else f"it is {shown(source)}, not an image"
+            is_image = hasattr(source, "convert")
+            pixels = decode_image(from_pillow(source) if is_image else f"it is {shown(source)}, not an image")
             if isinstance(pixels, str):
                 self._notes.damage(f"a texture was left out: {pixels}")
                 self._images[id(source)] = source, None

@@ -6,17 +6,20 @@ import numpy as np
 import wgpu
 from numpy.typing import NDArray
 
+from ..errors import warn_of
 from ..gpu.wgsl.load import load
 from ..scene.scene import Image, Material, Texture
 from .light_values import emitted_radiance
 from .resources import GpuResources
-from .texture_atlas import Atlas, pack_atlas
+from .texture_atlas import Atlas, atlas_pixels, pack_atlas
 
 CONSTANTS = load("scene/materials.wgsl").constants
 DOUBLE_SIDED, UNLIT, TEXTURED, COATED = (
     int(CONSTANTS[flag]) for flag in ("DOUBLE_SIDED", "UNLIT", "TEXTURED", "COATED")
 )
-PRESENT, TEXCOORD_1, NEAREST = (int(CONSTANTS[flag]) for flag in ("PRESENT", "TEXCOORD_1", "NEAREST"))
+PRESENT, TEXCOORD_1, NEAREST, SIXTEEN_BITS = (
+    int(CONSTANTS[flag]) for flag in ("PRESENT", "TEXCOORD_1", "NEAREST", "SIXTEEN_BITS")
+)
 WRAP_CODES = {"repeat": 0, "clamp": int(CONSTANTS["WRAP_CLAMP"]), "mirror": int(CONSTANTS["WRAP_MIRROR"])}
 
 
@@ -35,8 +38,13 @@ class MaterialUpload:
         """Whether any material has a texture that shaders read."""
         return any(self._images.values())
 
+    @property
+    def has_deep_maps(self) -> bool:
+        """Whether any texture has 16 bits a channel."""
+        return any(place.deep for atlas in self._atlases.values() for place in atlas.places.values())
+
     def send_images(self, materials: list[Material]) -> None:
-        """Send an atlas if the set of its images changed. Raises GiError if the images do not fit."""
+        """Send an atlas if the set of its images changed. A GiWarning names images that were scaled down."""
         gpu = self._resources.gpu
         for name, texture_format in (("atlas_srgb", "rgba8unorm-srgb"), ("atlas_linear", "rgba8unorm")):
             # Compare images by identity: they are immutable once in use.
@@ -45,7 +53,9 @@ class MaterialUpload:
             if name in self._images and [id(i) for i in images] == [id(i) for i in self._images[name]]:
                 continue
             # Pack them and copy each to its place.
-            self._images[name], atlas = images, pack_atlas(images)
+            deep = {id(m.normal_texture.image) for m in materials if m.normal_texture is not None}
+            deep &= {id(image) for image in images if image.pixels.dtype == np.uint16}
+            self._images[name], atlas = images, pack_atlas(images, deep)
             self._atlases[name] = atlas
             texture = gpu.create_texture(
                 label=f"scene/{name}",
@@ -54,14 +64,20 @@ class MaterialUpload:
                 usage=wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST,
             )
             for image in images:
-                layer, x, y = atlas.places[id(image)]
-                height, width = image.pixels.shape[:2]
+                place = atlas.places[id(image)]
+                pixels = atlas_pixels(image, place, srgb=name == "atlas_srgb")
                 gpu.queue.write_texture(
-                    {"texture": texture, "origin": (x, y, layer)},
-                    np.ascontiguousarray(image.pixels),
-                    {"bytes_per_row": 4 * width, "rows_per_image": height},
-                    (width, height, 1),
+                    {"texture": texture, "origin": (place.x, place.y, place.layer)},
+                    pixels,
+                    {"bytes_per_row": 4 * place.width, "rows_per_image": len(pixels)},
+                    (place.width, len(pixels), 1),
                 )
+                height, width = image.pixels.shape[:2]
+                if (place.width, place.height) != (width, height):
+                    shown = f"texture {image.name!r}" if image.name else "a texture"
+                    size = f"{place.width} x {place.height}"
+                    note = f"{shown}: its {width} x {height} pixels were scaled down to {size}, as textures have limits"
+                    warn_of([note], stacklevel=2)
             self._resources.set(name, texture)
 
     def send_records(self, materials: list[Material], pdf: dict[int, float]) -> None:
@@ -94,11 +110,11 @@ class MaterialUpload:
 
 def _pack_texture(slot: NDArray[np.void], texture: Texture, atlas: Atlas) -> None:
     """Fill a TextureSlot record of wgsl/scene/materials.wgsl."""
-    layer, x, y = atlas.places[id(texture.image)]
-    height, width = texture.image.pixels.shape[:2]
-    slot["corner"], slot["size"], slot["layer"] = (x, y), (width, height), layer
+    place = atlas.places[id(texture.image)]
+    slot["corner"], slot["size"], slot["layer"] = (place.x, place.y), (place.width, place.height), place.layer
     wrap = WRAP_CODES[texture.wrap_u] << 4 | WRAP_CODES[texture.wrap_v] << 6
-    slot["flags"] = PRESENT | TEXCOORD_1 * texture.texcoord | NEAREST * (texture.filter == "nearest") | wrap
+    flags = PRESENT | TEXCOORD_1 * texture.texcoord | NEAREST * (texture.filter == "nearest")
+    slot["flags"] = flags | SIXTEEN_BITS * place.deep | wrap
     # KHR_texture_transform: uv' = translation * rotation * scale * uv
     sine, cosine = np.sin(texture.rotation), np.cos(texture.rotation)
     slot["transform_u"] = (cosine * texture.scale[0], sine * texture.scale[1], texture.offset[0])

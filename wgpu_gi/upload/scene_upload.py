@@ -244,6 +244,7 @@ class SceneUpload:
             "HAS_EMISSION_MAPS": any(m.emission_texture for m in materials),
             "HAS_ROUGHNESS_MAPS": not self.diffuse and any(m.metallic_roughness_texture for m in materials),
             "HAS_NORMAL_MAPS": not self.diffuse and any(m.normal_texture for m in materials),
+            "HAS_DEEP_MAPS": self._materials.has_deep_maps,
             "HAS_VERTEX_COLORS": any(place.data.mesh.colors is not None for place in self._hierarchy.placements()),
             "HAS_COATS": not self.diffuse,
             "HAS_METALS": not self.diffuse and any(m.metallic > 0 and not m.unlit for m in materials),

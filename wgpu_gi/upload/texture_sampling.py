@@ -21,7 +21,7 @@ def sample_texture(
     """
     uv = texture_coordinates(texture, mesh, vertices, weights)
     # Find the four texels around each point, or the nearest one.
-    pixels = texture.image.pixels
+    pixels = texture.image.eight_bit
     height, width = pixels.shape[:2]
     nearest = texture.filter == "nearest"
     texel = np.clip(uv * (width, height), -FARTHEST, FARTHEST) - (0.0 if nearest else 0.5)

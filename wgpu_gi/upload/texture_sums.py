@@ -29,7 +29,7 @@ class TextureSums:
 
     def __init__(self, texture: Texture) -> None:
         if texture.image not in _TABLES:
-            _TABLES[texture.image] = _summed_area_table(texture.image.pixels)
+            _TABLES[texture.image] = _summed_area_table(texture.image.eight_bit)
         self._table, self._block = _TABLES[texture.image]
         self._texture = texture
         height, width = texture.image.pixels.shape[:2]

@@ -11,6 +11,7 @@ const COATED: u32 = 8u;   // Lambert under a GGX coat; without it, pure Lambert
 const PRESENT: u32 = 1u;
 const TEXCOORD_1: u32 = 2u;
 const NEAREST: u32 = 4u;
+const SIXTEEN_BITS: u32 = 8u;  // of each channel: the low bytes lie `size.y` texels below the high ones
 const WRAP_U_SHIFT: u32 = 4u;
 const WRAP_V_SHIFT: u32 = 6u;
 const WRAP_CLAMP: u32 = 1u;
@@ -49,6 +50,7 @@ override HAS_TEXTURES: bool = true;
 override HAS_EMISSION_MAPS: bool = true;
 override HAS_ROUGHNESS_MAPS: bool = true;
 override HAS_NORMAL_MAPS: bool = true;
+override HAS_DEEP_MAPS: bool = true;  // textures of 16 bits a channel
 override HAS_COATS: bool = true;  // materials that are not purely Lambert
 
 @group(1) @binding(0) var<storage, read> materials: array<Material>;
@@ -75,11 +77,17 @@ fn wrap(corner: vec2i, size: vec2i, mode: vec2u) -> vec4i {
     return vec4i(select(first, low, clamps), select(second, high, clamps));
 }
 
-fn load_texel(srgb: bool, x: i32, y: i32, layer: i32) -> vec4f {
+// Returns a texel; `low`: rows from the high to the low bytes of 16-bit channels, or 0.
+fn load_texel(srgb: bool, x: i32, y: i32, layer: i32, low: i32) -> vec4f {
     if (srgb) {
         return textureLoad(atlas_srgb, vec2i(x, y), layer, 0);
     }
-    return textureLoad(atlas_linear, vec2i(x, y), layer, 0);
+    let texel = textureLoad(atlas_linear, vec2i(x, y), layer, 0);
+    if (HAS_DEEP_MAPS && low > 0) {
+        // (256 high + low) / 65535, of bytes that are read as fractions of 255.
+        return (texel * 256.0 + textureLoad(atlas_linear, vec2i(x, y + low), layer, 0)) / 257.0;
+    }
+    return texel;
 }
 
 // Returns the texture's value in a slot, bilinear or nearest, without mip levels: it aliases in the distance and is
@@ -98,8 +106,11 @@ fn sample_texture(material: u32, slot: u32, uv0: vec2f, uv1: vec2f) -> vec4f {
     let place = vec4i(vec2i(t.corner), vec2i(t.corner)) + wrap(vec2i(base), size, mode);
     let layer = i32(t.layer);
     let srgb = slot <= EMISSION_SLOT;
-    let top = mix(load_texel(srgb, place.x, place.y, layer), load_texel(srgb, place.z, place.y, layer), fraction.x);
-    let bottom = mix(load_texel(srgb, place.x, place.w, layer), load_texel(srgb, place.z, place.w, layer), fraction.x);
+    let low = select(0, size.y, (t.flags & SIXTEEN_BITS) != 0u);
+    let top = mix(
+        load_texel(srgb, place.x, place.y, layer, low), load_texel(srgb, place.z, place.y, layer, low), fraction.x);
+    let bottom = mix(
+        load_texel(srgb, place.x, place.w, layer, low), load_texel(srgb, place.z, place.w, layer, low), fraction.x);
     return mix(top, bottom, fraction.y);
 }
 

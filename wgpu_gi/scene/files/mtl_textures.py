@@ -59,14 +59,14 @@ class Textures:
         mask = self.of_row(row, folder)
         if mask is None:
             return None
-        pixels = mask.image.pixels
+        pixels = mask.image.eight_bit
         opaque = bool((pixels[..., 3] == 255).all())
         alpha = pixels[..., :3].mean(-1).astype(np.uint8) if opaque else pixels[..., 3]
         if color is None:
             color = mask
             base = np.full((*alpha.shape, 3), 255, np.uint8)
         else:
-            base = color.image.pixels[..., :3]
+            base = color.image.eight_bit[..., :3]
             alpha = _resampled(alpha, base.shape[0], base.shape[1])
         self._budget.take(4 * alpha.size, f"texture {mask.image.name} as a mask")
         image = Image(np.dstack([base, alpha]), f"{color.image.name} cut out")
@@ -108,10 +108,13 @@ class Textures:
             self.notes.damage(f"{error}; the plain colour is used")
             return None
         with without_warnings():
-            pixels = decode_image(open_image(encoded, self._budget, f"texture {file}"))
-        if isinstance(pixels, str):
+            picture = open_image(encoded, self._budget, f"texture {file}")
+            pixels = decode_image(picture)
+        if isinstance(pixels, str) or isinstance(picture, str):
             self.notes.damage(f"texture {file} cannot be used: {pixels}; the plain colour is used")
             return None
+        if picture.note:
+            self.notes.add(f"texture {file}: {picture.note}")
         return Image(pixels, name)
 
 

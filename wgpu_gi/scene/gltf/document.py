@@ -35,6 +35,7 @@ _WHITESPACE = b" \t\r\n\f"
 SUPPORTED_EXTENSIONS = {
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
+    "EXT_texture_avif",
     "EXT_texture_webp",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
@@ -44,6 +45,7 @@ SUPPORTED_EXTENSIONS = {
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
 }
 

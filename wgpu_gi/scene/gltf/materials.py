@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Literal
 
 from ...float_limits import LARGEST_FACTOR, LARGEST_LIGHT
+from ..files.image_files import has_basisu
 from ..scene import Image, Material, Texture, Wrap
 from .accessors import Accessors
 from .document import Document
@@ -18,6 +19,8 @@ _MAG_FILTERS: dict[int, Literal["linear", "nearest"]] = {9728: "nearest", 9729: 
 _ALPHA_MODES = {name: name for name in ("OPAQUE", "MASK", "BLEND")}
 _SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 _SPECULAR_GLOSSINESS_TEXTURES = ("diffuseTexture", "specularGlossinessTexture")
+_IMAGE_EXTENSIONS = ("KHR_texture_basisu", "EXT_texture_avif", "EXT_texture_webp")
+_DATA = ("metallicRoughnessTexture", "normalTexture", "occlusionTexture")  # the others hold sRGB colours
 _TEXCOORDS: dict[int, Literal[0, 1]] = {0: 0, 1: 1}
 
 
@@ -38,8 +41,7 @@ class Materials:
     def load(self, indices: Iterable[int | None]) -> None:
         """Read the materials `indices`, with their images; None is glTF's default material."""
         wanted = [(index, self._descriptions[index]) for index in sorted({i for i in indices if i is not None})]
-        sources = [self._image_of(info) for _, material in wanted for info in _texture_infos(material).values()]
-        self._images.load(source for source in sources if source is not None)
+        self._load_images([material for _, material in wanted])
         # The default material (glTF 2.0, 3.9.7) is white, rough and metallic.
         self._materials[None] = Material(metallic=1.0)
         for index, description in wanted:
@@ -54,6 +56,17 @@ class Materials:
                 f"Alpha blending is not supported; {some(blended)} became alpha masks: surfaces below 50 % opacity are "
                 "cut away, all others are opaque."
             )
+
+    def _load_images(self, materials: list[JsonObject]) -> None:
+        """Load the images of materials; of a texture with several, the next one where one cannot be read."""
+        infos = [item for material in materials for item in _texture_infos(material).items()]
+        choices = [(slot, self._choices(info)) for slot, info in infos]
+        colors = {index for slot, indices in choices if slot not in _DATA for index in indices}
+        normals = {index for slot, indices in choices if slot == "normalTexture" for index in indices}
+        missing = [indices for _, indices in choices if indices]
+        while missing:
+            self._images.load({indices[0] for indices in missing}, colors, normals)
+            missing = [indices[1:] for indices in missing if self._images.get(indices[0]) is None and indices[1:]]
 
     def get(self, index: int | None) -> Material:
         """Return material `index`, which must have been loaded."""
@@ -120,8 +133,8 @@ class Materials:
 
     def _texture(self, info: JsonObject) -> Texture | None:
         """Return the texture of a textureInfo; None, with a note, if it cannot be used."""
-        source = self._image_of(info)
-        image = None if source is None else self._images.get(source)
+        images = (self._images.get(index) for index in self._choices(info) if self._images.has(index))
+        image = next((image for image in images if image is not None), None)
         if image is None:
             return None
         with self._document.leaving_out("the texture"):
@@ -157,15 +170,19 @@ class Materials:
         index = texture.optional_index("sampler", len(samplers), "samplers")
         return texture.empty() if index is None else samplers[index]
 
-    def _image_of(self, info: JsonObject) -> int | None:
-        """Return the index of the image of a textureInfo; None, with a note, if it has none of a known format."""
+    def _choices(self, info: JsonObject) -> list[int]:
+        """Return the indices of the images of a textureInfo, the best first; none, with a note, if it has none."""
         with self._document.leaving_out("the texture"):
             texture = self._textures[info.index("index", len(self._textures), "textures")]
-            for owner in (texture.extension("EXT_texture_webp"), texture):
-                if owner is not None and "source" in owner:
-                    return owner.index("source", len(self._images), "images")
-            self._document.notes.add(f"{texture.where} was left out: it has no PNG, JPEG or WebP image.")
-        return None
+            owners = [texture.extension(name) for name in _IMAGE_EXTENSIONS] + [texture]
+            if not has_basisu():
+                # The texture's own image is there for readers without the extension.
+                owners = owners[1:] + owners[:1]
+            found = [owner for owner in owners if owner is not None and "source" in owner]
+            if found:
+                return [owner.index("source", len(self._images), "images") for owner in found]
+            self._document.notes.add(f"{texture.where} was left out: it has no image of a known kind.")
+        return []
 
 
 def _texture_infos(material: JsonObject) -> dict[str, JsonObject]:

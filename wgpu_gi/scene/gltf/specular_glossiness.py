@@ -86,10 +86,12 @@ class SpecularGlossiness:
         key = id(diffuse), id(specular), factors
         if key not in self._images:
             self._sources += [diffuse, specular]
-            images = [image.pixels for image in (diffuse, specular) if image is not None]
+            images = [image.eight_bit for image in (diffuse, specular) if image is not None]
             height, width = (max(pixels.shape[axis] for pixels in images) for axis in (0, 1))
             self._budget.take(4 * len(images) * height * width + 8 * height * width, where)
-            sized = [None if image is None else _resized(image.pixels, height, width) for image in (diffuse, specular)]
+            sized = [
+                None if image is None else _resized(image.eight_bit, height, width) for image in (diffuse, specular)
+            ]
             base, rough = _convert_texels(sized[0], sized[1], factors, height * width)
             name = next(image.name for image in (diffuse, specular) if image is not None)
             self._images[key] = (

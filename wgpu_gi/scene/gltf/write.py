@@ -14,7 +14,6 @@ cannot express:
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Sequence
 from itertools import pairwise
@@ -22,13 +21,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Pillow
 
 from ...camera import Camera
 from ...errors import GiError
 from ...pictures.atomic_file import atomic_file
 from ...pictures.image import save_image
 from ..check import check_camera, check_scene
+from ..files.png_writer import encode_png
 from ..load import glows_only, has_light
 from ..scene import (
     DirectionalLight,
@@ -198,9 +197,8 @@ class _Writer:
         return info
 
     def _image(self, image: Image) -> Json:
-        file = io.BytesIO()
-        Pillow.fromarray(np.ascontiguousarray(image.pixels, np.uint8)).save(file, "PNG")
-        return {"name": image.name, "mimeType": "image/png", "bufferView": self._glb.view(file.getvalue())}
+        view = self._glb.view(encode_png(image.pixels))
+        return {"name": image.name, "mimeType": "image/png", "bufferView": view}
 
     # -------------------------------------------------------------------------------------------- lights and cameras
 

@@ -163,10 +163,13 @@ class Textures:
         if data is None:
             return None
         with without_warnings():
-            pixels = decode_image(open_image(data, self._stage.budget, f"{self._stage.source}: {asset.path[:80]}"))
-        if isinstance(pixels, str):
+            picture = open_image(data, self._stage.budget, f"{self._stage.source}: {asset.path[:80]}")
+            pixels = decode_image(picture)
+        if isinstance(pixels, str) or isinstance(picture, str):
             self._stage.damage(f"texture {asset.path[:80]!r} cannot be used: {pixels}; it was left out")
             return None
+        if picture.note:
+            self._stage.note(f"texture {asset.path[:80]!r}: {picture.note}")
         return Image(pixels, Path(asset.path).name)
 
 
