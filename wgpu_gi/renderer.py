@@ -5,24 +5,20 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from copy import copy
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from .buffers import BUFFERS, Source, buffers_of, check_buffers
+from .buffers import BUFFERS, buffers_of, check_buffers
 from .camera import Camera
 from .errors import GiError, warn_of
-from .frame import declare_frame
 from .gpu.describe import table
 from .gpu.device import open_device
 from .gpu.graph import Graph
 from .gpu.handles import Texture
 from .gpu.schedule import Stale
 from .gpu.wgsl.load import refresh
-from .options import TECHNIQUES, Settings, check_size, picture_count, technique_of
+from .gpu_frame import GpuFrame, View, copy_of
+from .options import TECHNIQUES, Settings, check_size, technique_of
 from .pictures.picture import Picture
 from .pictures.tables import Table
 from .records import KnownAttributes
@@ -32,12 +28,7 @@ from .scene.load import lit
 from .scene.rules import shown
 from .scene.scene import Scene
 from .settings import validate
-from .techniques.shared.composite import MEANS
 from .techniques.shared.sampling import CameraSettings
-from .techniques.shared.scene_inputs import SceneInputs
-from .techniques.shared.technique import Kept, Shot
-from .upload.fingerprint import Fingerprint
-from .upload.scene_upload import SceneUpload
 
 __all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings"]
 
@@ -57,19 +48,11 @@ class Renderer(KnownAttributes):
         "_checked",
         "_closed",
         "_complete",
-        "_declared",
         "_device",
-        "_frame",
-        "_graph",
-        "_inputs",
-        "_kept",
+        "_gpu",
         "_lock",
         "_ran",
-        "_refining",
-        "_rested",
         "_shaders",
-        "_sources",
-        "_upload",
         "automatic_exposure",
         "camera",
         "scene",
@@ -110,19 +93,11 @@ class Renderer(KnownAttributes):
         self._lock = threading.RLock()
         self._closed = False
         with self._device.use():
-            self._graph = Graph(self._device)
+            self._gpu = GpuFrame(self._device)
             self._shaders = refresh()  # which version of the shader files is in use
-        self._upload: SceneUpload | None = None
-        self._kept = Kept()
         self.automatic_exposure = 0.0  # EV of `display` while `settings.exposure` is None; a viewer sets it
-        self._sources: dict[str, Source] = {}
-        self._declared: tuple[object, ...] | None = None
-        self._inputs: tuple[Any, ...] | None = None  # all that determines the picture
-        self._frame = 0  # index among the frames of a still picture; negative during the warm-up
-        self._rested = False  # nothing has moved in the last step
         self._ran: dict[str, Stale] = {}  # why each pass ran, in the last step that ran any
         self._complete = False  # every pixel is known to have all its samples
-        self._refining = False  # the technique has planned more runs than were declared
 
     def __repr__(self) -> str:
         width, height = self.size
@@ -151,15 +126,12 @@ class Renderer(KnownAttributes):
     @property
     def graph(self) -> Graph:
         """The render graph, for timings and the plan; `step` redeclares its passes and resources when they change."""
-        return self._graph
+        return self._gpu.graph
 
     def release(self) -> None:
         """Free all GPU memory of this renderer; it can render again, from scratch."""
         with self._alone():
-            self.forget()
-            if self._upload is not None:
-                self._upload.release()
-                self._upload = None
+            self._gpu.release()
 
     def close(self) -> None:
         """Free all GPU memory for good; `with Renderer(...) as renderer:` calls it at the end of the block."""
@@ -176,10 +148,7 @@ class Renderer(KnownAttributes):
     def forget(self) -> None:
         """Drop all state of earlier frames; the next frame is that of a new renderer. The scene stays on the GPU."""
         with self._alone():
-            self._graph.release()
-            self._graph, self._declared, self._inputs = Graph(self._device), None, None
-            self._sources = {}
-            self._kept = Kept()
+            self._gpu.forget()
 
     def reload(self) -> bool:
         """Return True if shader files have changed; the next step then loads them.
@@ -190,19 +159,18 @@ class Renderer(KnownAttributes):
             before, self._shaders = self._shaders, refresh()
         if self._shaders == before:
             return False
-        self._declared = self._inputs = None
+        self._gpu.invalidate(declaration=True)
         return True
 
     @property
     def has_history(self) -> bool:
         """True if a pass of the last step reads contents of the previous frame."""
-        return any(p.reads_history for p in self._graph.order)
+        return any(p.reads_history for p in self._gpu.graph.order)
 
     def __del__(self) -> None:
         """Free GPU memory; wgpu keeps textures and buffers until they are destroyed."""
-        if hasattr(self, "_graph"):
-            uploads = [] if self._upload is None else [self._upload.release]
-            self._device.discard(self._graph.release, *uploads)
+        if hasattr(self, "_gpu"):
+            self._device.discard(*self._gpu.releases)
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -264,7 +232,7 @@ class Renderer(KnownAttributes):
                 return self._step(shown, progress, check, timings, force)
             except BaseException:
                 # The frame is incomplete: the next step uploads everything again and restarts its average.
-                self._inputs = None
+                self._gpu.invalidate()
                 raise
 
     def _step(
@@ -275,8 +243,9 @@ class Renderer(KnownAttributes):
         timings: bool,
         force: bool,
     ) -> bool:
-        self._prepare(shown, force)
-        graph, frames, technique = self._graph, picture_count(self.settings, self.scene), technique_of(self.settings.gi)
+        gpu, view, technique = self._gpu, self._view(), technique_of(self.settings.gi)
+        gpu.prepare(view, shown, force)
+        graph, frames = gpu.graph, view.frames
         before = graph.settle_progress()
         runs = max((p.settle for p in graph.order), default=0)
 
@@ -287,14 +256,14 @@ class Renderer(KnownAttributes):
         ran = graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
         if progress is not None and frames > 1:
             ahead = technique.warm_up(self.settings)
-            progress((ahead + self._frame + 1) / (ahead + frames))
+            progress((ahead + gpu.index + 1) / (ahead + frames))
         if ran:
             self._complete = False
             self._ran = graph.last_run
         elif technique.refine is not None and not self._complete and technique.refined.intersection(shown):
-            self._refining = technique.refine(graph, self._kept, self.settings)
-            self._complete = not self._refining
-            return self._refining
+            gpu.refining = technique.refine(graph, gpu.kept, self.settings)
+            self._complete = not gpu.refining
+            return gpu.refining
         return ran
 
     def read_back(self, name: str = "radiance") -> Picture:
@@ -308,120 +277,27 @@ class Renderer(KnownAttributes):
         """
         check_buffers((name,), self.settings.gi)
         with self._alone():
-            return self._read_back(name)
-
-    def _read_back(self, name: str) -> Picture:
-        source = self._source(name)
-        width, height = self._graph.size
-        if source.handle is None:
-            return self._picture(name, np.zeros((height, width, 3), np.float32))
-        pixels = self._graph.read_back(source.handle).reshape(height, width, 4)
-        if name == "display":
-            return self._picture(name, pixels[..., :3])
-        values: NDArray = pixels[..., source.first : source.first + source.count]
-        if name == "position" and self._upload is not None:
-            values = np.where(pixels[..., 3:] > 0, values + self._upload.origin, 0.0)
-        if name == "instance":
-            # Instances without triangles are not on the GPU.
-            shown = [number for number, i in enumerate(self.scene.instances, 1) if len(i.mesh.triangles)]
-            values = np.array([0, *shown])[values.astype(np.int64)]
-        return self._picture(name, (values if source.count > 1 else values[..., 0]).astype(np.float32, copy=False))
-
-    def _picture(self, name: str, values: NDArray) -> Picture:
-        return Picture(np.ascontiguousarray(values), name, self.settings.exposure)
+            return Picture(self._gpu.read_back(name, self._view()), name, self.settings.exposure)
 
     def display_texture(self) -> Any:
         """Return the wgpu texture of the buffer `display`, rgba8unorm; valid until the next step."""
-        handle = self._source("display").handle
+        handle = self._gpu.source("display", self.settings.gi).handle
         assert isinstance(handle, Texture)
         return handle.object()
 
     def plan(self) -> Table:
         """Return a table of the passes of the last frame that ran any: what each did, and why."""
-        return table(self._graph.plan(self._ran)) if self._ran else Table("")
+        return table(self._gpu.graph.plan(self._ran)) if self._ran else Table("")
 
     def timings(self) -> Table:
         """Return the median milliseconds of each pass that was measured, as a text table."""
-        rows = [(r.name, r.ms) for r in self._graph.plan() if r.ms is not None]
+        rows = [(r.name, r.ms) for r in self._gpu.graph.plan() if r.ms is not None]
         rows.append(("sum", sum(ms for _, ms in rows)))
         lines = [f"{name:<24} {ms:9.2f} ms" for name, ms in rows]
         return Table("\n".join(lines), ("pass", "ms"), [(name, f"{ms:.2f}") for name, ms in rows])
 
-    def _prepare(self, show: tuple[str, ...], force: bool) -> None:
-        """Upload what changed; redeclare the frame if its passes changed."""
-        check_size(self.size, self._device)
-        settings = replace(self.settings, exposure=self.exposure)
-        scene = Fingerprint(self.scene)
-        camera = self.camera
-        pose = (np.asarray(camera.world_from_view).tobytes(), camera.yfov, camera.orthographic_height)
-        frames = picture_count(settings, self.scene)
-        seen = (scene, pose, self.size, show, frames)
-        before = self._inputs or ()
-        refining, self._refining = self._refining, False
-        still = not force and seen == before[: len(seen)]
-        same = still and not refining and (settings,) == before[len(seen) :]
-        if same and self._rested and self._frame + 1 >= frames:
-            return
-        # One more step after the last change sets all motion to zero.
-        self._rested = same
-        known = before[len(seen)] if before else None
-        inputs = (*seen, known if settings == known else _copy(settings))
-        goes_on, up_to_date = same, None
-        if still and not same:
-            # Only settings differ: keep the frames averaged so far unless a pass of the mean has become stale.
-            self._update(inputs)
-            up_to_date = self._frame
-            goes_on = not any(name.startswith(MEANS) for name in self._graph.stale())
-        first = -technique_of(settings.gi).warm_up(settings)
-        self._frame = min(self._frame + 1, frames - 1) if goes_on else first
-        if self._frame != up_to_date:
-            self._update(inputs)
-
-    def _update(self, inputs: tuple[Any, ...]) -> None:
-        """Update the GPU's copy of the scene, and the declaration."""
-        scene, _, _, show, *_ = inputs
-        found = self._send(scene)
-        self._inputs = inputs
-        self._declare(show, found)
-
-    def _send(self, scene: Fingerprint) -> SceneInputs:
-        """Update the GPU data of the scene that the technique needs; return the inputs of the technique."""
-        settings, upload = self.settings, self._upload
-        if upload is None or upload.diffuse != settings.diffuse:
-            if upload is not None:
-                upload.release()
-            self._upload = upload = SceneUpload(self._device, settings.diffuse)
-            self._inputs = None
-        if self._inputs is None or scene != self._inputs[0]:
-            upload.update(self.scene)
-        frames = picture_count(settings, self.scene)
-        shot = Shot(self._graph, upload, self.scene, self.camera, self.size, self._frame, frames, self._kept)
-        return technique_of(settings.gi).inputs(shot, settings)
-
-    def _declare(self, show: tuple[str, ...], inputs: SceneInputs) -> None:
-        """Redeclare the frame if its passes would differ."""
-        assert self._inputs is not None
-        declared = (*self._inputs[2:], inputs.shape())
-        if declared == self._declared:
-            return
-        self._declared = None
-        self._graph.begin(self.size)
-        self._sources = declare_frame(
-            self._graph,
-            replace(self.settings, exposure=self.exposure),
-            inputs,
-            picture_count(self.settings, self.scene),
-        )
-        wanted = [self._source(name).handle for name in show]
-        self._graph.compile([handle for handle in wanted if handle is not None])
-        self._declared = declared
-
-    def _source(self, name: str) -> Source:
-        """Return the source of a buffer of the last frame. Raises GiError if that frame does not have the buffer."""
-        if name not in self._sources:
-            absent = technique_of(self.settings.gi).views.get(name) if self._sources else None
-            raise GiError(f"{name!r} is empty: {absent or 'run the renderer first'}")
-        return self._sources[name]
+    def _view(self) -> View:
+        return View(self.scene, self.camera, self.size, replace(self.settings, exposure=self.exposure))
 
     def _check_values(self) -> None:
         """Raise GiError for settings, a size, a camera or a scene that cannot be rendered.
@@ -432,14 +308,7 @@ class Renderer(KnownAttributes):
             raise GiError(f"settings must be Settings(...), not {shown(self.settings)}")
         if self.settings != self._checked:
             validate(self.settings)
-            self._checked = _copy(self.settings)
+            self._checked = copy_of(self.settings)
         check_size(self.size)
         check_camera(self.camera)
         check_structure(self.scene)
-
-
-def _copy(settings: Settings) -> Settings:
-    """Return a copy with copies of the sections; all other values are immutable."""
-    values = {field.name: getattr(settings, field.name) for field in fields(settings)}
-    sections: dict[str, Any] = {name: copy(value) for name, value in values.items() if is_dataclass(value)}
-    return replace(settings, **sections)

@@ -12,7 +12,7 @@ import numpy as np
 from .buffers import check_buffers
 from .camera import Camera
 from .errors import GiError, warn_of
-from .options import Settings
+from .options import Settings, check_size
 from .pictures.picture import Picture
 from .renderer import Renderer
 from .scene.load import lit
@@ -100,6 +100,7 @@ def render(
     chosen = settings_of(settings, values, quality)
     names = (show,) if isinstance(show, str) else show
     check_buffers(names, chosen.gi)
+    check_size(size)
     if progress is not None and not callable(progress):
         raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
     lighted, notes = lit(scene, environment)

@@ -265,8 +265,8 @@ def test_no_acne_under_an_emitter():
         settings = Settings(gi="none", diffuse=True, camera=CameraSettings(jitter=False), direct=direct)
         renderer = Renderer(scene, size=(64, 64), settings=settings)
         renderer.run(show=("direct", "position"))
-        lights = renderer._upload.direct_lights(scene, DIRECT_LIGHT, 32, False)
-        to_light = lights["position"].astype(np.float64) + renderer._upload.origin
+        lights = renderer._gpu.upload.direct_lights(scene, DIRECT_LIGHT, 32, False)
+        to_light = lights["position"].astype(np.float64) + renderer._gpu.upload.origin
         to_light = to_light - renderer.read_back("position")[..., None, :]
         squared = (to_light**2).sum(-1)
         cosines = to_light[..., 1] * -(to_light * lights["direction"]).sum(-1) / squared
@@ -320,7 +320,7 @@ def test_filtered_shadows_begin_at_the_contact(name):
     # The length of a texel projected onto the floor at the shadow's end.
     travel = np.array([end, 0, 0]) - light.position if hasattr(light, "position") else np.array(light.direction)
     distance = np.linalg.norm(travel)
-    texel = float(renderer._kept(DeferredState)._records["texel"].max()) * (1 if "sun" in name else distance)
+    texel = float(renderer._gpu.kept(DeferredState)._records["texel"].max()) * (1 if "sun" in name else distance)
     texel *= distance / -travel[1]
     assert 0 < x[shadow].min() < 0.006 and texel < 0.1
     deep = shadow & (x < end - 3.1 * texel)
@@ -379,7 +379,7 @@ def test_light_tiles_do_not_change_the_picture(range_):
         pictures.append(renderer.read_back("direct"))
         if tiles:
             bits = renderer.graph.read_back("direct/tiles")
-            filled = np.unpackbits(bits.view(np.uint8)).sum() / (11 * 6 * renderer._kept(DeferredState).count)
+            filled = np.unpackbits(bits.view(np.uint8)).sum() / (11 * 6 * renderer._gpu.kept(DeferredState).count)
             assert 0.02 < filled < (0.6 if range_ else 0.95)
     assert np.array_equal(*pictures) and pictures[0].any()
 

@@ -99,7 +99,7 @@ def test_depth_is_reversed():
         if camera is not None:
             camera.orthographic_height = 5.0
         renderer = renderer_of(medley(), camera=camera)
-        g, upload = read_surfaces(renderer.graph), renderer._upload
+        g, upload = read_surfaces(renderer.graph), renderer._gpu.upload
         clip = upload.view(renderer.camera, SIZE, False)["clip_from_world"].T.astype(np.float64)
         position = renderer.read_back("position").astype(np.float64) - upload.origin
         expected = position @ clip[:3, :3].T + clip[:3, 3]
@@ -112,7 +112,7 @@ def test_depth_is_reversed():
 def test_materials_and_emission_are_those_of_the_hit_triangle():
     renderer = renderer_of(medley())
     g, same = read_surfaces(renderer.graph), agreement(renderer)
-    hierarchy, materials = renderer._upload._hierarchy, renderer.scene.materials
+    hierarchy, materials = renderer._gpu.upload._hierarchy, renderer.scene.materials
     shown = [materials[k] for k in hierarchy.triangles["material"][g.triangle[g.seen]]]
     for name, values in (("roughness", g.roughness), ("metallic", g.metallic), ("unlit", g.unlit)):
         assert np.allclose(values[g.seen], [getattr(m, name) for m in shown], atol=1e-5), name
@@ -307,7 +307,7 @@ def draw_everything(monkeypatch):
 def drawn_share(renderer):
     """The share of the triangles that the opaque pass draws."""
     draw = next(p for p in renderer.graph.order if p.name == "gbuffer/opaque").raster.draw
-    runs, everything = draw.culling.runs(False)[0], renderer._upload.draws.opaque
+    runs, everything = draw.culling.runs(False)[0], renderer._gpu.upload.draws.opaque
     return sum(r[1] * r[3] for r in runs) / sum(r[1] * r[3] for r in everything)
 
 
@@ -555,10 +555,10 @@ def test_a_new_origin_is_no_motion():
     renderer = renderer_of(scene, show=("motion", "position", "depth"))
     ball = named(scene, "left").mesh
     for place in (at(40, 20, -60), at(-30, 0, -90)):
-        origin = renderer._upload.origin
+        origin = renderer._gpu.upload.origin
         scene.instances.append(Instance(ball, place))
         motion, _, _ = motion_of(renderer)
-        assert np.abs(renderer._upload.origin - origin).max() > 5
+        assert np.abs(renderer._gpu.upload.origin - origin).max() > 5
         assert np.abs(motion[..., :2]).max() < STILL
     # A new origin and a camera move in the same frame.
     before = renderer.camera

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.medley import at, medley
 
-from wgpu_gi import renderer as renderer_module
+from wgpu_gi import gpu_frame
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.options import MAX_PIXELS, TECHNIQUES, CameraSettings, Settings
@@ -252,14 +252,14 @@ class Declared(Exception):
 def test_every_dispatch_reaches_the_largest_picture(gi, size, monkeypatch):
     """Checked by the declaration alone: such a picture would take gigabytes."""
     renderer = Renderer(medley(), size=SIZE, settings=Settings(gi=gi))
-    declare = renderer_module.declare_frame
+    declare = gpu_frame.declare_frame
 
     def declare_large(graph, *arguments):
         graph.size = size
         declare(graph, *arguments)
         raise Declared
 
-    monkeypatch.setattr(renderer_module, "declare_frame", declare_large)
+    monkeypatch.setattr(gpu_frame, "declare_frame", declare_large)
     monkeypatch.setitem(renderer.graph.device.limits, "max-storage-buffer-binding-size", 2**31 - 4)
     with pytest.raises(Declared):
         renderer.run()

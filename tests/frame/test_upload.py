@@ -262,11 +262,11 @@ def test_camera_move_sends_nothing():
     scene, changed = everything(), everything()
     renderer = Renderer(scene, size=SIZE, settings=settings())
     before = shown(renderer)
-    versions = renderer._upload.resources.versions()
+    versions = renderer._gpu.upload.resources.versions()
     camera = Camera.look_at((3, 3, 3), (0, 0, 0), yfov_deg=70)
     renderer.camera = changed.cameras[0] = camera
     after, fresh = shown(renderer), picture(changed)
-    assert versions == renderer._upload.resources.versions()
+    assert versions == renderer._gpu.upload.resources.versions()
     assert not np.array_equal(before["depth"], after["depth"])
     for name in SHOW:
         assert np.array_equal(after[name], fresh[name])

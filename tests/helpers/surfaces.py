@@ -72,7 +72,7 @@ def octahedral_decode(code: np.ndarray) -> np.ndarray:
 
 def world_normals(renderer: Renderer, surfaces: Surfaces) -> np.ndarray:
     """Return the unit normals of the triangles in each pixel, on the counter-clockwise side, from the scene's data."""
-    hierarchy = renderer._upload._hierarchy
+    hierarchy = renderer._gpu.upload._hierarchy
     triangles = hierarchy.triangles[np.maximum(surfaces.triangle, 0)]
     normals = np.cross(triangles["edge1"].astype(np.float64), triangles["edge2"].astype(np.float64))
     entered = triangles["instance"] == NONE

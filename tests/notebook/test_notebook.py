@@ -90,7 +90,7 @@ import gc, ipywidgets, wgpu
 from wgpu_gi.gpu import device
 from wgpu_gi.renderer import Renderer
 gc.collect()
-renderers = [r for r in gc.get_objects() if isinstance(r, Renderer) and r._upload is not None]
+renderers = [r for r in gc.get_objects() if isinstance(r, Renderer) and r._gpu.upload is not None]
 print(len(ipywidgets.widgets.widget._instances), len(renderers), device._open.cache_info().currsize)
 """
     outputs = execute(show, count, *[show] * 20, count)
@@ -166,11 +166,11 @@ def test_closing_frees_all_memory(view):
     before = set(ipywidgets.widgets.widget._instances)
     other = notebook.show("cornell-point", size=SIZE, gi="none")
     settle(other)
-    assert other.session.renderer._upload is not None
+    assert other.session.renderer._gpu.upload is not None
     other.close()
     other.close()
     assert set(ipywidgets.widgets.widget._instances) == before
-    assert other.session.renderer._upload is None
+    assert other.session.renderer._gpu.upload is None
 
 
 def test_pictures_are_displayed_by_the_notebook():

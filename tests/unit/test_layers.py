@@ -20,6 +20,7 @@ LAYERS = [
     ("measure",),
     ("rendering",),
     ("renderer",),
+    ("gpu_frame",),
     ("frame",),
     ("buffers",),
     ("options",),

@@ -1,0 +1,171 @@
+"""A frame on the GPU: the copy of a scene, and the declared passes, both kept in step with the view to render."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .buffers import Source
+from .camera import Camera
+from .errors import GiError
+from .frame import declare_frame
+from .gpu.device import Device
+from .gpu.graph import Graph
+from .options import Settings, check_size, picture_count, technique_of
+from .scene.scene import Scene
+from .techniques.shared.composite import MEANS
+from .techniques.shared.scene_inputs import SceneInputs
+from .techniques.shared.technique import Kept, Shot
+from .upload.fingerprint import Fingerprint
+from .upload.scene_upload import SceneUpload
+
+
+class View(NamedTuple):
+    """What a frame shows: a scene from a camera, at a size; the exposure of `settings` is that of `display`."""
+
+    scene: Scene
+    camera: Camera
+    size: tuple[int, int]
+    settings: Settings
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of a still picture."""
+        return picture_count(self.settings, self.scene)
+
+
+class GpuFrame:
+    """The graph, the GPU's copy of the scene, and which frame of a still picture comes next."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self.graph = Graph(device)
+        self.upload: SceneUpload | None = None
+        self.kept = Kept()  # state of the techniques
+        self.index = 0  # among the frames of a still picture; negative during the warm-up
+        self.refining = False  # the technique has planned more runs than were declared
+        self._sources: dict[str, Source] = {}
+        self._declared: tuple[object, ...] | None = None
+        self._inputs: tuple[Any, ...] | None = None  # all that determines the picture
+        self._rested = False  # nothing has moved in the last step
+
+    def invalidate(self, declaration: bool = False) -> None:
+        """Upload everything again in the next step and restart the average; with `declaration`, declare it, too."""
+        self._inputs = None
+        if declaration:
+            self._declared = None
+
+    def forget(self) -> None:
+        """Drop all state of earlier frames but the GPU's copy of the scene."""
+        self.graph.release()
+        self.graph, self.kept, self._sources = Graph(self._device), Kept(), {}
+        self.invalidate(declaration=True)
+
+    def release(self) -> None:
+        """Free all GPU memory."""
+        self.forget()
+        if self.upload is not None:
+            self.upload.release()
+            self.upload = None
+
+    @property
+    def releases(self) -> list[Callable[[], None]]:
+        """The functions that free the GPU memory, for `Device.discard`."""
+        return [self.graph.release] + ([] if self.upload is None else [self.upload.release])
+
+    def prepare(self, view: View, show: tuple[str, ...], force: bool) -> None:
+        """Upload what changed; redeclare the frame if its passes changed."""
+        check_size(view.size, self._device)
+        settings, camera, frames = view.settings, view.camera, view.frames
+        pose = (np.asarray(camera.world_from_view).tobytes(), camera.yfov, camera.orthographic_height)
+        seen = (Fingerprint(view.scene), pose, view.size, show, frames)
+        before = self._inputs or ()
+        refining, self.refining = self.refining, False
+        still = not force and seen == before[: len(seen)]
+        same = still and not refining and (settings,) == before[len(seen) :]
+        if same and self._rested and self.index + 1 >= frames:
+            return
+        # One more step after the last change sets all motion to zero.
+        self._rested = same
+        known = before[len(seen)] if before else None
+        inputs = (*seen, known if settings == known else copy_of(settings))
+        goes_on, up_to_date = same, None
+        if still and not same:
+            # Only settings differ: keep the frames averaged so far unless a pass of the mean has become stale.
+            self._update(view, inputs)
+            up_to_date = self.index
+            goes_on = not any(name.startswith(MEANS) for name in self.graph.stale())
+        first = -technique_of(settings.gi).warm_up(settings)
+        self.index = min(self.index + 1, frames - 1) if goes_on else first
+        if self.index != up_to_date:
+            self._update(view, inputs)
+
+    def _update(self, view: View, inputs: tuple[Any, ...]) -> None:
+        """Update the GPU's copy of the scene, and the declaration."""
+        scene, _, _, show, *_ = inputs
+        found = self._send(view, scene)
+        self._inputs = inputs
+        self._declare(view, show, found)
+
+    def _send(self, view: View, scene: Fingerprint) -> SceneInputs:
+        """Update the GPU data of the scene that the technique needs; return the inputs of the technique."""
+        settings, upload = view.settings, self.upload
+        if upload is None or upload.diffuse != settings.diffuse:
+            if upload is not None:
+                upload.release()
+            self.upload = upload = SceneUpload(self._device, settings.diffuse)
+            self._inputs = None
+        if self._inputs is None or scene != self._inputs[0]:
+            upload.update(view.scene)
+        shot = Shot(self.graph, upload, view.scene, view.camera, view.size, self.index, view.frames, self.kept)
+        return technique_of(settings.gi).inputs(shot, settings)
+
+    def _declare(self, view: View, show: tuple[str, ...], inputs: SceneInputs) -> None:
+        """Redeclare the frame if its passes would differ."""
+        assert self._inputs is not None
+        declared = (*self._inputs[2:], inputs.shape())
+        if declared == self._declared:
+            return
+        self._declared = None
+        self.graph.begin(view.size)
+        self._sources = declare_frame(self.graph, view.settings, inputs, view.frames)
+        wanted = [self.source(name, view.settings.gi).handle for name in show]
+        self.graph.compile([handle for handle in wanted if handle is not None])
+        self._declared = declared
+
+    def source(self, name: str, gi: str) -> Source:
+        """Return the source of a buffer of the last frame. Raises GiError if that frame does not have the buffer."""
+        if name not in self._sources:
+            absent = technique_of(gi).views.get(name) if self._sources else None
+            raise GiError(f"{name!r} is empty: {absent or 'run the renderer first'}")
+        return self._sources[name]
+
+    def read_back(self, name: str, view: View) -> NDArray:
+        """Return a buffer of the last frame, (height, width, 3) or (height, width) float32; `display` in bytes."""
+        source = self.source(name, view.settings.gi)
+        width, height = self.graph.size
+        if source.handle is None:
+            return np.zeros((height, width, 3), np.float32)
+        pixels: NDArray = self.graph.read_back(source.handle).reshape(height, width, 4)
+        if name == "display":
+            return np.ascontiguousarray(pixels[..., :3])
+        values: NDArray = pixels[..., source.first : source.first + source.count]
+        if name == "position" and self.upload is not None:
+            values = np.where(pixels[..., 3:] > 0, values + self.upload.origin, 0.0)
+        if name == "instance":
+            # Instances without triangles are not on the GPU.
+            shown = [number for number, i in enumerate(view.scene.instances, 1) if len(i.mesh.triangles)]
+            values = np.array([0, *shown])[values.astype(np.int64)]
+        return np.ascontiguousarray(values if source.count > 1 else values[..., 0], np.float32)
+
+
+def copy_of(settings: Settings) -> Settings:
+    """Return a copy with copies of the sections; all other values are immutable."""
+    values = {field.name: getattr(settings, field.name) for field in fields(settings)}
+    sections: dict[str, Any] = {name: copy(value) for name, value in values.items() if is_dataclass(value)}
+    return replace(settings, **sections)
