@@ -127,9 +127,12 @@ class Document:
 
     def _check_extensions(self) -> None:
         used, required = (self._names(key) - SUPPORTED_EXTENSIONS for key in ("extensionsUsed", "extensionsRequired"))
-        if required:
-            names = ", ".join(map(repr, sorted(required)))
-            self.notes.damage(f"{self.path.name} requires {names}, not supported here; it is shown without.")
+        # A material is approximated without its extensions; other extensions may hold what is to be shown.
+        surfaces = {name for name in required if name.startswith(("KHR_materials_", "EXT_materials_"))}
+        for names, note in ((required - surfaces, self.notes.damage), (surfaces, self.notes.add)):
+            if names:
+                listed = ", ".join(map(repr, sorted(names)))
+                note(f"{self.path.name} requires {listed}, not supported here; it is shown without.")
         if ignored := sorted(used - required):
             self.notes.add(f"Extensions that are not supported and were ignored: {', '.join(map(repr, ignored))}.")
 
