@@ -196,6 +196,8 @@ class JsonObject:
 
     def extension(self, name: str) -> JsonObject | None:
         """Return the extension object `name`, or None if this object does not have it."""
+        if "extensions" not in self.raw:
+            return None
         extensions = self.child("extensions")
         if not isinstance(extensions.raw.get(name, {}), dict):
             extensions.child(name)  # notes the wrong type

@@ -35,10 +35,14 @@ class Nodes:
         stack = self._scene_roots()[::-1]
         while stack:
             node = stack.pop()
-            if node not in order and self._nodes[node].extension_or_empty("KHR_node_visibility").flag("visible", True):
+            if node not in order and self._visible(node):
                 order[node] = None
                 stack += [child for child in self._children[node][::-1] if child not in order]
         return [node for node in order if self.world[node] is not None]
+
+    def _visible(self, node: int) -> bool:
+        extension = self._nodes[node].extension("KHR_node_visibility")
+        return extension is None or extension.flag("visible", True)
 
     def placed(self, node: int) -> Matrix:
         """Return the world matrix of a shown node."""
