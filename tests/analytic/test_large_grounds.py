@@ -59,6 +59,21 @@ def test_a_box_far_from_the_middle_of_the_ground(gi, shift):
     assert_shadow(box_on_ground(1e6, 1.0, "tilted", (3.1e5, 1.7e5), shift), gi)
 
 
+@pytest.mark.parametrize("tilt", ["level", "tilted"])
+@pytest.mark.parametrize("ground", [1e5, 1e6])
+def test_rasterised_pictures_of_large_grounds_have_no_holes(ground, tilt):
+    """A wide picture, whose edges cut through the ground's triangles, agrees with camera rays."""
+    scene = box_on_ground(ground, 1.0, tilt, at=(0.4, 0.1))
+    pose = turned(tilt)[:3, :3]
+    camera = Camera.look_at(pose @ (0.2, 2.4, 4.0), pose @ (-0.3, 0.3, 0.2), pose @ (0, 1.0, 0), yfov_deg=45)
+    raster, rays = (
+        shoot(scene, (640, 36), show=("radiance",), camera=camera, gi=gi, **counts)["radiance"][..., 0]
+        for gi, counts in (("none", {}), ("path", {"spp": 1, "bounces": 0}))
+    )
+    assert (rays > 0).mean() > 0.5
+    assert (np.abs(raster - rays) > 0.01 * rays.max()).mean() < 1e-3
+
+
 @pytest.mark.parametrize("gi", ["none", "path"])
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_balls_under_grazing_light_do_not_shadow_themselves(gi, size):

@@ -52,7 +52,8 @@ def origin_of(*instances):
     bounds = [np.asarray(i.mesh.positions)[:, :] + i.world_from_local[:3, 3] for i in instances]
     corners = np.concatenate(bounds)
     data = prepare_meshes([i.mesh for i in instances], DTYPES["vertices"])
-    return scene_origin(data, matrices, np.stack([corners.min(0), corners.max(0)]))
+    origin, _ = scene_origin(data, matrices, np.stack([corners.min(0), corners.max(0)]))
+    return origin
 
 
 def test_the_origin_is_where_the_details_are():

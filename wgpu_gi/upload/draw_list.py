@@ -8,7 +8,7 @@ triangles; passes cull them against their views.
 
 from __future__ import annotations
 
-from collections.abc import MutableMapping
+from collections.abc import Iterator, MutableMapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..scene.scene import Instance
 from .anchors import corners_of
 from .mesh_data import MASKED, NONE, MeshData, Placement
+from .split_triangles import split_triangles
 from .two_level_bvh import TwoLevelBvh
 
 CLUSTER = 512  # triangles that are culled together; tools/README.md, "Constants"
@@ -193,7 +194,9 @@ def _lay_out_vertices(
     for part in parts:
         part.first_vertex = first_vertex
         vertices.append(part.vertices(hierarchy, instances))
-        sources.append((part.raster.source + part.place.vertices.start).astype(np.uint32))
+        # Pieces of split triangles are opaque, so their attributes do not matter.
+        source = np.concatenate([part.raster.source, np.zeros(len(vertices[-1]) - len(part.raster.source), np.int64)])
+        sources.append((source + part.place.vertices.start).astype(np.uint32))
         first_vertex += len(vertices[-1])
     return np.concatenate(vertices), np.concatenate(sources)
 
@@ -211,16 +214,14 @@ def _lay_out_indices(
     for masked in (False, True):
         # Parts in world space come first, so that their draw calls merge into one.
         for part in sorted(parts, key=lambda p: p.place.baked is None):
-            chosen = np.flatnonzero(part.masked(hierarchy) == masked)
-            if not len(chosen):
-                continue
-            indices.append(part.raster.corners[chosen] + part.first_vertex)
-            count = max(len(part.users), 1)
-            runs[masked].append((3 * first, 3 * len(chosen), part.first_slot, count))
-            new_boxes, new_runs = part.clusters(hierarchy, chosen, 3 * first)
-            boxes.append(new_boxes)
-            cluster_runs.append(new_runs)
-            first += len(chosen)
+            for drawn, corners in part.triangles(hierarchy, masked):
+                indices.append(drawn + part.first_vertex)
+                count = max(len(part.users), 1)
+                runs[masked].append((3 * first, 3 * len(drawn), part.first_slot, count))
+                new_boxes, new_runs = part.clusters(corners, 3 * first)
+                boxes.append(new_boxes)
+                cluster_runs.append(new_runs)
+                first += len(drawn)
         if not masked:
             opaque_clusters = sum(map(len, cluster_runs))
     # Join the parts.
@@ -241,6 +242,8 @@ class _Part:
         self.raster = known[self.data]
         self.first_slot = self.first_vertex = 0
         self.users: list[int] = []
+        self.split = np.zeros(len(self.data.corners), np.bool_)  # triangles that are drawn as pieces
+        self.pieces = np.zeros((0, 3, 3))
 
     def masked(self, hierarchy: TwoLevelBvh) -> NDArray[np.bool_]:
         """Tell for each triangle whether it has an alpha mask."""
@@ -255,21 +258,39 @@ class _Part:
         packed = np.empty((len(self.raster.source), 4), np.uint32)
         packed[:, :3] = positions.astype(np.float32).view(np.uint32)[self.raster.source]
         packed[:, 3] = np.where(self.raster.owner < 0, 0, self.raster.owner + self.place.triangles.start)
-        return packed
+        if self.place.baked is None or not hierarchy.has_details:
+            return packed
+        # Add the pieces of large triangles, with vertices of their own.
+        corners = positions[self.data.indices.astype(np.int64)]
+        self.split, self.pieces, owners = split_triangles(corners, 2 * hierarchy.radius)
+        kept = ~self.masked(hierarchy)[owners]
+        self.split &= ~self.masked(hierarchy)
+        self.pieces = self.pieces[kept]
+        added = np.empty((3 * len(self.pieces), 4), np.uint32)
+        added[:, :3] = self.pieces.reshape(-1, 3).astype(np.float32).view(np.uint32)
+        added[:, 3] = np.repeat(owners[kept], 3) + self.place.triangles.start
+        return np.concatenate([packed, added])
 
-    def clusters(
-        self, hierarchy: TwoLevelBvh, chosen: NDArray[np.int64], first_index: int
-    ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """Return local boxes (c, 2, 3) and draw calls (c, 4) of the triangles `chosen`, drawn from `first_index` on."""
+    def triangles(
+        self, hierarchy: TwoLevelBvh, masked: bool
+    ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+        """Yield vertices (k, 3) and corners (k, 3, 3) of the triangles to draw, with alpha mask or without."""
+        chosen = np.flatnonzero((self.masked(hierarchy) == masked) & ~self.split)
+        if len(chosen):
+            yield self.raster.corners[chosen], corners_of(hierarchy.triangles[self.place.triangles][chosen])
+        if len(self.pieces) and not masked:
+            yield len(self.raster.source) + np.arange(3 * len(self.pieces)).reshape(-1, 3), self.pieces
+
+    def clusters(self, corners: NDArray[np.float64], first_index: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Return local boxes (c, 2, 3) and draw calls (c, 4) of triangles (k, 3, 3), drawn from `first_index` on."""
         whole = len(self.users) > MANY_INSTANCES
         # Box each cluster.
-        starts = np.arange(0, len(chosen), len(chosen) if whole else CLUSTER)
-        t = hierarchy.triangles[self.place.triangles][chosen]
-        corners = corners_of(t).astype(np.float32)
+        starts = np.arange(0, len(corners), len(corners) if whole else CLUSTER)
+        corners = corners.astype(np.float32)
         boxes = np.stack(
             [np.minimum.reduceat(corners.min(1), starts), np.maximum.reduceat(corners.max(1), starts)], axis=1
         )
-        counts = 3 * np.diff(np.append(starts, len(chosen)))
+        counts = 3 * np.diff(np.append(starts, len(corners)))
         runs = np.stack([first_index + 3 * starts, counts, np.zeros_like(starts), np.ones_like(starts)], 1)
         # Repeat each cluster for each instance.
         times = max(len(self.users), 1)

@@ -20,11 +20,14 @@ DETAIL = 1 / 64
 
 def scene_origin(
     meshes: list[MeshData], matrices: NDArray[np.float64], bounds: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the origin (3,) of instances of `meshes` at `matrices` (n, 4, 4); `bounds` (2, 3): all in the world."""
+) -> tuple[NDArray[np.float64], bool]:
+    """Return the origin (3,) of instances of `meshes` at `matrices` (n, 4, 4), and whether details lie around it.
+
+    `bounds` (2, 3) are those of all instances in the world.
+    """
     centre: NDArray[np.float64] = bounds.mean(0)
     if not meshes:
-        return centre
+        return centre, False
     # Take some corners of each instance, weighted by the number of its triangles.
     each = -(-SAMPLES // len(meshes))
     points, weights = [], []
@@ -36,7 +39,8 @@ def scene_origin(
     all_points, all_weights = np.concatenate(points), np.concatenate(weights)
     median = np.array([_median(all_points[:, axis], all_weights) for axis in range(3)])
     spread = _median(np.abs(all_points - median).max(1), all_weights)
-    return median if spread < DETAIL * np.linalg.norm(bounds[1] - bounds[0]) / 2 else centre
+    has_details = bool(spread < DETAIL * np.linalg.norm(bounds[1] - bounds[0]) / 2)
+    return (median if has_details else centre), has_details
 
 
 def _median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:

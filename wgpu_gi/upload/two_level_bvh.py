@@ -41,6 +41,7 @@ class TwoLevelBvh:
         self.dtypes = dtypes
         self.changed: set[str] = set()
         self.origin = np.zeros(3)
+        self.has_details = False  # small things lie together around the origin (`scene_origin`)
         self.root = NONE
         self.world = QuantizationGrid.around(np.zeros((2, 3)))  # grid of the top level and of baked meshes
         self.centre = np.zeros(3)  # centre of a sphere around all instances, relative to the origin
@@ -77,7 +78,8 @@ class TwoLevelBvh:
             drifted = np.abs(bounds.mean(0) - self.origin).max() > MAX_DRIFT * self.radius
             if new_layout or drifted:
                 # Otherwise the origin stays, so that moving one instance does not move all others relative to it.
-                self.origin = scene_origin([self._prepared[id(i.mesh)] for i in instances], matrices, bounds)
+                used = [self._prepared[id(i.mesh)] for i in instances]
+                self.origin, self.has_details = scene_origin(used, matrices, bounds)
                 self._lay_out(meshes, instances, matrices, bounds)
             else:
                 self._unbake_moved(instances, matrices)

@@ -167,9 +167,9 @@ fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f
     } else {
         above = depths_above(p, slope, corner);
     }
-    // Where rounding exceeds OWN_PLANE, as in a fine cascade of a scene of kilometres, it may hide a blocker.
-    let is_own = above.x >= -own && above.y <= own && rounding <= OWN_PLANE * steep;
+    let is_own = above.x >= -own && above.y <= own;
     let is_clear = above.x > clear;
-    let is_steep = abs(dot(normal, to_light)) < GRAZING;
-    return select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_steep);
+    // Where rounding exceeds OWN_PLANE, as in a fine cascade of a scene of kilometres, it may hide a blocker or seem one.
+    let is_coarse = rounding > OWN_PLANE * steep || abs(dot(normal, to_light)) < GRAZING;
+    return select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_coarse);
 }

@@ -8,8 +8,8 @@ const FAR_OUTSIDE: f32 = 1e4;
 
 @group(1) @binding(33) var visibility: texture_2d<u32>;  // triangle + 1, instance + 1
 
-// Returns a ray's hit with the plane of a triangle, clamped to the triangle: rasterisation and rays round differently
-// at its edges.
+// Returns a ray's hit with the plane of a triangle, clamped to the triangle as `is_in_triangle` sees it: rasterisation
+// and rays round differently at its edges.
 fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
     var origin = ray.origin;
     var direction = ray.direction;
@@ -22,9 +22,9 @@ fn hit_on_triangle(ray: Ray, t: Triangle, triangle: u32, instance: u32) -> Hit {
     // A triangle seen edge-on has no hit, or one far outside: use its first corner.
     let is_near = h.exists && abs(h.from_anchor.x) + abs(h.from_anchor.y) < FAR_OUTSIDE;
     let anchor = anchor_weights(t);
-    var from_anchor = select(-anchor, clamp(h.from_anchor, -anchor, 1.0 - anchor), is_near);
+    var from_anchor = select(-anchor, clamp(h.from_anchor, -anchor - EDGE, 1.0 - anchor + EDGE), is_near);
     let sum = anchor.x + anchor.y + from_anchor.x + from_anchor.y;
-    if (sum > 1.0) {
+    if (sum > 1.0 + EDGE) {
         from_anchor = (anchor + from_anchor) / sum - anchor;
     }
     var hit = Hit(0.0, triangle, select(instance, t.instance, t.instance != NONE), from_anchor);
