@@ -70,3 +70,21 @@ def test_exact_visibility_and_drawn_rays_find_the_same_light_of_a_metal():
     assert np.isclose(
         wall_light(scene, "many-light", 1, settings=exact).mean(), wall_light(scene, "many-light", 1).mean(), rtol=0.02
     )
+
+
+@pytest.mark.parametrize(("metallic", "roughness"), [(1.0, 0.05), (1.0, 0.3), (1.0, 0.6), (0.0, 0.1)])
+def test_a_coat_reflects_a_lit_wall(metallic, roughness):
+    """By rays, without blur. The sun lights the wall behind the floor, not the floor."""
+    color = (0.9, 0.7, 0.4, 1.0) if metallic else (0.0, 0.0, 0.0, 1.0)
+    floor = Material(base_color=color, metallic=metallic, roughness=roughness)
+    meshes = [quad((-3, 0, -2), (0, 0, 4), (6, 0, 0), floor), quad((-3, 0, -2), (6, 0, 0), (0, 3, 0), matte(0.7))]
+    scene = Scene([Instance(mesh) for mesh in meshes], [DirectionalLight((0.1, 0.0, -1.0), 3.0)])
+    camera = Camera.look_at((0, 1.5, 3.0), (0, 0.0, 0.0), yfov_deg=40)
+    common = {"bounces": 1, "size": (32, 18), "camera": camera, "show": "indirect"}
+    truth = np.asarray(render(scene, gi="path", spp=512, **common), np.float64)
+    sharp = Settings()
+    sharp.denoise.radius = 1
+    found = np.asarray(render(scene, gi="many-light", settings=sharp, **common), np.float64)
+    assert abs(found.mean() / truth.mean() - 1) < 0.01
+    blocks, true_blocks = (values.reshape(6, 3, 8, 4, 3).mean((1, 3)) for values in (found, truth))
+    assert np.abs(blocks - true_blocks).max() < 0.06 * true_blocks.max()

@@ -19,6 +19,7 @@ from .inputs import ManyLightInputs
 from .ism import declare_ism
 from .near_field import declare_near_field, declare_near_shares
 from .points import declare_points
+from .reflections import declare_reflections
 from .rsm import declare_rsm
 from .update import ManyLightOptions, many_light_inputs
 from .views import (
@@ -97,8 +98,9 @@ def _declare_indirect(
         views |= declare_rsm_views(graph, scene, rsm)
     if ism is not None:
         views |= declare_ism_views(graph, ism)
-    # Add the light that the bound of near VPLs removes, and the near field in screen space.
+    # Add the light that the bound of near VPLs removes, reflections, and the near field in screen space.
     declare_compensation(graph, scene, gbuffer, albedo, vpls, gathered, settings.bounces, seed)
+    declare_reflections(graph, settings.gather, scene, gbuffer, albedo, vpls, gathered, settings.bounces, seed)
     if near_field is not None:
         gathered = declare_near_field(
             graph, settings.ssdo, scene, gbuffer, ambient, direct, gathered, settings.bounces, seed

@@ -65,6 +65,7 @@ def declare_compensation(
             **scene.constants(SHADER),
             **vpls.constants,
             "SEGMENTS": min(bounces or MOST_SEGMENTS, MOST_SEGMENTS),
+            "REFLECTS_VPLS": bounces != 1,
             "NEAR_FIELD": gathered.near_field is not None,
         },
     )

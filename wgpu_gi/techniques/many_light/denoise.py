@@ -65,5 +65,6 @@ def declare_denoise(
         radius,
         frames=frames,
         glossy=gathered.glossy,
+        coat_lobes=gathered.glossy is not None,
         reflected=True,
     )

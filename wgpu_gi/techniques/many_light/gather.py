@@ -58,6 +58,12 @@ class GatherSettings(KnownAttributes):
         "Bound on the light of near VPLs: that of a disc of the VPL's area (disc), or none.",
         choices=("disc", "none"),
     )
+    reflections: float = setting(
+        0.6,
+        "Largest roughness of coats that reflect by a ray per pixel and frame; others reflect the VPLs. 0: all do.",
+        "roughness",
+        range=(0, 1),
+    )
     compensation: bool = setting(True, "Add the light that the bound removes, by short rays.")
 
 

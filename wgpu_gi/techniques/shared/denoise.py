@@ -32,6 +32,7 @@ def declare_blur(
     frames: int = 1,
     shares: bool = False,
     lobes: bool = False,
+    coat_lobes: bool = False,
     glossy: Buffer | None = None,
     reflected: bool = False,
     variances: Buffer | None = None,
@@ -43,9 +44,9 @@ def declare_blur(
     light: (r, g, b, depth of `shared/denoise/plane.wgsl`) per pixel. normals: packed by that file. reflected: light is
     irradiance, W/m2, `glossy` the coats' light, and the result is radiance, W/(m2 sr); otherwise light is divided by
     the average of `glossy`, if given. variances: of the luminance of `light`; then only first frames of still pictures
-    are blurred. shares: light is a share, 0 to 1. lobes: blur by no more than the coats' lobes. frames: number per
-    still picture. stride: distance of the grid's pixels; above 1, not with `reflected`. view: uniform of the picture's
-    camera.
+    are blurred. shares: light is a share, 0 to 1. lobes, coat_lobes: blur `light` or `glossy` by no more than the
+    coats' lobes. frames: number per still picture. stride: distance of the grid's pixels; above 1, not with
+    `reflected`. view: uniform of the picture's camera.
     """
     width, height = (-(-side // stride) for side in graph.size)
     guided = radius > 1 and (variances is not None or frames > GUIDED_FROM)
@@ -53,8 +54,8 @@ def declare_blur(
     layer = partial(graph.buffer, dtype=FOUR_FLOATS, count=light.count, width=width, nonnegative=True)
     nothing, absent = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1), graph.neutral("buffer")
     reads = {"normals": normals, "surfaces": gbuffer.surfaces, "moments": guide}
-    flags = dict(GUIDED=guided, FIRST=variances is not None, SHARES=shares, LOBES=lobes, HAS_COATS=glossy is not None)
-    constants = {"RADIUS": radius, "STRIDE": stride, **flags}
+    flags = dict(SHARES=shares, LOBES=lobes, COAT_LOBES=coat_lobes, HAS_COATS=glossy is not None)
+    constants = {"RADIUS": radius, "STRIDE": stride, "GUIDED": guided, "FIRST": variances is not None, **flags}
     rows, glossy_rows, uniforms = light, glossy, {"view": view}
     if radius > 1:
         rows, glossy_rows = layer(f"{name}/rows"), layer(f"{name}/glossy_rows") if glossy else None

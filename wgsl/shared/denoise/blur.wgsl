@@ -20,6 +20,7 @@ override SHARES: bool = false; // the light is a share, from 0 to 1
 override STRIDE: u32 = 1u;     // picture pixels per side of a pixel of the blurred grid
 override RATIO: bool = false;  // output light over `glossy`
 override LOBES: bool = false;  // the light is that of lobes: blur by no more than their width
+override COAT_LOBES: bool = false; // blur the coats' light, not the other light, by no more than the lobes' width
 
 @group(1) @binding(11) var<storage, read> light: array<vec4f>;
 @group(1) @binding(12) var<storage, read> normals: array<u32>;
@@ -48,6 +49,7 @@ struct Center {
     plane: Plane,
     guide: vec2f,
     reach: f32,  // half-width of the tent, pixels
+    coat_reach: f32,  // ... of the coats' light
 }
 
 // Returns the mean light of a pixel and the variance of that mean.
@@ -71,8 +73,8 @@ fn grid_size() -> vec2u {
 
 // Returns the half-width of a pixel's tent, pixels. On a flat mirror, the reflected rays of neighbours are a pixel's
 // angle apart: a tent wider than the lobe's angle would blur what the lobe shows sharp, and narrow lobes are not noisy.
-fn tent_reach(pixel: vec2u) -> f32 {
-    if (!LOBES) {
+fn tent_reach(pixel: vec2u, lobes: bool) -> f32 {
+    if (!lobes) {
         return f32(RADIUS);
     }
     let roughness = load_surface(pixel * STRIDE).roughness;
@@ -86,10 +88,12 @@ fn load_center(pixel: vec2u) -> Center {
     let index = inside.y * grid_size().x + inside.x;
     let normal = unpack_view_normal(normals[index]);
     let depth = light[index].w;
-    return Center(normal, depth, tangent_plane(inside * STRIDE, depth, normal), load_guide(index), tent_reach(inside));
+    return Center(
+        normal, depth, tangent_plane(inside * STRIDE, depth, normal), load_guide(index), tent_reach(inside, LOBES),
+        tent_reach(inside, COAT_LOBES));
 }
 
-fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
+fn store(pixel: vec2u, sum: vec4f, shine: vec4f, depth: f32) {
     if (any(pixel >= grid_size())) {
         return;
     }
@@ -97,7 +101,7 @@ fn store(pixel: vec2u, sum: vec4f, shine: vec3f, depth: f32) {
     let inverse = 1.0 / max(sum.w, 0.5);
     let color = sum.rgb * inverse;
     let index = pixel.y * grid_size().x + pixel.x;
-    let coat = shine * inverse;
+    let coat = shine.rgb / max(select(sum.w, shine.w, COAT_LOBES), 0.5);
     if (LAST) {
         let surface = load_surface(pixel);
         let brdf = gbuffer_brdf(surface);
@@ -153,11 +157,12 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let guide_variance = vec4f(a.guide.y, b.guide.y, c.guide.y, d.guide.y);
 
     let reach = vec4f(a.reach, b.reach, c.reach, d.reach);
+    let coat_reach = vec4f(a.coat_reach, b.coat_reach, c.coat_reach, d.coat_reach);
     let side = i32(RADIUS);
     let start = i32(dot(first, step));
     let end = i32(dot(grid_size(), step));
     var sum = mat4x4f();
-    var shine = mat3x4f();
+    var shine = mat4x4f();
     for (var k = 1 - side; k < 4 + side - 1; k += 1) {
         let place = start + k;
         let wrapped = place + select(0, side, place < 0) - select(0, side, place >= end);
@@ -188,9 +193,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         sum[3] += weight;
         if (HAS_COATS) {
             let coat = glossy[index];
-            shine[0] += coat.r * weight;
-            shine[1] += coat.g * weight;
-            shine[2] += coat.b * weight;
+            var coat_weight = weight;
+            if (COAT_LOBES) {
+                // Both tents are 1 at the pixel itself.
+                coat_weight *= max(1.0 - off / coat_reach, vec4f(0.0)) / max(tent, vec4f(1e-3));
+                shine[3] += coat_weight;
+            }
+            shine[0] += coat.r * coat_weight;
+            shine[1] += coat.g * coat_weight;
+            shine[2] += coat.b * coat_weight;
         }
     }
     let sums = transpose(sum);
