@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..pictures.color import LINEAR_OF_CODE, REC709_LUMINANCE
 from ..scene.scene import Image, Texture, Wrap
+from ..webgpu_limits import MAX_TEXTURE_SIDE
 from .texture_sampling import FARTHEST
 
 MAX_BLOCKS = 1024  # on a side: the table of a picture has at most 32 MiB
@@ -43,6 +44,9 @@ class TextureSums:
         # Find the texels of the boxes: bilinear sampling reads half a texel further.
         nearest = self._texture.filter == "nearest"
         reach = 0.0 if nearest else 0.5
+        if self.size.max() > MAX_TEXTURE_SIDE:
+            # Of a picture that was scaled down: half a texel of averages, and half of interpolation.
+            reach = float(self.size.max()) / MAX_TEXTURE_SIDE
         ends = []
         for corner, sign in ((low, -1.0), (high, 1.0)):
             texel = np.clip(corner * self.size, -FARTHEST, FARTHEST)
