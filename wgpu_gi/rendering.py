@@ -12,7 +12,7 @@ import numpy as np
 from .buffers import check_buffers
 from .camera import Camera
 from .errors import GiError, warn_of
-from .options import Settings, check_size
+from .options import Settings, check_size, technique_of, uses
 from .pictures.picture import Picture
 from .renderer import Renderer
 from .scene.load import lit
@@ -104,7 +104,7 @@ def render(
     if progress is not None and not callable(progress):
         raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
     lighted, notes = lit(scene, environment)
-    warn_of(notes, stacklevel=2)
+    warn_of([*notes, *_ignored(chosen, values)], stacklevel=2)
     # Render.
     with Renderer(lighted, size=size, camera=camera, settings=chosen, adapter=adapter) as renderer:
         renderer.run(progress, show=with_alpha(names, chosen))
@@ -127,6 +127,17 @@ def settings_of(settings: Settings | None, values: dict[str, Any], quality: str 
             setattr(chosen, name, value)
     validate(chosen)
     return chosen
+
+
+def _ignored(settings: Settings, values: dict[str, Any]) -> list[str]:
+    """Return a sentence for each of the given `values` that the technique does not use."""
+    gi, most = settings.gi, technique_of(settings.gi).most_bounces
+    notes = []
+    if values["bounces"] is not None and most is not None and values["bounces"] > most:
+        notes.append(f"the technique {gi} has at most {most} indirect bounces, not {values['bounces']}")
+    if values["spp"] is not None and not uses(gi, "spp"):
+        notes.append(f"spp changes nothing: the technique {gi} averages frames, settings.camera.frames of them")
+    return notes
 
 
 def with_alpha(names: Sequence[str], settings: Settings) -> tuple[str, ...]:

@@ -211,7 +211,10 @@ class _Materials:
             from .files.image_files import decode_image, from_pillow  # imports Pillow
 
             is_image = hasattr(source, "convert")
-            pixels = decode_image(from_pillow(source) if is_image else f"it is {shown(source)}, not an image")
+            opened = from_pillow(source) if is_image else f"it is {shown(source)}, not an image"
+            if not isinstance(opened, str) and opened.note:
+                self._notes.add(f"a texture of the trimesh material: {opened.note}")
+            pixels = decode_image(opened)
             if isinstance(pixels, str):
                 self._notes.damage(f"a texture was left out: {pixels}")
                 self._images[id(source)] = source, None
