@@ -9,8 +9,9 @@
 // error): a hit is a + b1 edge1 + b2 edge2, m = |a| + |b1 edge1| + |b2 edge2|; where neither edge has a component along an
 // axis, a + 0 + 0 is exact and m is 0. Of 3 million random triangles whose edges meet at a sine above 0.1, the next
 // ray's test saw p at most 4.3 u (|n| . m + r max(m)) off, and under transforms at most 16 times, so m counts twice there.
-// Since |a| <= 2 |p| (`upload/anchors.py`), m is about 2 |p| at a point whose triangle is not known, and 4 times that
-// covers slivers: with 2 |p|, a folded curtain of strips 1 by 90 let light through (`test_defaults_agree_with_mitsuba`).
+// Since |a| <= 2 |p| (`upload/anchors.py`), m is about 2 |p| at a point whose triangle is not known. At pixels' points it
+// is 4 times that, for slivers: with once or twice, a folded curtain of strips 1 by 90 lets light through
+// (`test_defaults_agree_with_mitsuba`).
 // The offset grows with the distance from the scene's origin, not with the triangle. Errs bright: rays miss blockers
 // nearer than the offset, 0.5e-6 to 12e-6 |p|. Slivers amplify the test's rounding by the inverse of their sine and may
 // shadow themselves.
@@ -21,7 +22,7 @@
 
 const ROUNDING: f32 = 8.0 * 5.9604645e-8;
 
-// Factor on the terms of points whose triangle is not known.
+// Factor on the terms of pixels' points.
 const SLIVERS: f32 = 4.0;
 
 // A stand-in for unknown normals, with the largest offset.
@@ -41,12 +42,12 @@ fn ray_offset(normal: vec3f, terms: vec3f) -> f32 {
 
 // Returns m of a surface point whose triangle is not known.
 fn surface_terms(position: vec3f) -> vec3f {
-    return SLIVERS * 2.0 * abs(position);
+    return 2.0 * abs(position);
 }
 
 // Returns m of a pixel's surface point: origin + direction * distance.
 fn pixel_terms(position: vec3f) -> vec3f {
-    return surface_terms(position) + SLIVERS * abs(position - view.position);
+    return SLIVERS * (surface_terms(position) + abs(position - view.position));
 }
 
 // Returns m of a hit, in the space of the triangle.
