@@ -72,6 +72,16 @@ def test_text_of_older_windows_programs(tmp_path):
     assert scene.meshes[0].materials[0].base_color == (0.1, 0.2, 0.3, 1.0) and not scene.notes
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_texts_with_a_byte_order_mark(tmp_path, encoding):
+    path = write(tmp_path, "a.obj", obj(*QUAD, "f 1 2 3 4").encode(encoding))
+    assert area(load_mesh_file(path)) == pytest.approx(1.0)
+
+
+def test_rows_of_points_are_shown_as_points(tmp_path):
+    assert "4 points" in load_text(tmp_path, *QUAD, "p 1 2 3 4").notes[0]
+
+
 @pytest.mark.parametrize(
     ("row", "files"),
     [

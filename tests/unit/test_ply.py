@@ -115,6 +115,18 @@ def test_wrong_parts_cost_themselves(tmp_path):
     assert scene.meshes[0].texcoords0 is None and "every corner" in scene.notes[0]
 
 
+def test_words_behind_a_row_are_no_part_of_the_next(tmp_path):
+    """Some exporters announce four numbers and write a list; other readers take the line for the row."""
+    text = ply([vertices(), ("face", [*CORNERS, ("red", "uchar")], [[[0, 1, 2], 9], [[0, 2, 3], 9]])], "ascii")
+    scene = load_mesh_file(write(tmp_path, "a.ply", text.replace(b" 9\n", b" 9 1 1 1 1 1 1 1 1 1\n")))
+    assert area(scene) == pytest.approx(1.0) and "more data" in scene.notes[0]
+
+
+def test_headers_with_other_lines(tmp_path):
+    data = ply([vertices(), ("face", CORNERS, [[[0, 1, 2, 3]]])], "<", ["Created by a program", "obj_info x", ""])
+    assert area(load_mesh_file(write(tmp_path, "a.ply", data))) == pytest.approx(1.0)
+
+
 @FORMS
 def test_counts_allocate_nothing(tmp_path, form):
     data = ply([vertices(), ("face", CORNERS, [[[0, 1, 2]], [[0, 1, 2, 3]]])], form)

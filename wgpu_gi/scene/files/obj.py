@@ -41,10 +41,10 @@ def read_obj(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh | RawPoi
     GiError for textures beyond the budget.
     """
     lines = _read_lines(path)
-    if lines.not_shown:
+    if lines.not_shown and (lines.corner_counts or lines.not_shown != {"points"}):
         notes.add(f"{path}: {', '.join(sorted(lines.not_shown))} are not shown")
     positions, colors = _positions(path, lines.rows["v"], notes)
-    if not lines.corner_counts and not lines.not_shown:
+    if not lines.corner_counts and lines.not_shown <= {"points"}:
         return RawPoints(positions, colors)
     # Look up the rows of each distinct corner.
     index, ids = _unique_corners(lines.corners)

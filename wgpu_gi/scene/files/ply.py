@@ -3,7 +3,7 @@
 Own code, since trimesh reads neither list properties beside the corners of faces nor binary lists of several lengths,
 plyfile has a licence that this package cannot take on, and meshio reads row by row.
 
-Departures: text is read as a stream of words, rows may span lines. Nothing is allocated by an announced count.
+Departures: rows of text may span lines. Nothing is allocated by an announced count.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Element:
 
 @dataclass
 class PlyFile:
-    """The elements of a file by name, the files of its textures, and how much follows its last element."""
+    """The elements of a file by name, the files of its textures, and how much of the file belongs to none."""
 
     elements: dict[str, Element]
     textures: list[str]
@@ -64,16 +64,25 @@ def read_ply(source: str, data: bytes) -> PlyFile:
             at = _read_binary(source, body, at, element, order)
         rest = len(body) - at
     else:
-        _check_lines(source, bytes(body), elements)
-        words, at = _floats(bytes(body).split()), 0
+        lines = [line.split() for line in bytes(body).splitlines() if line.strip()]
+        words, at, row = _floats([word for line in lines for word in line]), 0, 0
+        # Where each row has a line of its own, what follows its properties there is no part of the next row.
+        starts = np.concatenate([[0], np.cumsum([len(line) for line in lines])]).astype(np.int64)
+        of_rows = len(lines) == sum(element.count for element in elements if element.properties)
+        rest = 0
         for element in elements:
-            at = _read_words(source, words, at, element)
-        rest = len(words) - at
+            last = row + (element.count if element.properties else 0)
+            at, unread = _read_words(source, words, at, element, starts[row : last + 1] if of_rows else None)
+            row, rest = last, rest + unread
+        rest += len(words) - at
     return PlyFile({element.name: element for element in elements}, textures, rest)
 
 
 def _header(source: str, data: bytes) -> tuple[str, list[Element], list[str], int]:
-    """Return the byte order ("" for text), the elements, the names of textures, and where the header ends."""
+    """Return the byte order ("" for text), the elements, the names of textures, and where the header ends.
+
+    Lines of other words are comments that lack the word. A line that announces data must be right.
+    """
     if data[:3] != b"ply" or data[3:4] not in (b"\n", b"\r"):
         raise GiError(f"{source} is not a PLY file: it does not begin with the line 'ply'")
     # All lines end as the first one does.
@@ -98,28 +107,11 @@ def _header(source: str, data: bytes) -> tuple[str, list[Element], list[str], in
                 elements[-1].properties.append((name, _TYPES[kind], _TYPES[count_type]))
             case ["property", kind, name] if elements and kind in _TYPES:
                 elements[-1].properties.append((name, _TYPES[kind], None))
-            case [] | ["comment" | "obj_info", *_]:
-                pass
-            case _:
+            case ["element" | "property" | "format", *_]:
                 raise GiError(f"{source} is not a readable PLY file: its header has the line {line[:60]!r}")
     if order is None:
         raise GiError(f"{source} is not a readable PLY file: its header has no format")
     return order, elements, textures, stop + len(end_of_line)
-
-
-def _check_lines(source: str, body: bytes, elements: list[Element]) -> None:
-    """Raise GiError where a text file has one line for each row, but a line of the wrong length."""
-    lines = [line for line in body.splitlines() if line.strip()]
-    rows = [element for element in elements if element.properties]
-    if len(lines) != sum(element.count for element in rows):
-        return
-    at = 0
-    for element in rows:
-        if all(count_type is None for _, _, count_type in element.properties):
-            lengths = set(map(len, map(bytes.split, lines[at : at + element.count])))
-            if lengths - {len(element.properties)}:
-                raise GiError(f"{source} is damaged: a {element.name!r} row has too few or too many numbers")
-        at += element.count
 
 
 def _truncated(source: str, element: Element) -> GiError:
@@ -145,36 +137,45 @@ def _float(word: bytes) -> float:
         return np.nan
 
 
-def _read_words(source: str, words: Floats, at: int, element: Element) -> int:
-    """Fill the columns of an element from the word `at`; return where it ends."""
-    properties = element.properties
-    if not properties or not element.count:
-        return at
-    if element.count * len(properties) > len(words) - at:
+def _read_words(source: str, words: Floats, at: int, element: Element, lines: Ints | None) -> tuple[int, int]:
+    """Fill the columns of an element from the word `at`; return where it ends and how many words were passed over.
+
+    `lines` holds where the line of each row starts, and where the last one ends; None if lines are no rows.
+    """
+    properties, count = element.properties, element.count
+    if not properties or not count:
+        return at, 0
+    if count * len(properties) > len(words) - at:
         raise _truncated(source, element)
     # Place the properties of all rows by the lengths of the lists in the first row.
-    lengths = []
-    column = at
+    lengths, end = [], at
     for _, _, count_type in properties:
-        length = _length(source, words, column, element) if count_type else 0
-        lengths.append(length)
-        column += 1 + length
-    row_length = column - at
+        lengths.append(_length(source, words, end, element) if count_type else 0)
+        end += 1 + lengths[-1]
+    width = end - at
     firsts = np.cumsum([0, *(1 + length for length in lengths)])[:-1]
-    if element.count * row_length <= len(words) - at:
-        table = words[at : at + element.count * row_length].reshape(element.count, row_length)
+    if count * width <= len(words) - at and (lines is None or (np.diff(lines) == width).all()):
+        table = words[at : at + count * width].reshape(count, width)
         if all((table[:, f] == n).all() for (_, _, c), f, n in zip(properties, firsts, lengths, strict=True) if c):
             for (name, _, count_type), first, length in zip(properties, firsts, lengths, strict=True):
                 if count_type is None:
                     element.columns[name] = table[:, first]
                 else:
                     values = table[:, first + 1 : first + 1 + length].ravel()
-                    element.lists[name] = Lists(values, np.full(element.count, length))
-            return at + element.count * row_length
-    # Lists of several lengths: walk along the rows.
+                    element.lists[name] = Lists(values, np.full(count, length))
+            return at + count * width, 0
+    return _walk_words(source, words, at, element, lines)
+
+
+def _walk_words(source: str, words: Floats, at: int, element: Element, lines: Ints | None) -> tuple[int, int]:
+    """Fill the columns of an element whose rows have several lengths, as `_read_words` does."""
+    properties, unread = element.properties, 0
     starts = np.zeros((len(properties), element.count), np.int64)
     counts = np.zeros_like(starts)
     for row in range(element.count):
+        if lines is not None:
+            unread += int(lines[row]) - at
+            at = int(lines[row])
         for k, (_, _, count_type) in enumerate(properties):
             if at >= len(words):
                 raise _truncated(source, element)
@@ -184,6 +185,11 @@ def _read_words(source: str, words: Floats, at: int, element: Element) -> int:
                 starts[k, row] += 1
                 at += length
             at += 1
+        if lines is not None and at > lines[row + 1]:
+            raise GiError(f"{source} is damaged: a {element.name!r} row has too few numbers")
+    if lines is not None:
+        unread += int(lines[-1]) - at
+        at = int(lines[-1])
     if at > len(words):
         raise _truncated(source, element)
     for k, (name, _, count_type) in enumerate(properties):
@@ -191,7 +197,7 @@ def _read_words(source: str, words: Floats, at: int, element: Element) -> int:
             element.columns[name] = words[starts[k]]
         else:
             element.lists[name] = Lists(words[_spans(starts[k], counts[k])], counts[k])
-    return at
+    return at, unread
 
 
 def _length(source: str, words: Floats, at: int, element: Element) -> int:

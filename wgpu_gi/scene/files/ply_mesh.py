@@ -40,7 +40,7 @@ def read_ply_mesh(path: Path, notes: Notes, budget: MemoryBudget) -> RawMesh | R
     """
     file = read_ply(str(path), read_file(path, "PLY file"))
     if file.rest:
-        notes.damage(f"{path}: more data follows than its header announces; it was ignored")
+        notes.damage(f"{path}: it has more data than its header announces; it was ignored")
     vertex = file.elements.get("vertex")
     if vertex is None or not vertex.count or not {"x", "y", "z"} <= vertex.columns.keys():
         raise GiError(f"{path} has no vertices with x, y and z; there is nothing to show")

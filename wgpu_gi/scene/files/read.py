@@ -61,7 +61,9 @@ def find_inside(root: Path, name: str, start: Path) -> Path | None:
 
 
 def decode_text(data: bytes) -> str:
-    """Return a text in UTF-8, or else in Windows-1252, which older exporters write."""
+    """Return a text in UTF-8, UTF-16 if it has that mark, or else Windows-1252, which older exporters write."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", errors="replace")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
