@@ -5,7 +5,8 @@ method: Sutherland, Sproull and Schumacker 1974, "A Characterization of Ten Hidd
 a fan about its first corner would leave is cut by `mapbox-earcut`.
 
 Departures: a polygon need not be flat, it is projected. One that crosses itself has no inside that all readers agree
-on: it is cut as earcut does, or left out if it has no area; the notes say so.
+on: with four corners it is cut as a fan, as most readers do, else as earcut does, and left out if it has no area. A
+note says so.
 """
 
 from __future__ import annotations
@@ -55,10 +56,11 @@ def triangulate(positions: Floats, ids: Ints, corner_counts: Ints, source: str, 
             for k in np.flatnonzero(~convex):
                 cut, simple = _cut(points[k], areas[k])
                 crossing += not simple
+                cut = fan if not simple and count == 4 else cut
                 corners.append(starts[block[k]] + cut)
                 faces.append(np.full(len(cut), block[k]))
     if crossing:
-        notes.damage(f"{source}: polygons that cross themselves, shown in part: {crossing}")
+        notes.damage(f"{source}: polygons that cross themselves, with a guess at their inside: {crossing}")
     corner, face = np.concatenate(corners), np.concatenate(faces)
     order = np.argsort(face, kind="stable")
     return corner[order], face[order]

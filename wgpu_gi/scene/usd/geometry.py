@@ -64,7 +64,9 @@ class Geometry:
             except GiError as error:
                 if "unpacks to" in str(error) or self._stage.notes.strict:
                     raise
-                self._stage.damage(f"{prim.GetPath()} was left out: {str(error).removeprefix(self._where(prim))[:200]}")
+                self._stage.damage(
+                    f"{prim.GetPath()} was left out: {str(error).removeprefix(f'{self._where(prim)}: ')[:200]}"
+                )
                 self._known[key] = None
         return self._known[key]
 
