@@ -476,6 +476,23 @@ def test_unusable_textures_cost_themselves(tmp_path, file, words):
     assert scene.materials[0].base_color_texture is None and words in notes_of(scene)[0]
 
 
+def test_textures_beside_the_folders_of_the_layers(tmp_path):
+    """A model, its materials and its textures often have a folder each."""
+    for name in ("models", "looks", "textures"):
+        (tmp_path / name).mkdir()
+    Image.fromarray(np.full((2, 2, 3), 100, np.uint8)).save(tmp_path / "textures" / "t.png")
+    looks = Builder(tmp_path / "looks")
+    material = looks.material(diffuseColor=looks.texture("/looks/a/t", "../textures/t.png"))
+    looks.stage.SetDefaultPrim(material.GetPrim())
+    looks.stage.GetRootLayer().Save()
+    builder = Builder(tmp_path / "models")
+    UsdShade.Material.Define(builder.stage, "/red").GetPrim().GetReferences().AddReference("../looks/s.usda")
+    mesh = builder.mesh()
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(UsdShade.Material(builder.stage.GetPrimAtPath("/red")))
+    scene = builder.load()
+    assert scene.materials[0].base_color_texture.image.pixels[0, 0, 0] == 100 and not notes_of(scene)
+
+
 def test_other_shaders_are_noted(build):
     builder = build()
     mesh = builder.mesh()

@@ -5,8 +5,8 @@ see `lights` for the units of UsdLux.
 
 Departures: subdivision surfaces are shown as their control meshes, curves and volumes are left out, and materials other
 than UsdPreviewSurface become their display colours. Layers are composed as USD does, wherever they lie; textures must
-lie in the folder of a layer. USD unpacks an array of a binary file before its size counts. Notes say what was
-approximated.
+lie in the folder of a layer, or in the one that holds all layers. USD unpacks an array of a binary file before its size
+counts. Notes say what was approximated.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,10 @@ class Textures:
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
         self._images: dict[str, Image | None] = {}
-        self._folders = {Path(layer.realPath).resolve().parent for layer in stage.usd.GetUsedLayers() if layer.realPath}
+        # Textures may lie in the folders of all layers, and in the one that holds these, unless that is the whole disk.
+        layers = [Path(layer.realPath).resolve().parent for layer in stage.usd.GetUsedLayers() if layer.realPath]
+        shared = Path(os.path.commonpath(layers)) if len({folder.anchor for folder in layers}) == 1 else None
+        self._folders = {*layers, *([shared] if shared and shared != Path(shared.anchor) else [])}
 
     def reader_of(self, attribute: Any) -> str | None:
         """Return the name of the primvar that a UsdPrimvarReader gives to an output; None for anything else."""
