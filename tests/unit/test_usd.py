@@ -339,6 +339,26 @@ def test_constants_of_preview_surfaces(build):
     assert (material.metallic, material.roughness) == (0.75, 0.25) and material.emission == (3.0, 2.0, 1.0)
 
 
+@pytest.mark.parametrize(("specular", "metallic", "color"), [(0.04, 0.0, (0.5, 0.4, 0.3)), (0.9, 1.0, (0.9,) * 3)])
+def test_constants_of_the_specular_workflow(build, specular, metallic, color):
+    """A dielectric reflects 4 %; a metal has no diffuse colour, and its specular one as base colour."""
+    builder = build()
+    diffuse = (0.5, 0.4, 0.3) if metallic == 0 else (0.0, 0.0, 0.0)
+    builder.material(bind=[builder.mesh()], diffuseColor=diffuse, specularColor=(specular,) * 3, useSpecularWorkflow=1)
+    scene = builder.load()
+    material = scene.materials[0]
+    assert material.metallic == pytest.approx(metallic, abs=0.01) and len(notes_of(scene)) == int(metallic)
+    assert material.base_color[:3] == pytest.approx(color, abs=0.01)
+
+
+def test_normal_maps_keep_16_bits(build, tmp_path):
+    cv = np.full((2, 2), 40_001, np.uint16)
+    Image.fromarray(cv).save(tmp_path / "n.png")
+    builder = build()
+    builder.material(bind=[builder.mesh()], normal=builder.texture("/n", "n.png"))
+    assert builder.load().materials[0].normal_texture.image.pixels[0, 0, 0] == 40_001
+
+
 def test_defaults_and_inputs_of_the_material(build):
     """A surface without values has 0.18 and 0.5; an input of the material gives its value to the shader."""
     builder = build()

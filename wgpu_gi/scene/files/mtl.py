@@ -65,7 +65,7 @@ def _material(name: str, block: Block, textures: Textures, folder: Path | None) 
         material.base_color = (1.0, 1.0, 1.0, 1.0)
     material.roughness = _unit(name, "Pr", block, notes, 1.0)
     material.metallic = _unit(name, "Pm", block, notes, 0.0)
-    material.normal_texture = textures.of_row(block.get("norm"), folder)
+    material.normal_texture = textures.of_row(block.get("norm"), folder, deep=True)
     # Emission.
     emission = _color(name, "Ke", block, notes)
     material.emission = emission or (0.0, 0.0, 0.0)

@@ -26,17 +26,17 @@ class Textures:
         self.notes = notes
         self._folder = folder
         self._budget = budget
-        self._known: dict[Path | str, Image | None] = {}
+        self._known: dict[tuple[Path | str, bool], Image | None] = {}
 
-    def of_row(self, row: str | None, folder: Path | None = None) -> Texture | None:
+    def of_row(self, row: str | None, folder: Path | None = None, deep: bool = False) -> Texture | None:
         """Return the texture that a `map_` row names after its options; None, with a note, if it cannot be loaded.
 
-        The file is looked for in `folder`, that of the library, and in that of the scene.
+        The file is looked for in `folder`, that of the library, and in that of the scene. `deep` keeps 16 bits.
         """
         if not row:
             return None
         options, name = split_options(row)
-        image = self._image(name, folder or self._folder)
+        image = self._image(name, folder or self._folder, deep)
         if image is None:
             return None
         texture = Texture(image)
@@ -81,7 +81,7 @@ class Textures:
         u, v = (*numbers, *([default] * (2 - len(numbers))))
         return u, v
 
-    def _image(self, name: str, folder: Path) -> Image | None:
+    def _image(self, name: str, folder: Path, deep: bool) -> Image | None:
         """Return a picture; None, with a note, if it cannot be loaded."""
         places = dict.fromkeys((folder, self._folder))
         file = next((file for place in places if (file := find_inside(self._folder, name, place))), None)
@@ -89,12 +89,12 @@ class Textures:
             # Exporters write paths of their own machines: take a file of that name beside the library.
             last = name.replace("\\", "/").rpartition("/")[2]
             file = next((file for place in places if last and (file := find_inside(self._folder, last, place))), None)
-        key = file or name
+        key = file or name, deep
         if key not in self._known:
-            self._known[key] = self._load(name, file or path_inside(self._folder, name))
+            self._known[key] = self._load(name, file or path_inside(self._folder, name), deep)
         return self._known[key]
 
-    def _load(self, name: str, file: Path | None) -> Image | None:
+    def _load(self, name: str, file: Path | None, deep: bool) -> Image | None:
         """Return the picture in a file, or None with a note why it cannot be shown."""
         # These import Pillow, which few scenes here need.
         from .image_files import decode_image, open_image, without_warnings
@@ -108,8 +108,8 @@ class Textures:
             self.notes.damage(f"{error}; the plain colour is used")
             return None
         with without_warnings():
-            picture = open_image(encoded, self._budget, f"texture {file}")
-            pixels = decode_image(picture)
+            picture = open_image(encoded, self._budget, f"texture {file}", deep)
+            pixels = decode_image(picture, srgb=not deep)
         if isinstance(pixels, str) or isinstance(picture, str):
             self.notes.damage(f"texture {file} cannot be used: {pixels}; the plain colour is used")
             return None

@@ -1,7 +1,7 @@
 """Converts UsdPreviewSurface materials of a stage (UsdPreviewSurface specification 2.6).
 
-Departures: opacity cuts out, at the threshold or at one half; a constant opacity is not used. The specular workflow,
-clear coats, indices of refraction and displacement are not used. The notes say so.
+Departures: opacity cuts out, at the threshold or at one half; a constant opacity is not used. Textures of the specular
+workflow, clear coats, indices of refraction and displacement are not used. The notes say so.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ import numpy as np
 
 from ...float_limits import LARGEST_LIGHT
 from ..files.raw_mesh import clay
+from ..gltf.specular_glossiness import metallic_from_specular
 from ..scene import Image, Material
 from .stage import Stage, number, triple
 from .textures import Sampled, Textures, color_image, plane, resampled
 
+_DULL = 0.08  # specular reflectance up to which a surface is taken for a dielectric, whose own is 0.04
 _PREVIEW_SURFACES = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
 
 
@@ -96,13 +98,13 @@ class Materials:
         surface = Surface(clay())
         surface.material.name = source.GetPath().name
         inputs = _Inputs(shader, self._textures, self._stage)
-        if inputs.number("useSpecularWorkflow", 0) == 1:
-            self._stage.note(f"{source.GetPath()}: the specular workflow is not supported; its surface is not metallic")
         for name in ("clearcoat", "displacement"):
             if inputs.sampled(name) or inputs.number(name, 0.0) > 0:
                 self._stage.note(f"{source.GetPath()}: {name} is not used")
         _base_color(surface, inputs, self._stage)
         _metallic_roughness(surface, inputs, self._stage)
+        if inputs.number("useSpecularWorkflow", 0) == 1:
+            _specular(surface, inputs, self._stage)
         _emission(surface, inputs)
         _normal(surface, inputs, self._stage)
         return surface
@@ -130,9 +132,9 @@ class _Inputs:
         """Return a constant colour."""
         return triple(self.attribute(name), self._stage.time, (default,) * 3)
 
-    def sampled(self, name: str) -> Sampled | None:
-        """Return the texture that is connected to an input."""
-        return self._textures.sampled(self.attribute(name))
+    def sampled(self, name: str, deep: bool = False) -> Sampled | None:
+        """Return the texture that is connected to an input, with 16 bits if `deep` and if it has them."""
+        return self._textures.sampled(self.attribute(name), deep)
 
     def reads_display_color(self, name: str) -> bool:
         """Tell whether a reader of the primvar displayColor is connected to an input."""
@@ -211,6 +213,20 @@ def _metallic_roughness(surface: Surface, inputs: _Inputs, stage: Stage) -> None
     _place(surface, "metallic_roughness_texture", placed, Image(pixels, f"{material.name} roughness and metallic"))
 
 
+def _specular(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
+    """Convert constants of the specular workflow to metallic roughness; textures stay as those of a dielectric."""
+    material = surface.material
+    specular = np.array(_unit(inputs.color("specularColor", 0.0)))
+    material.metallic = 0.0
+    if inputs.sampled("specularColor") or (material.base_color_texture and specular.max() > _DULL):
+        stage.note(f"{material.name}: the colour of its specular workflow is not used; it is not metallic")
+    elif specular.max() > _DULL:
+        color, metallic = metallic_from_specular(np.array(material.base_color[:3]), specular)
+        material.base_color = (*_unit(tuple(color.tolist())), material.base_color[3])
+        material.metallic = float(metallic)
+        stage.note(f"{material.name}: its specular workflow was converted to metallic roughness")
+
+
 def _emission(surface: Surface, inputs: _Inputs) -> None:
     """Set emitted radiance."""
     sampled = inputs.sampled("emissiveColor")
@@ -224,14 +240,14 @@ def _emission(surface: Surface, inputs: _Inputs) -> None:
 
 def _normal(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
     """Set the normal map; its scale is 2 and its bias -1, which files often leave out."""
-    sampled = inputs.sampled("normal")
+    sampled = inputs.sampled("normal", deep=True)
     if sampled is None:
         return
     pixels = sampled.pixels
     if sampled.scale[1] < 0:
         # The map's green points down.
         pixels = pixels.copy()
-        pixels[..., 1] = 255 - pixels[..., 1]
+        pixels[..., 1] = np.iinfo(pixels.dtype).max - pixels[..., 1]
     strength = abs(sampled.scale[0]) / 2 if sampled.scale[0] != 1.0 else 1.0
     surface.material.normal_scale = strength
     _place(surface, "normal_texture", sampled, Image(pixels, sampled.name))

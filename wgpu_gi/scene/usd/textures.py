@@ -30,7 +30,7 @@ _NOTHING: Four = (0.0, 0.0, 0.0, 0.0)
 class Sampled:
     """An output of a texture: decoded value * scale + bias. `texture` has its place on the surface, without pixels."""
 
-    pixels: NDArray[np.uint8]
+    pixels: NDArray[Any]
     name: str
     texture: Texture
     texcoords: str
@@ -45,7 +45,7 @@ class Textures:
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
-        self._images: dict[str, Image | None] = {}
+        self._images: dict[tuple[str, bool], Image | None] = {}
         # Textures may lie in the folders of all layers, and in the one that holds these, unless that is the whole disk.
         layers = [Path(layer.realPath).resolve().parent for layer in stage.usd.GetUsedLayers() if layer.realPath]
         shared = Path(os.path.commonpath(layers)) if len({folder.anchor for folder in layers}) == 1 else None
@@ -59,8 +59,8 @@ class Textures:
         name = _value(shader, "varname", self._stage)
         return str(name) if name else None
 
-    def sampled(self, output: Any) -> Sampled | None:
-        """Return the texture whose output an attribute is; None, with a note if it cannot be loaded."""
+    def sampled(self, output: Any, deep: bool = False) -> Sampled | None:
+        """Return the texture whose output an attribute is; None, with a note if it cannot be loaded. See `image`."""
         shader = _shader_of(output)
         if shader is None or str(shader.GetIdAttr().Get()) != "UsdUVTexture":
             if shader is not None and self.reader_of(output) is None:
@@ -69,7 +69,7 @@ class Textures:
                 )
             return None
         asset = _value(shader, "file", self._stage)
-        image = self.image(asset) if asset is not None else None
+        image = self.image(asset, deep) if asset is not None else None
         if image is None:
             if asset is None:
                 self._stage.damage(f"{shader.GetPath()} names no file; the plain colour is used")
@@ -129,11 +129,11 @@ class Textures:
         texture.scale, texture.rotation = (su, sv), angle
         texture.offset = float(down[0, 2]), float(down[1, 2])
 
-    def image(self, asset: Any) -> Image | None:
-        """Return the picture of an asset path; None, with a note, if it cannot be loaded."""
-        key = str(asset.resolvedPath or asset.path)
+    def image(self, asset: Any, deep: bool = False) -> Image | None:
+        """Return the picture of an asset path; None, with a note, if it cannot be loaded. `deep` keeps 16 bits."""
+        key = str(asset.resolvedPath or asset.path), deep
         if key not in self._images:
-            self._images[key] = self._load(asset)
+            self._images[key] = self._load(asset, deep)
         return self._images[key]
 
     def bytes_of(self, asset: Any) -> bytes | None:
@@ -157,7 +157,7 @@ class Textures:
         self._stage.budget.take(opened.GetSize(), f"{self._stage.source}: {asset.path[:80]}")
         return bytes(opened.GetBuffer())
 
-    def _load(self, asset: Any) -> Image | None:
+    def _load(self, asset: Any, deep: bool) -> Image | None:
         from ..files.image_files import decode_image, open_image, without_warnings  # imports Pillow
 
         if "<UDIM>" in asset.path:
@@ -167,8 +167,8 @@ class Textures:
         if data is None:
             return None
         with without_warnings():
-            picture = open_image(data, self._stage.budget, f"{self._stage.source}: {asset.path[:80]}")
-            pixels = decode_image(picture)
+            picture = open_image(data, self._stage.budget, f"{self._stage.source}: {asset.path[:80]}", deep)
+            pixels = decode_image(picture, srgb=not deep)
         if isinstance(pixels, str) or isinstance(picture, str):
             self._stage.damage(f"texture {asset.path[:80]!r} cannot be used: {pixels}; it was left out")
             return None
