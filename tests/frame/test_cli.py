@@ -219,6 +219,17 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(arguments, words, caps
     assert sorted(os.listdir(folder)) == before
 
 
+def test_strict_refuses_a_damaged_file(folder, capsys):
+    """Without --strict the bad face is left out, with a note."""
+    Path("bad.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 9\n", encoding="ascii")
+    assert main(["render", "bad.obj", "-o", "p.npy", *TINY]) == 0
+    assert "bad.obj" in capsys.readouterr().err
+    os.remove("p.npy")
+    assert main(["render", "bad.obj", "-o", "p.npy", *TINY, "--strict"]) == 2
+    error = capsys.readouterr().err
+    assert "bad.obj" in error and "Traceback" not in error and not os.path.exists("p.npy")
+
+
 def test_light_with_nan_is_refused():
     import wgpu_gi as gi
 

@@ -6,7 +6,6 @@ run-length encoding. OpenEXR files are read by the OpenEXR package.
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Iterable
@@ -55,6 +54,10 @@ def load_environment(text: str | Path, notes: Notes | None = None, *, max_memory
     path, budget, found = Path(text), MemoryBudget(max_memory), Notes() if notes is None else notes
     data = read_file(path, "environment map")
     image = _read_exr(path, data[:4], budget) if extension == ".exr" else read_hdr(data, str(path), budget)
+    if extension != ".exr" and (exposure := _exposure_lines(data)):
+        found.add(
+            f"{path}: EXPOSURE {exposure} is not undone; divide by it for the radiance before the writer scaled it"
+        )
     _sanitise(image, path, found)
     image = _reduced(image, path, found)
     if notes is None:
@@ -127,8 +130,8 @@ def _check_size(width: int, height: int, source: str) -> None:
 def read_hdr(data: bytes, source: str, budget: MemoryBudget | None = None) -> NDArray[np.float32]:
     """Decode a Radiance RGBE picture to (height, width, 3) float32 linear radiance; `source` names it in messages.
 
-    EXPOSURE lines are divided out, as the format requires. Lines may end in CR LF. Raises GiError for XYZE data, for
-    truncated or damaged data, and for pixels beyond the `budget`.
+    EXPOSURE lines, by which writers say to have scaled the pixels, are not undone, as in other readers. Lines may end
+    in CR LF. Raises GiError for XYZE data, for truncated or damaged data, and for pixels beyond the `budget`.
     """
     # Read the header: format, orientation and size.
     end = re.search(rb"\r?\n\r?\n", data[:MOST_HEADER])
@@ -163,7 +166,7 @@ def read_hdr(data: bytes, source: str, budget: MemoryBudget | None = None) -> ND
     # Decode: mantissas are 8-bit fractions, the exponent is biased by 128, and exponent 0 means black. No half step is
     # added, so that round values stay exact and maps agree with other renderers (writers truncate: up to 0.8 % dark).
     with np.errstate(over="ignore"):  # infinite radiance counts as damage
-        scale = (np.ldexp(1.0, np.arange(256) - 136) / _exposure(header, source)).astype(np.float32)
+        scale = np.ldexp(1.0, np.arange(256) - 136).astype(np.float32)
     scale[0] = 0.0
     image = np.empty((*rgbe.shape[:2], 3), np.float32)
     for row, codes in zip(image, rgbe, strict=True):
@@ -171,15 +174,11 @@ def read_hdr(data: bytes, source: str, budget: MemoryBudget | None = None) -> ND
     return image
 
 
-def _exposure(header: bytes, source: str) -> float:
-    """Return the product of all EXPOSURE lines, by which the stored pixels were multiplied."""
-    try:
-        exposure = math.prod(float(value) for value in re.findall(rb"^EXPOSURE *=(.*)$", header, re.MULTILINE))
-    except ValueError:
-        exposure = 0.0
-    if not (math.isfinite(exposure) and exposure > 0):
-        raise GiError(f"{source}: EXPOSURE must be a positive number")
-    return exposure
+def _exposure_lines(data: bytes) -> str:
+    """Return the values of a Radiance header's EXPOSURE lines, with commas between; an empty text without one."""
+    header = re.split(rb"\r?\n\r?\n", data[:MOST_HEADER], maxsplit=1)[0]
+    values = re.findall(rb"^EXPOSURE *= *([^\r\n]*?)\s*$", header, re.MULTILINE)
+    return ", ".join(value.decode("ascii", "replace")[:20] for value in values)
 
 
 def _decode_rows(body: bytes, width: int, height: int) -> NDArray[np.uint8]:
