@@ -29,9 +29,8 @@ from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.options import Settings
 from wgpu_gi.pictures.display import display_layer
 from wgpu_gi.renderer import Renderer
-from wgpu_gi.scene.built_in.shapes import sphere
 from wgpu_gi.scene.load import load
-from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Material, Scene
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Scene
 from wgpu_gi.settings import apply_quality
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -131,16 +130,6 @@ def low(gi: str) -> Settings:
     return settings
 
 
-def with_metal_ball() -> Scene:
-    """Return the Cornell box with a ball of nearly smooth metal in front."""
-    scene = load("cornell")
-    metal = Material(base_color=(0.9, 0.9, 0.9, 1.0), metallic=1.0, roughness=0.15)
-    place = np.eye(4)
-    place[:3, 3] = (2.1, 0.9, 0.9)
-    scene.instances.append(Instance(sphere(radius=0.9, subdivisions=4, material=metal, name="ball"), place))
-    return scene
-
-
 def corridor() -> Scene:
     """Return the corridor, which gets its light through doors."""
     scene = load("corridor")
@@ -153,7 +142,6 @@ ERRORS: dict[str, tuple[Callable[[], Scene], float, int, Settings]] = {
     "noise": (lambda: load("cornell"), 1.0, 256, Settings(gi="path", spp=4)),
     "direct_only": (lambda: load("cornell"), 1.0, 256, Settings(gi="none")),
     "moving": (corridor, -2.5, 512, moving("many-light")),
-    "mirror": (with_metal_ball, 1.0, 256, Settings(gi="many-light")),
     "out_of_view": (lambda: load("cornell"), 1.0, 256, Settings(gi="ssil")),
 }
 
