@@ -100,7 +100,7 @@ def _divide(part: EmittingPart, areas: NDArray[np.float64], wanted: NDArray[np.f
     grid = np.zeros((len(owner), 4), np.int64)
     slot = owner
     slots = np.zeros(len(areas), np.int64)
-    done: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]] = []
+    done = [(owner[:0], slot[:0], grid[:0])]  # without triangles that have an area, there are no cells
     count, total = 0, 0.0
     texels_of = texel_counts(part, texture)
     turned = part.turned_corners()
