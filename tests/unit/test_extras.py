@@ -12,8 +12,6 @@ from wgpu_gi.extras import EXTRAS, install_hint
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = ROOT / "pyproject.toml"
 
-pytestmark = pytest.mark.skipif(not PROJECT.is_file(), reason="needs the repository")
-
 
 def requirements() -> dict[str, list[str]]:
     """Return the names of the packages of each extra of pyproject.toml, and the required ones under ""."""

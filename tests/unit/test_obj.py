@@ -109,7 +109,7 @@ def test_names_of_material_libraries(tmp_path, row, files):
         ("tex.png", "tex.png"),
         ("TEX.PNG", "materials/tex.png"),
         ("C:\\Users\\me\\tex.png", "materials/tex.png"),
-        ("/home/me/tex.png", "tex.png"),
+        ("/textures/tex.png", "tex.png"),
         ("materials/tex.png", "materials/tex.png"),
         ('"my tex.png"', "materials/my tex.png"),
         ("my tex.png", "materials/my tex.png"),

@@ -34,7 +34,7 @@ class Notes:
 
     @property
     def damages(self) -> list[str]:
-        """The sentences on damaged parts, likewise."""
+        """The sentences on damaged parts, shortened in the same way as `sentences`."""
         return _shortened([sentence for sentence, is_damage in self._is_damage.items() if is_damage])
 
 

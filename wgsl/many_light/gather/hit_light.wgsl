@@ -1,7 +1,7 @@
 // The light that a surface point which a ray has hit reflects back along the ray: a sample of the lights, of a constant
 // environment, and of one VPL, each with a shadow ray. L = sum f_r L_i cos / density. The importing shader declares `params`
 // with vpl_count. Errs blurry: lobes of hits are widened, since a lamp in a sharp mirror that another surface reflects is found
-// too seldom (path regularization, Kaplanyan and Dachsbacher 2013).
+// too seldom (path regularization, Kaplanyan and Dachsbacher 2013). VPLs on metals light hits as if they were matte.
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
 #import "common/coat.wgsl"
@@ -152,7 +152,7 @@ fn reflected_radiance(p: PathPoint, indirect: Arrival, index: u32, code: u32) ->
     var sky = vec3f(0.0);
     if (HAS_ENVIRONMENT && !HAS_PICTURED_ENVIRONMENT) {
         let local = sample_cosine_hemisphere(sobol_2d(index, hash2(code, 4u)));
-        let way = frame_from_normal(p.surface.normal) * local;
+        let way = p.frame * local;
         sky = scene.environment_color * reflected_share(p, way) * (PI / max(local.z, 1e-6));
         rays.main = Ray(leave_surface(p.surface, way), way);
         rays.limit = select(0.0, FLOAT_MAX, max3(sky) > 0.0);

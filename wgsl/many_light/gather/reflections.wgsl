@@ -32,6 +32,7 @@ fn light_of_hit(hit: Hit, direction: vec3f, index: u32, block: u32) -> vec3f {
         return vec3f(0.0);
     }
     let p = path_point(s, direction);
+    // Only the VPL drawn is used: nothing is removed from a ray of any length, so distance and reach do not matter.
     let vpls = vpls_at_point(p, 1.0, 1.0, sobol_2d(index, hash2(VPL_PAIR, block)));
     return reflected_radiance(p, vpls.arrival, index, hash2(LIGHT_PAIRS, block));
 }
