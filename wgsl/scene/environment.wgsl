@@ -4,6 +4,7 @@
 
 @group(1) @binding(9) var environment: texture_2d<f32>;
 
+override HAS_ENVIRONMENT: bool = true;
 override HAS_PICTURED_ENVIRONMENT: bool = true;
 
 fn environment_uv(direction: vec3f) -> vec2f {

@@ -10,8 +10,6 @@
 #import "deferred/environment/maps.wgsl"
 #import "deferred/environment/reflectance.wgsl"
 
-override HAS_ENVIRONMENT: bool = true;
-
 @group(1) @binding(21) var ambient_maps: texture_2d<f32>;    // of `prefilter.wgsl`
 
 // Rotates a direction of the world into the map's frame.
