@@ -24,6 +24,8 @@ from .techniques.shared.technique import Kept, Shot
 from .upload.fingerprint import Fingerprint
 from .upload.scene_upload import SceneUpload
 
+DRAWN = 1 << 16  # frames after which random numbers repeat
+
 
 class View(NamedTuple):
     """What a frame shows: a scene from a camera, at a size; the exposure of `settings` is that of `display`."""
@@ -48,6 +50,8 @@ class GpuFrame:
         self.upload: SceneUpload | None = None
         self.kept = Kept()  # state of the techniques
         self.index = 0  # among the frames of a still picture; negative during the warm-up
+        self._drawn = 0  # which random numbers the first frame of the picture draws
+        self._undrawn = 0  # the first that no frame has drawn
         self.refining = False  # the technique has planned more runs than were declared
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
@@ -63,7 +67,7 @@ class GpuFrame:
     def forget(self) -> None:
         """Drop all state of earlier frames but the GPU's copy of the scene."""
         self.graph.release()
-        self.graph, self.kept, self._sources = Graph(self._device), Kept(), {}
+        self.graph, self.kept, self._sources, self._undrawn = Graph(self._device), Kept(), {}, 0
         self.invalidate(declaration=True)
 
     def release(self) -> None:
@@ -98,11 +102,16 @@ class GpuFrame:
         if still and not same:
             # Only settings differ: keep the frames averaged so far unless a pass of the mean has become stale.
             self._update(view, inputs)
-            up_to_date = self.index
+            up_to_date = self.index, self._drawn
             goes_on = not any(name.startswith(MEANS) for name in self.graph.stale())
         first = -technique_of(settings.gi).warm_up(settings)
-        self.index = min(self.index + 1, frames - 1) if goes_on else first
-        if self.index != up_to_date:
+        if goes_on:
+            self.index = min(self.index + 1, frames - 1)
+        else:
+            # An average over moving frames needs new samples; without it, noise that stands still flickers less.
+            self.index, self._drawn = first, self._undrawn % DRAWN if settings.temporal.frames > 1 else 0
+        self._undrawn = self._drawn + max(self.index, 0) + 1
+        if (self.index, self._drawn) != up_to_date:
             self._update(view, inputs)
 
     def _update(self, view: View, inputs: tuple[Any, ...]) -> None:
@@ -122,7 +131,9 @@ class GpuFrame:
             self._inputs = None
         if self._inputs is None or scene != self._inputs[0]:
             upload.update(view.scene)
-        shot = Shot(self.graph, upload, view.scene, view.camera, view.size, self.index, view.frames, self.kept)
+        shot = Shot(
+            self.graph, upload, view.scene, view.camera, view.size, self.index, view.frames, self._drawn, self.kept
+        )
         return technique_of(settings.gi).inputs(shot, settings)
 
     def _declare(self, view: View, show: tuple[str, ...], inputs: SceneInputs) -> None:

@@ -129,41 +129,48 @@ def test_light_of_a_removed_lamp_fades():
     assert left[0] < 1 and left[-1] < 0.06
 
 
-def test_moving_back_restores_the_filtered_picture():
-    """After more frames than the filter has, the picture is restored within 1 %."""
-    scene = SCENES["cornell-point"]()
-    renderer = make(scene, "temporal.frames=8", diffuse=True)
-    home = renderer.camera
-    for _ in range(10):
+def forced(renderer, count):
+    """Return the indirect light of frames that run every pass."""
+    pictures = []
+    for _ in range(count):
         renderer.step(force=True)
-    first = renderer.read_back("indirect")
+        pictures.append(renderer.read_back("indirect"))
+    return pictures
+
+
+def test_moving_back_restores_the_filtered_picture():
+    """After as many frames as the filter has, the mean of 16 frames is restored within its noise."""
+    renderer = make(SCENES["cornell-point"](), "temporal.frames=8", diffuse=True)
+    home = renderer.camera
+    first = np.mean(forced(renderer, 26)[10:], 0)
     renderer.camera = Camera.look_at(
         home.position + np.array((0.3, 0.2, 0.1)), home.position - home.world_from_view[:3, 2]
     )
-    for _ in range(3):
-        renderer.step(force=True)
+    forced(renderer, 3)
     renderer.camera = home
-    for _ in range(30):
-        renderer.step(force=True)
-    assert np.abs(renderer.read_back("indirect") - first).mean() <= 0.01 * first.mean()
+    after = np.mean(forced(renderer, 24)[8:], 0)
+    assert np.abs(after - first).mean() <= 0.07 * first.mean()
 
 
 def test_a_turning_camera_leaves_no_ghost():
-    """Eight frames after it stops, the filtered picture equals the unfiltered one; its mean is right in every frame."""
-    shown = {}
-    for frames in (1, 4):
-        renderer = make(SCENES["cornell-point"](), f"temporal.frames={frames}", diffuse=True, size=(96, 54))
-        position, matrix = renderer.camera.position, renderer.camera.world_from_view
-        pictures = []
-        for k in range(16):
-            turned = -matrix[:3, 2] + 0.02 * min(k, 8) * matrix[:3, 0]
-            renderer.camera = Camera.look_at(position, position + turned)
-            renderer.step(force=True)
-            pictures.append(renderer.read_back("indirect").reshape(9, 6, 16, 6, 3).mean((1, 3)))
-        shown[frames] = np.array(pictures)
-    off = np.abs(shown[4] - shown[1]).mean((1, 2, 3)) / shown[1].mean((1, 2, 3))
-    assert off[-1] <= 0.025 < off[8]
-    assert np.allclose(shown[4].mean((1, 2, 3)), shown[1].mean((1, 2, 3)), rtol=0.08)
+    """When it stops, the filtered picture equals the settled one but for noise; so does its mean while it turns."""
+
+    def blocks(picture):
+        return picture.reshape(9, 6, 16, 6, 3).mean((1, 3))
+
+    renderer = make(SCENES["cornell-point"](), "temporal.frames=4", diffuse=True, size=(96, 54))
+    position, matrix = renderer.camera.position, renderer.camera.world_from_view
+    pictures = []
+    for k in range(16):
+        turned = -matrix[:3, 2] + 0.02 * min(k, 8) * matrix[:3, 0]
+        renderer.camera = Camera.look_at(position, position + turned)
+        pictures += [blocks(picture) for picture in forced(renderer, 1)]
+    still = make(SCENES["cornell-point"](), "camera.frames=32", "camera.jitter=false", diffuse=True, size=(96, 54))
+    still.camera = renderer.camera
+    still.run(show=("indirect",))
+    settled = blocks(still.read_back("indirect"))
+    assert np.abs(np.mean(pictures[12:], 0) - settled).mean() <= 0.1 * settled.mean()
+    assert np.allclose(np.mean(pictures[8:], (1, 2, 3)), settled.mean(), rtol=0.06)
 
 
 def test_a_still_camera_does_not_flicker():

@@ -54,7 +54,8 @@ class Gatherer:
         self.upload.update_draws(scene)
         self.graph = Graph(self.device)
         self.graph.uniform("scene", self.upload.info)
-        self.graph.uniform("sequence", np.zeros((), load("scene/sequence.wgsl").struct_dtype("Sequence")))
+        for name in ("sequence", "still_sequence"):
+            self.graph.uniform(name, np.zeros((), load("scene/sequence.wgsl").struct_dtype("Sequence")))
         self.graph.uniform("view", self.upload.view(camera or scene.cameras[0], size, False))
 
     def __call__(

@@ -15,6 +15,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import Gbuffer
+from ..shared.sampling import STILL_SEQUENCE
 from .inputs import DeferredInputs
 
 BLUR = 4  # radius, pixels: tools/README.md, "Constants"
@@ -49,6 +50,7 @@ def declare_emitters(
         writes={"light": light, "normals": normals, "variances": variances},
         params={"seed": seed},
         constants={**scene.constants(shader), "RAYS": 2 * -(-rays // 2)},
+        uniforms=STILL_SEQUENCE,
         clear=[light],
     )
     # Blur it, and add it to the light of other sources.

@@ -14,6 +14,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import Gbuffer
+from ..shared.sampling import STILL_SEQUENCE
 from ..shared.scene_inputs import SceneInputs
 from .environment import Ambient, EnvironmentSettings
 
@@ -128,6 +129,7 @@ def _declare_share(
         writes={"arriving": arriving, "normals": normals, "sent": sent},
         params={"seed": seed, "rays": rays},
         constants={**scene.constants(shader), **ambient.constants(shader), "INTERLEAVE": INTERLEAVE, "COAT": coat},
+        uniforms=STILL_SEQUENCE,
         clear=[arriving, sent],
     )
     whole = sent if divided else None

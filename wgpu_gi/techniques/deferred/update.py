@@ -106,7 +106,7 @@ class DeferredState:
 def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
     """Update lights, shadow views, camera and motion for a frame; return the inputs of the passes.
 
-    Sets the uniforms `scene`, `view`, `view_before` and `sequence`.
+    Sets the uniforms `scene`, `view`, `view_before`, `sequence` and `still_sequence`.
     """
     graph, upload, state = shot.graph, shot.upload, shot.kept(DeferredState)
     # Shadow maps follow the camera, but not the jitter of a still picture's frames.
@@ -117,9 +117,9 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
     offset = pixel_offset(max(shot.frame, 0), jittered)
     view = upload.view(shot.camera, shot.size, False, offset, settings.transparent)
     state.note_motion(upload, shot.scene, graph, view)
-    sequence = np.zeros((), SEQUENCE)
-    sequence["index"], sequence["ahead"] = max(shot.frame, 0), max(-shot.frame, 0)
-    graph.uniform("sequence", sequence)
+    number, ahead = max(shot.frame, 0), max(-shot.frame, 0)
+    graph.uniform("sequence", np.array((shot.drawn + number, number, ahead), SEQUENCE))
+    graph.uniform("still_sequence", np.array((number, number, ahead), SEQUENCE))
     graph.uniform("view", view)
     # Share the resources that passes bind.
     names = ("light_table", "shadow_views", "before_from_now", "emitters")

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
+from ..shared.sampling import STILL_SEQUENCE
 from .inputs import ManyLightInputs
 
 WORD = np.dtype((np.uint32, 4))  # half a point
@@ -36,7 +37,7 @@ def declare_points(graph: Graph, scene: ManyLightInputs, count: int, albedo: Han
 def declare_sky_points(graph: Graph, scene: ManyLightInputs, count: int, albedo: Handle, seed: int) -> Points:
     """Declare the starts of `count` light paths from the environment, other points in each frame."""
     shader = "many_light/vpl/sky_points.wgsl"
-    return _declare(graph, scene, "vpl/sky_points", shader, (count, 1), count, albedo, {"seed": seed})
+    return _declare(graph, scene, "vpl/sky_points", shader, (count, 1), count, albedo, {"seed": seed}, STILL_SEQUENCE)
 
 
 def _declare(
@@ -48,6 +49,7 @@ def _declare(
     count: int,
     albedo: Handle,
     params: dict[str, int],
+    uniforms: dict[str, str] | None = None,
 ) -> Points:
     """Declare a pass that draws `count` points."""
     buffer = graph.buffer(name, dtype=WORD, count=2 * count)
@@ -64,5 +66,6 @@ def _declare(
         writes={"points": buffer},
         params=params,
         constants=scene.constants(shader),
+        uniforms=uniforms,
     )
     return Points(buffer, count)

@@ -14,6 +14,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
 from ...records import KnownAttributes
 from ...settings import setting
+from ..shared.sampling import STILL_SEQUENCE
 from .inputs import ManyLightInputs
 
 CANDIDATE = np.dtype((np.uint32, 4))  # a word of a candidate for a virtual point light
@@ -67,5 +68,6 @@ def declare_rsm(graph: Graph, settings: RsmSettings, scene: ManyLightInputs, alb
         writes={"rsm": buffer},
         params={"texels": count, "jitter": settings.jitter, "seed": seed},
         constants=scene.constants(shader),
+        uniforms=STILL_SEQUENCE,
     )
     return Rsm(buffer, count)

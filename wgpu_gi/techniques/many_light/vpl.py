@@ -19,6 +19,7 @@ from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
 from ..shared.gbuffer import Gbuffer
+from ..shared.sampling import STILL_SEQUENCE
 from .inputs import ManyLightInputs
 from .points import declare_sky_points
 from .rsm import CANDIDATE, Rsm, candidate_words
@@ -116,6 +117,7 @@ def declare_light_paths(
             "seed": seed,
         },
         constants=scene.constants(shader),
+        uniforms=STILL_SEQUENCE,
     )
     return LightPaths(light_paths, count)
 
@@ -149,6 +151,7 @@ def declare_vpls(
         writes={"vpls": resampled},
         params={"texels": texels, "candidates": candidates, "count": count, "seed": seed},
         constants={"HAS_METALS": metals},
+        uniforms=STILL_SEQUENCE,
     )
     graph.compute(
         "vpl/areas",

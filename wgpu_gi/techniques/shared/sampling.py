@@ -10,6 +10,9 @@ from ...records import KnownAttributes
 from ...settings import setting
 from ...upload.surface_samples import GOLDEN, R2
 
+# Uniforms of a pass whose random numbers stand still while anything moves (`wgsl/scene/sequence.wgsl`).
+STILL_SEQUENCE = {"sequence": "still_sequence"}
+
 
 @dataclass(repr=False, slots=True)
 class CameraSettings(KnownAttributes):

@@ -38,7 +38,8 @@ class Kept:
 class Shot:
     """One frame to render: the scene, its copy on the GPU, and the camera.
 
-    `frame`: number in a still picture, 0 to `frames` - 1; negative for the warm-up frames before.
+    `frame`: number in a still picture, 0 to `frames` - 1; negative for the warm-up frames before. `drawn`: number of
+    the frames before this picture whose random numbers it must not repeat.
     """
 
     graph: Graph
@@ -48,6 +49,7 @@ class Shot:
     size: tuple[int, int]
     frame: int
     frames: int
+    drawn: int
     kept: Kept
 
 

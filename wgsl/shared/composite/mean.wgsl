@@ -13,6 +13,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let index = id.y * view.size.x + id.x;
     // Frame 0 starts over; the old contents may be of another picture, or NaN.
-    let before = select(vec4f(0.0), mean[index], sequence.index > 0u);
-    mean[index] = before + (current[index] - before) / f32(sequence.index + 1u);
+    let before = select(vec4f(0.0), mean[index], sequence.still > 0u);
+    mean[index] = before + (current[index] - before) / f32(sequence.still + 1u);
 }

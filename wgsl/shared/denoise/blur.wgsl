@@ -61,7 +61,7 @@ fn load_guide(index: u32) -> vec2f {
     if (FIRST) {
         return m;
     }
-    let samples = f32(sequence.index + 1u);
+    let samples = f32(sequence.still + 1u);
     // Few samples of visibility may all agree by chance: add two that disagree, which move the mean by 2 / samples.
     let unknown = select(0.0, 4.0 / (samples * samples), SHARES);
     return vec2f(m.x, max(m.y - m.x * m.x, 0.0) / samples + unknown);
@@ -128,7 +128,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     // Later frames pass through. `first` varies: lavapipe compiles branches on uniforms alone anew for each dispatch.
-    if (FIRST && ((sequence.index > 0u) & (first.x < view.size.x))) {
+    if (FIRST && ((sequence.still > 0u) & (first.x < view.size.x))) {
         for (var k = 0u; k < 4u; k += 1u) {
             let pixel = first + k * step;
             if (all(pixel < grid_size())) {
@@ -185,7 +185,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let apart = guide_mean - tap_guide.x;
             let noise = (guide_variance + tap_guide.y) * (STANDARD_ERRORS * STANDARD_ERRORS);
             let same_mean = max(1.0 - apart * apart / max(noise, vec4f(1e-37)), vec4f(0.0));
-            weight *= select(same_mean, vec4f(1.0), !FIRST & (sequence.index < GUIDED_FROM));
+            weight *= select(same_mean, vec4f(1.0), !FIRST & (sequence.still < GUIDED_FROM));
         }
         sum[0] += tap.r * weight;
         sum[1] += tap.g * weight;

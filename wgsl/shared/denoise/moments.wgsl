@@ -19,6 +19,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let value = luminance(light[index].rgb);
     // Frame 0 starts over. Values above 1e18 have squares whose sums overflow float32.
     let now = min(value, 1e18);
-    let before = select(vec2f(0.0), moments[index], sequence.index > 0u);
-    moments[index] = before + (vec2f(now, now * now) - before) / f32(sequence.index + 1u);
+    let before = select(vec2f(0.0), moments[index], sequence.still > 0u);
+    moments[index] = before + (vec2f(now, now * now) - before) / f32(sequence.still + 1u);
 }

@@ -73,7 +73,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let most = max(params.frames / (1.0 + params.speed * length(moved.xy)), 1.0);
     let count = select(1.0, min(round(frames / max(weight, MIN_HISTORY_WEIGHT)) + 1.0, most), found);
     let mean = mix(select(now.rgb, light / max(weight, MIN_HISTORY_WEIGHT), found), now.rgb, 1.0 / count);
-    averaged[index] = vec4f(select(mean, now.rgb, sequence.index > 0u), now.w);
+    averaged[index] = vec4f(select(mean, now.rgb, sequence.still > 0u), now.w);
     history[index] = pack_history(History(mean, count, load_distance(id.xy), normal));
     rejected[index] = 1.0 - weight;
 }
