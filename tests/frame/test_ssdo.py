@@ -49,9 +49,12 @@ def test_redundant_cameras_are_skipped():
 
 
 def test_the_default_has_a_camera_above_only_under_a_sky():
-    assert "camera_2/resolve" not in plan_of(renderer_of(SCENES["cornell-point"]()))
-    assert "camera_2/resolve" in plan_of(renderer_of(builtin.courtyard()))
-    assert "camera_2/resolve" not in plan_of(renderer_of(builtin.courtyard(), "environment.ambient=false"))
+    texts = ("ssdo.undecided=cameras",)
+    assert "camera_2/resolve" not in plan_of(renderer_of(SCENES["cornell-point"](), *texts))
+    assert "camera_2/resolve" in plan_of(renderer_of(builtin.courtyard(), *texts))
+    assert "camera_2/resolve" not in plan_of(renderer_of(builtin.courtyard(), *texts, "environment.ambient=false"))
+    for undecided in ("rays", "sky"):
+        assert "camera_1/resolve" not in plan_of(renderer_of(builtin.courtyard(), f"ssdo.undecided={undecided}"))
 
 
 def test_redundant_layers_are_skipped():
@@ -77,7 +80,7 @@ def test_a_still_picture_runs_no_pass_once_it_is_complete():
     renderer.run()
     assert not renderer.step()
     # From frame to frame the search runs again; the G-buffers of further cameras are kept.
-    renderer = renderer_of(builtin.courtyard(), frames=3)
+    renderer = renderer_of(builtin.courtyard(), "ssdo.undecided=cameras", frames=3)
     renderer.step()
     renderer.step()
     assert renderer.graph.last_run.keys() >= {"ssdo/occlusion"}
@@ -145,6 +148,8 @@ def test_many_unrepresented_pixels_give_the_same_picture_each_time():
         ("ssdo.radius=0.01", "ssdo.half_resolution=false", "ssdo.blur=false"),
         ("ssdo.layers=4", "ssdo.cameras=4", "ssdo.camera_placement=aside", "temporal.frames=8"),
         ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half_resolution=false"),
+        ("ssdo.undecided=cameras", "ssdo.layers=4", "ssdo.cameras=4", "ssdo.sampling=environment"),
+        ("ssdo.undecided=sky", "ssdo.directions=64", "ssdo.steps=1"),
     ],
 )
 def test_settings_at_their_limits_are_finite(texts, size):

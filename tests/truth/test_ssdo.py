@@ -24,6 +24,7 @@ BOUNDS = {
     "courtyard_sky": [(0.005, 0.008), (0.08, 0.035), (0.015, 0.007)],
 }
 SMALL = (64, 36)
+BY_CAMERAS = "ssdo.undecided=cameras"  # the system of the paper
 
 
 def render(scene, *texts, size=SMALL, gi="ssdo", frames=16, quality="medium"):
@@ -59,7 +60,8 @@ def test_a_camera_above_a_closed_room_loses_no_light():
     """It sees the far side of the ceiling; near sides, which other cameras see, must take precedence."""
     truth = layers_of("cornell_point")["one"]
     inside, over = (
-        render(scene_of("cornell_point"), f"ssdo.cameras={count}", size=SIZE)["indirect"] for count in (1, 3)
+        render(scene_of("cornell_point"), BY_CAMERAS, f"ssdo.cameras={count}", size=SIZE)["indirect"]
+        for count in (1, 3)
     )
     assert relmse(over, truth) <= 1.1 * relmse(inside, truth)
     assert bias(over, truth) >= bias(inside, truth) - 0.03
@@ -71,8 +73,8 @@ def test_walls_do_not_leak_where_a_camera_sees_behind_them(quality):
     layers = layers_of("cornell_spot")
     truth = layers["direct"] + layers["one"]
     inside, over = (
-        relmse(full(render(scene_of("cornell_spot"), f"ssdo.cameras={k}", size=SIZE, frames=8, quality=quality)), truth)
-        for k in (1, 3)
+        relmse(full(render(scene_of("cornell_spot"), BY_CAMERAS, texts, size=SIZE, frames=8, quality=quality)), truth)
+        for texts in ("ssdo.cameras=1", "ssdo.cameras=3")
     )
     assert over <= 1.15 * inside, (over, inside)
 
@@ -83,7 +85,7 @@ def test_walls_do_not_leak_where_layers_show_what_is_behind(count):
     layers = layers_of("leak_corridor_a")
     truth = layers["direct"] + layers["one"]
     before, behind = (
-        relmse(full(render(scene_of("leak_corridor_a"), f"ssdo.layers={k}", size=SIZE, frames=8)), truth)
+        relmse(full(render(scene_of("leak_corridor_a"), BY_CAMERAS, f"ssdo.layers={k}", size=SIZE, frames=8)), truth)
         for k in (1, count)
     )
     assert behind <= 1.25 * before, (behind, before)
@@ -184,7 +186,8 @@ def roof_above():
 def test_layers_and_cameras_find_missing_occluders(scene, base, better):
     truth = full(render(scene(), gi="path"))
     before, after = (
-        relmse(full(render(scene(), *texts, "ssdo.half_resolution=false")), truth) for texts in (base, better)
+        relmse(full(render(scene(), BY_CAMERAS, *texts, "ssdo.half_resolution=false")), truth)
+        for texts in (base, better)
     )
     assert after <= 0.7 * before, (before, after)
 
@@ -197,7 +200,14 @@ def test_direct_light_converges_with_more_samples():
     sky = Environment((1.0, 1.0, 1.0))
     scene = Scene([Instance(grid(4.0, material=matte(0.5))), Instance(block)], [], sky, [camera])
     truth = render(scene, gi="path")
-    texts = ("ssdo.layers=4", "ssdo.cameras=2", "ssdo.radius=100", "ssdo.half_resolution=false", "ssdo.blur=false")
+    texts = (
+        BY_CAMERAS,
+        "ssdo.layers=4",
+        "ssdo.cameras=2",
+        "ssdo.radius=100",
+        "ssdo.half_resolution=false",
+        "ssdo.blur=false",
+    )
     few = render(scene, *texts, "ssdo.directions=1", "ssdo.steps=8", frames=16)
     many = render(scene, *texts, "ssdo.directions=16", "ssdo.steps=64", frames=64)
     errors = [relmse(got["direct"], truth["direct"]) for got in (few, many)]

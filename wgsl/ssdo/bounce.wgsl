@@ -21,6 +21,7 @@ override DIRECTIONS: u32 = 1u;              // N; 0: coats only
 override LOBES: u32 = 0u;                   // M
 override REFLECTED: bool = false;           // unrepresented pixels get radiance
 override SAMPLE_ENVIRONMENT: bool = false;  // stored weights are halved
+override BY_RAYS: bool = false;             // hits of the first layer face the receiver
 override SENDER_STRIDE: u32 = 2u;           // pixels between senders of sources other than the first layer
 
 @group(1) @binding(11) var<storage, read> hits: array<vec2u>;     // packed by `ssdo/hit_code.wgsl`
@@ -43,10 +44,14 @@ fn sender_index(hit: u32) -> u32 {
 
 // Returns the radiance, W/(m2 sr), that arrives from a hit.
 fn radiance_of(hit: u32, arrival: HitDirection) -> vec3f {
+    if (arrival.has_light) {
+        return unpack_radiance(hit);
+    }
     let sender = senders[sender_index(hit)];
     // The sender's front must face the receiver; the angle must be steep at the sender or at the receiver.
     let sender_cosine = -dot(octahedral_decode(unpack2x16snorm(sender.w)), arrival.direction);
-    let is_facing = sender_cosine > LEAST_SINE || (sender_cosine > 0.0 && arrival.is_steep);
+    let is_facing = sender_cosine > LEAST_SINE || (sender_cosine > 0.0 && arrival.is_steep)
+        || (BY_RAYS && hit_source(hit) == 0u);
     return bitcast<vec3f>(sender.rgb) * select(0.0, arrival.weight, is_facing);
 }
 

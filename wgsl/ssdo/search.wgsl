@@ -13,11 +13,10 @@
 #import "scene/sequence.wgsl"
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
-#import "deferred/environment/ambient.wgsl"
-#import "scene/environment_sampling.wgsl"
-#import "common/random.wgsl"
 #import "shared/denoise/plane.wgsl"
-#import "ssdo/march.wgsl"
+#import "ssdo/march_known.wgsl"
+#import "ssdo/directions.wgsl"
+#import "ssdo/undecided.wgsl"
 #import "ssdo/lobe.wgsl"
 #import "ssdo/grid.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
@@ -25,12 +24,12 @@
 override DIRECTIONS: u32 = 1u;             // N
 override LOBES: u32 = 0u;                  // further directions of coated pixels, drawn from the coat
 override INTERLEAVE: u32 = 4u;             // n
-override DIRECTIONAL: bool = true;         // false: V is the mean of V(w_k), ambient occlusion
 override OUTWARD: bool = false;            // light the counter-clockwise side of surfaces, not the visible side
-override SAMPLE_ENVIRONMENT: bool = false;
 override HITS: bool = true;                // store the surfaces
 override UNREPRESENTED: bool = false;      // process unrepresented pixels only
 override STORE_SHARE: bool = true;         // store V of unrepresented pixels
+override BY_RAYS: bool = false;            // list undecided directions instead of guessing
+override MARCHES: bool = true;             // false: all directions are undecided
 
 @group(1) @binding(11) var<storage, read_write> occlusion: array<vec4f>;
 @group(1) @binding(12) var<storage, read_write> normals: array<u32>;
@@ -47,34 +46,58 @@ struct Params {
 // 2^32 over the golden ratio: its multiples spread evenly (Weyl).
 const GOLDEN: u32 = 2654435769u;
 
-struct Sample {
-    direction: vec3f,
-    weight: f32,       // cosine / (pi pdf)
+// What a direction finds: the hit's two words of `ssdo/hit_code.wgsl`, and how much of the environment it sees.
+struct Outcome {
+    hit: u32,
+    code: u32,
+    visible: f32,
 }
 
-fn sample_direction(frame: mat3x3f, number: u32) -> Sample {
-    if (!SAMPLE_ENVIRONMENT) {
-        return Sample(frame * sample_cosine_hemisphere(sobol_2d(number, params.seed)), 1.0);
+// Returns what the pictures show along a direction; what they do not show is free. `factor`: on the weight.
+fn find(
+    m: Marcher, position: vec3f, frame: mat3x3f, normal: vec3f, side: vec3f, direction: vec3f, factor: f32, jitter: f32
+) -> Outcome {
+    // Directions below the surface see nothing.
+    if (dot(direction, side) <= 0.0) {
+        return Outcome(NO_HIT, 0u, 0.0);
     }
-    let u = sobol_2d(number / 2u, hash2(number & 1u, params.seed));
-    var direction = frame * sample_cosine_hemisphere(u);
-    if ((number & 1u) != 0u) {
-        direction = sample_environment(u).xyz;
+    let hit = march(m, direction * frame, jitter);
+    if (hit == NO_HIT) {
+        return Outcome(NO_HIT, 0u, 1.0);
     }
-    let cosine_pdf = max(dot(frame[2], direction), 0.0) * INV_PI;
-    let picture_pdf = environment_pdf(direction) / max(scene.environment_pdf, 1e-9);
-    return Sample(direction, 2.0 * cosine_pdf / max(cosine_pdf + picture_pdf, 1e-30));
+    let to_hit = hit_position(hit) - position;
+    let weight = hit_weight(hit, to_hit, m.radius);
+    let along = to_hit * inverseSqrt(max(dot(to_hit, to_hit), 1e-30));
+    let sine = dot(normal, along);
+    let arrival = HitDirection(along, select(0.0, weight * factor, sine > 0.0), sine > LEAST_SINE, false);
+    return Outcome(hit, pack_hit_direction(arrival), 1.0 - weight);
 }
 
-// Returns L of a direction, divided by its mean over the hemisphere unless SAMPLE_ENVIRONMENT.
-fn radiance_from(direction: vec3f, mean: vec3f) -> vec3f {
-    if (SAMPLE_ENVIRONMENT) {
-        return environment_radiance(direction);
+// Returns what the pictures show along a direction, or that it is undecided. As in the path tracer, directions below a
+// triangle with a tilted normal leave it on the other side.
+fn find_known(
+    m: Marcher, position: vec3f, frame: mat3x3f, side: vec3f, direction: vec3f, factor: f32, jitter: f32
+) -> Outcome {
+    var hit = UNKNOWN_HIT;
+    if (MARCHES && dot(direction, side) > 0.0) {
+        hit = march_known(m, position, direction * frame, direction, jitter);
     }
-    if (!HAS_ENVIRONMENT || !HAS_PICTURED_ENVIRONMENT || !DIRECTIONAL) {
-        return vec3f(1.0);
+    let code = select(
+        pack_hit_direction(HitDirection(direction, factor, true, false)),
+        pack2x16snorm(octahedral_encode(direction)), hit == UNKNOWN_HIT);
+    return Outcome(hit, code, select(0.0, 1.0, hit == NO_HIT));
+}
+
+// Lists the undecided ones of a pixel's `searched` directions.
+fn list_undecided_of(slot: u32, searched: u32, count: u32) {
+    var place = reserve_undecided(count, searched);
+    for (var k = 0u; k < DIRECTIONS + LOBES && count > 0u; k += 1u) {
+        let index = slot * (DIRECTIONS + LOBES) + k;
+        if (k < searched && hits[index].x == UNKNOWN_HIT) {
+            list_undecided(place, index);
+            place += 1u;
+        }
     }
-    return load_ambient_map(params.lobe, picture_from_world(direction)) / mean;
 }
 
 // Finds the hits of a pixel's directions. `slot`: index of the results; `pattern`: number of the pixel's part of its
@@ -100,10 +123,8 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
     let part = sequence.index * patterns + (pattern + sequence.index * 5u) % patterns;
     let first = part * DIRECTIONS;
     let first_lobe = part * LOBES;
-    var mean = vec3f(1.0);
-    if (HAS_ENVIRONMENT && HAS_PICTURED_ENVIRONMENT && DIRECTIONAL && !SAMPLE_ENVIRONMENT) {
-        mean = max(load_ambient_map(0u, picture_from_world(normal)), vec3f(1e-30));
-    }
+    let mean = mean_radiance(normal);
+    var undecided_count = 0u;
     var arriving = vec3f(0.0);
     var emitted = vec3f(0.0);
     for (var k = 0u; k < DIRECTIONS + LOBES; k += 1u) {
@@ -111,43 +132,38 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
         if (is_lobe && !brdf.glossy) {
             break;
         }
-        // March along a direction; directions below the surface see nothing.
+        // March along a direction.
         var number = first + k;
-        var sample = Sample(vec3f(0.0), 0.0);
+        var direction: vec3f;
+        var sample_weight = 1.0;
         if (is_lobe) {
             number = first_lobe + k - DIRECTIONS;
-            sample = Sample(sample_lobe(brdf, frame, -ray.direction, number, params.seed), 1.0);
+            direction = sample_lobe(brdf, frame, -ray.direction, number, params.seed);
         } else {
-            sample = sample_direction(frame, number);
+            direction = draw_direction(frame, number, params.seed);
+            sample_weight = direction_weight(direction, normal);
         }
-        let direction = sample.direction;
-        var hit = march(m, direction * frame, unit_float(number * GOLDEN));
-        let is_below = dot(direction, side) <= 0.0;
-        hit = select(hit, NO_HIT, is_below);
-        var visible = select(1.0, 0.0, is_below);
-        // Weight the hit.
-        var hit_direction = 0u;
-        if (hit != NO_HIT) {
-            let to_hit = hit_position(hit) - position;
-            let weight = hit_weight(hit, to_hit, radius);
-            visible = 1.0 - weight;
-            if (HITS) {
-                // Sample weights go up to 2, stored weights up to 1.
-                let factor = select(1.0, 0.5 * sample.weight, SAMPLE_ENVIRONMENT && !is_lobe);
-                let along = to_hit * inverseSqrt(max(dot(to_hit, to_hit), 1e-30));
-                let sine = dot(normal, along);
-                hit_direction = pack_hit_direction(
-                    HitDirection(along, select(0.0, weight * factor, sine > 0.0), sine > LEAST_SINE));
-            }
+        // Sample weights go up to 2, stored weights up to 1.
+        let factor = select(1.0, 0.5 * sample_weight, SAMPLE_ENVIRONMENT && !is_lobe);
+        let jitter = unit_float(number * GOLDEN);
+        var found: Outcome;
+        if (BY_RAYS) {
+            found = find_known(m, position, frame, side, direction, factor, jitter);
+        } else {
+            found = find(m, position, frame, normal, side, direction, factor, jitter);
         }
+        undecided_count += select(0u, 1u, found.hit == UNKNOWN_HIT);
         if (!is_lobe) {
-            let light = radiance_from(direction, mean) * sample.weight;
-            arriving += light * visible;
+            let light = radiance_from(direction, mean, params.lobe) * sample_weight;
+            arriving += light * found.visible;
             emitted += light;
         }
         if (HITS) {
-            hits[slot * (DIRECTIONS + LOBES) + k] = vec2u(hit, hit_direction);
+            hits[slot * (DIRECTIONS + LOBES) + k] = vec2u(found.hit, found.code);
         }
+    }
+    if (BY_RAYS) {
+        list_undecided_of(slot, select(DIRECTIONS, DIRECTIONS + LOBES, brdf.glossy), undecided_count);
     }
     // Store V, or both sums for the blur to divide.
     let count = f32(max(DIRECTIONS, 1u));
@@ -156,6 +172,9 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
         let share = select(arriving / count, arriving / max(emitted, vec3f(1e-30)), SAMPLE_ENVIRONMENT);
         if (STORE_SHARE) {
             occlusion[pixel.y * view.size.x + pixel.x] = vec4f(share, depth);
+        }
+        if (BY_RAYS && SAMPLE_ENVIRONMENT) {
+            unoccluded[slot] = vec4f(emitted, 1.0);
         }
         return;
     }

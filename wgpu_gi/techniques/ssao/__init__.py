@@ -41,6 +41,7 @@ def declare_ssao(graph: Graph, settings: OcclusionOptions, scene: SsdoInputs) ->
         settings.seed,
         scene.frames,
         directional=False,
+        reflects=False,
     )
     direct = declare_direct(
         graph,

@@ -35,13 +35,14 @@ def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Ligh
     base = declare_base(graph, settings, scene, gbuffer=sources.layers[0], lobes=True)
     history = History(settings.temporal, base.motion)
     # Find the first occluder along each direction, which hides the environment.
-    occlusion = declare_occlusion(graph, s, scene, sources, base.ambient, history, seed, scene.frames)
+    bounces = settings.bounces != 0 and s.bounce
+    occlusion = declare_occlusion(graph, s, scene, sources, base.ambient, history, seed, scene.frames, reflects=bounces)
     atlas, layers = base.shadow_atlas, sources.layers
     direct = declare_direct(
         graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, seed, occlusion.sky, layers
     )
     light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
     # Gather one bounce from the same occluders.
-    if settings.bounces != 0 and s.bounce:
+    if bounces:
         light.indirect = declare_bounce(graph, s, scene, sources, occlusion, direct, atlas, base.ambient, history, seed)
     return light

@@ -14,7 +14,8 @@ from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
 from ..shared.gbuffer import Gbuffer
 from .occlusion import History, Occlusion, declare_full_resolution
-from .search import SENDER_STRIDE, SearchResult, grid_dispatch, grid_reads, grid_size
+from .search import SENDER_STRIDE, grid_dispatch, grid_reads, grid_size
+from .search_request import SearchResult
 from .senders import declare_senders
 from .settings import SsdoSettings
 from .sources import Sources
@@ -132,6 +133,7 @@ def _gather_constants(
         "STRIDE": search.stride,
         "SENDER_STRIDE": SENDER_STRIDE,
         "SAMPLE_ENVIRONMENT": search.unoccluded is not None,
+        "BY_RAYS": search.by_rays,
     }
 
 

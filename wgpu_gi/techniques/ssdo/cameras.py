@@ -42,7 +42,8 @@ def screen_views(
         (f"gbuffer/opaque_{k}", f"a ray meets {most_layers} surfaces at most") for k in range(layers, settings.layers)
     ]
     # Cameras: one suffices without a sky; with a sky, occluders above and behind count, too.
-    count = settings.cameras if settings.cameras is not None else 3 if has_sky else 1
+    automatic = (3 if has_sky else 1) if settings.undecided == "cameras" else 0
+    count = settings.cameras if settings.cameras is not None else automatic
     cameras: list[Camera] = []
     for name in PLACEMENTS[settings.camera_placement][:count]:
         reason = _redundancy(name, camera, box, size)

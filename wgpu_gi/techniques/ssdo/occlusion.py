@@ -17,7 +17,8 @@ from ..shared.denoise import declare_blur
 from ..shared.gbuffer import Gbuffer
 from ..shared.temporal import TemporalSettings, declare_accumulate
 from ..shared.upsample import declare_upsampling
-from .search import INTERLEAVE, SearchRequest, SearchResult, declare_search, declare_unrepresented
+from .search import declare_search, declare_unrepresented
+from .search_request import INTERLEAVE, SearchRequest, SearchResult
 from .settings import SsdoSettings
 from .sources import Sources
 
@@ -55,13 +56,27 @@ def declare_occlusion(
     frames: int,
     *,
     directional: bool = True,
+    reflects: bool = True,
 ) -> Occlusion:
     """Declare the search from each pixel, and the environment's light past the occluders.
 
-    `frames`: number per still picture. `directional`: False makes the share grey (ambient occlusion).
+    `frames`: number per still picture. `directional`: False makes the share grey (ambient occlusion). `reflects`: find
+    the light that the occluders reflect, too.
     """
     gbuffer = sources.layers[0]
-    request = SearchRequest(graph, settings, scene, sources, ambient, seed, directional=directional, coats=directional)
+    rays = settings.undecided == "rays"
+    request = SearchRequest(
+        graph,
+        settings,
+        scene,
+        sources,
+        ambient,
+        seed,
+        directional=directional,
+        coats=directional,
+        rays=rays,
+        reflects=reflects,
+    )
     search = declare_search(request)
     if not ambient.features["HAS_ENVIRONMENT"]:
         graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")

@@ -3,13 +3,11 @@
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departures: each direction
 has several points instead of one, and the first hidden point counts; directions are drawn by the cosine; squares of
 pixels share a set of directions (interleaved sampling, Keller and Heidrich 2001), which the blur averages; coated
-pixels also search along directions drawn from their coat.
+pixels also search along directions drawn from their coat; rays decide what no picture shows (`rays.py`).
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,115 +15,16 @@ import numpy as np
 from ...gpu.formats import FOUR_FLOATS, TWO_WORDS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
-from ...gpu.wgsl.load import load
-from ..deferred.environment import Ambient
-from ..deferred.inputs import DeferredInputs
 from ..shared.upsample import Guide, declare_guide
+from .rays import UNREPRESENTED, declare_rays, undecided_list
+from .search_request import SearchRequest, SearchResult
 from .settings import SsdoSettings
 from .sources import Sources
 
-SHADER = "ssdo/search.wgsl"
-# Strides of sources other than the first layer, pixels: of senders, and of their sky occlusion. The latter takes every
-# second step along each direction. tools/README.md, "Constants".
+# Strides of sources other than the first layer, pixels: of senders, and of their sky occlusion. tools/README.md,
+# "Constants".
 SENDER_STRIDE = 2
 SKY_STRIDE = 8
-SKY_STEP_SHARE = 2
-INTERLEAVE = 4  # side of the squares of pixels that share a set of directions. tools/README.md, "Constants"
-LAST_MAP = int(load("deferred/environment/maps.wgsl").constants["LAST_MAP"])
-
-
-@dataclass
-class SearchResult:
-    """Hits of the directions from a grid of pixels, every `stride`-th of every `stride`-th row.
-
-    light: unoccluded share of the environment, (r, g, b, depth of `shared/denoise/plane.wgsl`). normals: packed by that
-    file. hits: the surfaces found from the first layer, packed by `ssdo/hit_code.wgsl`. unoccluded: the environment's
-    light without occlusion; after the blur of both the share is light / unoccluded. None: `light` is already the share.
-    guide: for upsampling the grid. unrepresented_hits: hits of the directions from unrepresented pixels. directions,
-    lobes: numbers of directions per pixel, drawn by the cosine and, after them, from the coat.
-    """
-
-    stride: int
-    light: Buffer
-    normals: Buffer
-    hits: Buffer
-    unoccluded: Buffer | None
-    guide: Guide | None = None
-    unrepresented_hits: Buffer | None = None
-    directions: int = 0
-    lobes: int = 0
-
-
-@dataclass
-class SearchRequest:
-    """A search from the pixels of source `number`.
-
-    radius: largest r_max, in heights of the picture at the pixel; None: from the settings. directional: True: the share
-    depends on the environment's colour by direction; False: ambient occlusion. coats: coated pixels also draw as many
-    directions from their coat. base: False: only these.
-    """
-
-    graph: Graph
-    settings: SsdoSettings
-    scene: DeferredInputs
-    sources: Sources
-    ambient: Ambient
-    seed: int
-    number: int = 0
-    radius: float | None = None
-    directional: bool = True
-    coats: bool = False
-    base: bool = True
-
-    @property
-    def lobes(self) -> int:
-        """Directions per pixel that are drawn from its coat."""
-        return self.settings.directions if self.coats and self.number == 0 and self.scene.features["HAS_COATS"] else 0
-
-    @property
-    def directions(self) -> int:
-        """Directions per pixel."""
-        if not self.base:
-            return 0
-        return self.settings.directions if self.number == 0 else 1
-
-    @property
-    def samples_environment(self) -> bool:
-        """Whether every other direction is drawn by importance sampling of the environment."""
-        pictured = self.ambient.features["HAS_ENVIRONMENT"] and self.ambient.features["HAS_PICTURED_ENVIRONMENT"]
-        return self.number == 0 and pictured and self.directional and self.settings.sampling == "environment"
-
-    def arguments(self, stride: int) -> dict[str, Any]:
-        """Return the arguments common to all passes of SHADER; `reads` lacks the G-buffer."""
-        settings, sources, number = self.settings, self.sources, self.number
-        return {
-            "shader": SHADER,
-            "reads": {
-                "environment_cdf": self.scene.lights["environment_cdf"],
-                **self.ambient.reads,
-                **sources.reads(self.graph),
-            },
-            "params": {
-                "seed": self.seed,
-                "lobe": _lobe_of(max(self.directions, 1)),
-                "radius": settings.radius if self.radius is None else self.radius,
-            },
-            "constants": {
-                **self.scene.constants(SHADER),
-                **self.ambient.constants(SHADER),
-                **sources.constants,
-                "STEPS": settings.steps if number == 0 else -(-settings.steps // SKY_STEP_SHARE),
-                "DIRECTIONS": self.directions,
-                "LOBES": self.lobes,
-                "STRIDE": stride,
-                "INTERLEAVE": INTERLEAVE,
-                "DIRECTIONAL": self.directional,
-                "OUTWARD": sources.is_outward(number),
-                "SAMPLE_ENVIRONMENT": self.samples_environment,
-                "HITS": number == 0,
-            },
-            "uniforms": {**sources.uniforms(), "view": sources.view_of(number)},
-        }
 
 
 def declare_search(request: SearchRequest) -> SearchResult:
@@ -137,6 +36,7 @@ def declare_search(request: SearchRequest) -> SearchResult:
     unoccluded = result.unoccluded or graph.buffer(f"{name}_no_unoccluded", dtype=FOUR_FLOATS, count=1)
     arguments = request.arguments(stride)
     arguments["reads"] |= grid_reads(sources, number, stride)
+    undecided = undecided_list(graph, name, result.hits.count if request.rays else 1)
     graph.compute(
         name,
         **grid_dispatch(graph, sources, number, stride),
@@ -146,9 +46,13 @@ def declare_search(request: SearchRequest) -> SearchResult:
             "normals": result.normals,
             "hits": result.hits,
             "unoccluded": unoccluded,
+            "undecided": undecided,
         },
-        clear=[result.light, unoccluded],
+        clear=[result.light, unoccluded, undecided],
     )
+    if request.rays:
+        lit = request.ambient.features["HAS_ENVIRONMENT"]
+        declare_rays(request, result, name, undecided, result.hits, result.light if lit else None)
     if number == 0 and stride > 1:
         guide = _declare_guide(request, stride)
         count = guide.room * (request.directions + request.lobes)
@@ -162,21 +66,29 @@ def declare_unrepresented(request: SearchRequest, result: SearchResult, share: B
     guide, graph = result.guide, request.graph
     if guide is None or result.unrepresented_hits is None:
         return
+    name, hits = UNREPRESENTED, result.unrepresented_hits
     unused = {
-        name: graph.buffer(f"ssdo/unrepresented_{name}", dtype=dtype, count=1)
-        for name, dtype in (("occlusion", FOUR_FLOATS), ("normals", np.uint32), ("unoccluded", FOUR_FLOATS))
+        key: graph.buffer(f"{name}_{key}", dtype=dtype, count=1)
+        for key, dtype in (("occlusion", FOUR_FLOATS), ("normals", np.uint32))
     }
+    sampled = request.rays and request.samples_environment
+    unoccluded = graph.buffer(f"{name}_unoccluded", dtype=FOUR_FLOATS, count=guide.room if sampled else 1)
+    undecided = undecided_list(graph, name, hits.count if request.rays else 1)
     arguments = request.arguments(result.stride)
     arguments["constants"] |= {"UNREPRESENTED": True, "STORE_SHARE": share is not None}
     gbuffer = request.sources.gbuffer(0)
     arguments["reads"] |= {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance, **guide.list_reads}
     graph.compute(
-        "ssdo/unrepresented",
+        name,
         indirect=guide.groups,
         entry="listed",
         **arguments,
-        writes={**unused, "hits": result.unrepresented_hits} | ({"occlusion": share} if share is not None else {}),
+        writes={**unused, "hits": hits, "unoccluded": unoccluded, "undecided": undecided}
+        | ({"occlusion": share} if share is not None else {}),
+        clear=[undecided],
     )
+    if request.rays:
+        declare_rays(request, result, name, undecided, hits, share, unoccluded)
 
 
 def stride_of(settings: SsdoSettings) -> int:
@@ -217,7 +129,7 @@ def _allocate(request: SearchRequest, name: str, stride: int) -> SearchResult:
     unoccluded: Buffer | None = None
     if request.samples_environment:
         unoccluded = graph.buffer(f"{name}_unoccluded", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
-    hits = 1 if request.number else count * (request.directions + request.lobes)
+    hits = 1 if request.number and not request.rays else count * (request.directions + request.lobes)
     return SearchResult(
         stride,
         graph.buffer(name, dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True),
@@ -226,12 +138,5 @@ def _allocate(request: SearchRequest, name: str, stride: int) -> SearchResult:
         unoccluded,
         directions=request.directions,
         lobes=request.lobes,
+        by_rays=request.rays,
     )
-
-
-def _lobe_of(directions: int) -> int:
-    """Return the prefiltered map of the environment whose lobe has the solid angle of one of a square's directions.
-
-    That angle is 4 pi alpha^2, with alpha = 2^-k for map k.
-    """
-    return min(round(0.5 * math.log2(2 * directions * INTERLEAVE**2)), LAST_MAP)

@@ -12,7 +12,8 @@ from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import SURFACE, Gbuffer
-from .search import INTERLEAVE, SENDER_STRIDE, SKY_STRIDE, SearchRequest, declare_search, grid_size
+from .search import SENDER_STRIDE, SKY_STRIDE, declare_search, grid_size
+from .search_request import INTERLEAVE, SearchRequest
 from .settings import SsdoSettings
 from .sources import Sources
 
@@ -149,7 +150,8 @@ def _declare_sky(
     number: int,
 ) -> Buffer:
     """Declare the share of the environment's light that reaches another source, at every SKY_STRIDE-th pixel."""
-    search = declare_search(SearchRequest(graph, settings, scene, sources, ambient, seed, number))
+    rays = settings.undecided == "rays"
+    search = declare_search(SearchRequest(graph, settings, scene, sources, ambient, seed, number, rays=rays))
     return declare_blur(
         graph,
         f"ssdo/share_{number}",

@@ -20,6 +20,12 @@ class SsdoSettings(KnownAttributes):
         2, "Directions per pixel and frame.", "directions", range=(1, 64), presets={"low": 1, "high": 4}
     )
     steps: int = setting(16, "Steps along each direction.", "steps", range=(1, 64), presets={"low": 8, "high": 24})
+    undecided: str = setting(
+        "rays",
+        "Directions that no picture decides: rays (traced through the scene), sky (open past the picture's border,"
+        " occluded behind what it shows), or cameras (decided by further cameras as far as these see).",
+        choices=("rays", "sky", "cameras"),
+    )
     bounce: bool = setting(True, "Add the light that the occluders reflect.")
     sampling: str = setting(
         "cosine",
@@ -30,8 +36,8 @@ class SsdoSettings(KnownAttributes):
     layers: int = setting(1, "Layers of depth peeling.", "layers", range=(1, MAX_LAYERS), presets={"high": 2})
     cameras: int | None = setting(
         None,
-        "Further cameras that show occluders out of view; none: automatic, one, or three if there is an environment,"
-        " because geometry above and behind the camera can occlude it.",
+        "Further cameras that show occluders out of view; none: automatic. With undecided=cameras that is one, or three"
+        " if there is an environment, because geometry above and behind the camera can occlude it; else 0.",
         "cameras",
         range=(0, MAX_CAMERAS),
         presets={"low": 0},

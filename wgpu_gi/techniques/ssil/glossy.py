@@ -17,7 +17,8 @@ from ..shared.denoise import declare_blur
 from ..shared.gbuffer import SURFACE, Gbuffer
 from ..shared.upsample import declare_upsampling
 from ..ssdo.bounce import coat_buffer, declare_gathered, declare_gathered_unrepresented
-from ..ssdo.search import INTERLEAVE, SearchRequest, declare_search, declare_unrepresented
+from ..ssdo.search import declare_search, declare_unrepresented
+from ..ssdo.search_request import INTERLEAVE, SearchRequest
 from ..ssdo.senders import declare_first_layer_senders
 from ..ssdo.settings import SsdoSettings
 from ..ssdo.sources import Sources

@@ -1,0 +1,94 @@
+"""The directions that no picture decides, traced through the scene's hierarchy.
+
+A departure from Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", where light from
+beyond the pictures, and from behind what they show, is unknown. The search lists such directions; a ray each finds the
+environment, or the light that the surface it hits reflects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer, Resource
+from ...gpu.wgsl.load import load
+from .search_request import SearchRequest, SearchResult
+
+SHADER = "ssdo/rays.wgsl"
+ESCAPED = "ssdo/escaped.wgsl"
+UNREPRESENTED = "ssdo/unrepresented"  # name of the search from unrepresented pixels
+LIST_START = int(load("ssdo/undecided_list.wgsl").constants["LIST_START"])
+
+
+def undecided_list(graph: Graph, name: str, directions: int) -> Buffer:
+    """Return the list of undecided directions, at most `directions`, after the workgroups that cover it."""
+    return graph.buffer(f"{name}_undecided", dtype=np.uint32, count=LIST_START + directions)
+
+
+def declare_rays(
+    request: SearchRequest,
+    search: SearchResult,
+    name: str,
+    undecided: Buffer,
+    hits: Buffer,
+    share: Buffer | None,
+    unoccluded: Buffer | None = None,
+) -> None:
+    """Declare the rays of the directions in `undecided`, into `hits`, and the light of those that escape, into `share`.
+
+    share: of the search's grid; of unrepresented pixels, of all pixels, and then `unoccluded` has their light without
+    occlusion if the search samples the environment. None: there is no environment.
+    """
+    graph, scene, ambient = request.graph, request.scene, request.ambient
+    reads = {"undecided": undecided, **_pixels(request, search, name)}
+    constants = {
+        "DIRECTIONS": request.directions,
+        "LOBES": request.lobes,
+        "STRIDE": search.stride,
+        "UNREPRESENTED": name == UNREPRESENTED,
+        "SAMPLE_ENVIRONMENT": request.samples_environment,
+        "DIRECTIONAL": request.directional,
+    }
+    uniforms = {"view": request.sources.view_of(request.number)}
+    distance = request.sources.gbuffer(request.number).distance
+    graph.compute(
+        f"{name}_rays",
+        SHADER,
+        indirect=undecided,
+        reads={**scene.surfaces, **scene.lights, **ambient.reads, **reads, "distance": distance},
+        writes={"hits": hits},
+        params={"seed": request.seed},
+        constants={
+            **scene.constants(SHADER),
+            **ambient.constants(SHADER),
+            **constants,
+            "NEEDS_LIGHT": request.needs_light,
+        },
+        uniforms=uniforms,
+    )
+    if share is None:
+        return
+    whole = graph.neutral("buffer") if unoccluded is None else unoccluded
+    cdf = scene.lights["environment_cdf"]
+    graph.compute(
+        f"{name}_escaped",
+        ESCAPED,
+        indirect=undecided,
+        reads={**ambient.reads, "environment_cdf": cdf, **reads, "hits": hits, "unoccluded": whole},
+        writes={"occlusion": share},
+        params={"lobe": request.lobe},
+        constants={**scene.constants(ESCAPED), **ambient.constants(ESCAPED), **constants},
+        uniforms=uniforms,
+    )
+
+
+def _pixels(request: SearchRequest, search: SearchResult, name: str) -> Mapping[str, Resource]:
+    """Return the bindings of the pixels that the directions leave."""
+    reads: dict[str, Resource] = {"surfaces": request.sources.gbuffer(request.number).surfaces}
+    if name != UNREPRESENTED:
+        neutral = request.graph.neutral("buffer")
+        return {**reads, "unrepresented": neutral, "unrepresented_groups": neutral}
+    assert search.guide is not None
+    return {**reads, **search.guide.list_reads}

@@ -1,0 +1,35 @@
+// The surface that a pixel of the main camera's first layer shows, and whether it is the surface at a point.
+#import "shared/gbuffer/read.wgsl"
+
+// Distance of a point from the plane of the surface that a pixel shows, in widths of the pixel, up to which the surface
+// is that of the point.
+const SAME_PLANE: f32 = 0.5;
+
+struct ShownSurface {
+    position: vec3f,
+    normal: vec3f,  // geometric, on the camera's side
+    width: f32,     // of the pixel at the surface, metres; 0: the pixel shows no surface
+}
+
+fn shown_surface(pixel: vec2u) -> ShownSurface {
+    let seen = load_distance(pixel);
+    let ray = pixel_ray(pixel);
+    let normal = load_surface(pixel).geometric_normal;
+    let depth = select(seen * dot(ray.direction, view.forward), 1.0, view.orthographic != 0u);
+    return ShownSurface(
+        ray.origin + ray.direction * seen, select(normal, -normal, dot(normal, ray.direction) > 0.0),
+        select(0.0, 2.0 * length(view.up) / f32(view.size.y) * depth, seen > 0.0));
+}
+
+// Returns whether a point of that pixel lies on the surface that the pixel shows.
+fn is_on_surface(shown: ShownSurface, point: vec3f) -> bool {
+    return shown.width > 0.0 && abs(dot(shown.normal, point - shown.position)) <= SAME_PLANE * shown.width;
+}
+
+// Returns the pixel that a point projects to, or `view.size` outside the picture.
+fn pixel_of_point(point: vec3f) -> vec2u {
+    let clip = view.clip_from_world * vec4f(point, 1.0);
+    let place = (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view.size);
+    let is_inside = clip.w > 0.0 && all(place >= vec2f(0.0)) && all(place < vec2f(view.size));
+    return select(view.size, vec2u(select(vec2f(0.0), place, is_inside)), is_inside);
+}
