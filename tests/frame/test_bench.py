@@ -8,6 +8,7 @@ import os
 import pytest
 
 from wgpu_gi.__main__ import main
+from wgpu_gi.measure import moving_bench
 from wgpu_gi.measure.report import load_json
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
@@ -56,6 +57,18 @@ def test_bench_measures_compares_and_plots(capsys, folder):
     if plot:
         assert load_image("two.png").std() > 0.05
     assert set(os.listdir()) == {"cache", "one.json", "two.json", *plot[1:]}
+
+
+def test_moving_pictures_are_measured(capsys, monkeypatch):
+    """Light that is averaged over frames lags behind a step of all lights; direct light does not."""
+    monkeypatch.setattr(moving_bench, "SETTLED_FRAMES", 8)
+    arguments = [*TINY[:-1], "ssdo", "--moving", "--sweep", "temporal.frames=1,4", "--set", "bounces=1"]
+    assert main(["bench", "cornell-point", *arguments, "--json", "m.json"]) == 0
+    assert "ghost, camera" in capsys.readouterr().out
+    alone, shared = (m.moving for m in load_json("m.json").scenes[0].techniques)
+    assert (alone["full"].lag, alone["indirect"].lag) == (1, 1)
+    assert shared["full"].lag <= shared["indirect"].lag and 1 < shared["indirect"].lag < 12
+    assert all(m["indirect"].ghost_camera > 0 and m["indirect"].flicker > 0 for m in (alone, shared))
 
 
 def test_truth_from_a_file_sets_the_size(capsys):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wgpu_gi.measure.metrics import Errors
-from wgpu_gi.measure.results import Case, Measurement, PathPoint, Reference, Report, SceneReport, Stats
+from wgpu_gi.measure.results import Case, Measurement, MovingErrors, PathPoint, Reference, Report, SceneReport, Stats
 
 MACHINE = {"adapter": "Fake 1", "driver": "2.3", "is_cpu": False, "cores": 4, "packages": {"numpy": "2"}}
 
@@ -24,6 +24,11 @@ def measurement(
     layers = {"full": errors(relmse), "direct": errors(relmse / 100), "indirect": None}
     settled = {"full": errors(relmse / frames), "direct": errors(relmse / 100), "indirect": None}
     return Measurement(gi, quality, None, layers, settled, frames, cases, 3 * 2**20)
+
+
+def moving(**changed: object) -> dict[str, MovingErrors | None]:
+    values = {"flicker": 0.03, "lag": 7, "ghost_camera": 0.4, "ghost_object": None, "relmse": 0.05, "bias": 0.02}
+    return {"full": MovingErrors(**(values | changed)), "indirect": None}  # type: ignore[arg-type]
 
 
 def scene_report(*techniques: Measurement, scene: str = "cornell", size: tuple[int, int] = (64, 36)) -> SceneReport:

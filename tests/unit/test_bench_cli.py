@@ -38,7 +38,7 @@ def test_defaults(stand_ins, capsys):
     assert scene.name == "cornell"
     assert camera is scene.cameras[0]
     assert size == (640, 360)
-    assert options["frames"] == 20
+    assert (options["frames"], options["moving"]) == (20, False)
     assert [(c.gi, c.quality) for c in candidates] == [(n, "medium") for n in cli_bench.TECHNIQUES if n != "path"]
     assert all(not c.settings.camera.jitter for c in candidates)
     printed = capsys.readouterr().out
@@ -49,11 +49,12 @@ def test_defaults(stand_ins, capsys):
 
 def test_arguments_reach_the_renderer(stand_ins):
     arguments = "bench cornell corridor --gi none,path --quality low,high --size 32x18 --frames 3 --diffuse --env 1,2,3"
+    arguments += " --moving"
     lights = ("--light", "point 0,1,0 3", "--relight", "env=2,2,2")
     assert main([*arguments.split(), *lights, "--set", "seed=5", "--set", "bounces=1"]) == 0
     assert [call[0].name for call in stand_ins] == ["cornell", "corridor"]
     for scene, _, size, candidates, _, options in stand_ins:
-        assert (size, options["frames"]) == ((32, 18), 3)
+        assert (size, options["frames"], options["moving"]) == ((32, 18), 3, True)
         assert tuple(scene.environment.color) == (2.0, 2.0, 2.0)
         assert len(scene.lights) >= 1
         names = [(c.gi, c.quality) for c in candidates]
@@ -123,6 +124,7 @@ def test_comparison_with_nothing_in_common_says_so(capsys):
         ("--quality ultra", "--quality takes low, medium, high"),
         ("--frames 0", "--frames must lie between 1"),
         ("--frames many", "--frames"),
+        ("--moving --frames 1", "with --moving, --frames must lie between 2"),
         ("--truth-spp 1", "--truth-spp must lie between 2"),
         ("--size 0x9", "0x9"),
         ("--set nonsense=1", "nonsense"),

@@ -10,7 +10,7 @@ from io import StringIO
 
 import pytest
 from rich.console import Console
-from unit.bench_data import MACHINE, measurement, report, scene_report
+from unit.bench_data import MACHINE, measurement, moving, report, scene_report
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.measure import plot as bench_plot
@@ -86,6 +86,22 @@ def test_settled_pictures_have_rows_of_their_own():
     shown = text_of(*(part for titled in tables(report(scene_report(measurement(frames=16)))) for part in titled))
     assert "16 frames" in shown and "0.0125" in shown and "0.2" in shown
     assert "16 frames" not in text_of(*(part for titled in tables(report()) for part in titled))
+
+
+def test_moving_errors_have_a_table_and_are_in_the_file(tmp_path):
+    written = report(scene_report(replace(measurement(), moving=moving()), measurement("ism")))
+    save_json(tmp_path / "a.json", written)
+    assert load_json(tmp_path / "a.json") == written
+    document = json.loads((tmp_path / "a.json").read_text())
+    assert document["scenes"][0]["techniques"][0]["moving"]["full"]["lag"] == 7
+    del document["scenes"][0]["techniques"][0]["moving"]
+    (tmp_path / "old.json").write_text(json.dumps(document))
+    assert load_json(tmp_path / "old.json").scenes[0].techniques[0].moving is None
+    (title, table), *_ = [found for found in tables(written) if "moving, against" in found[0]]
+    lines = text_of(title, table).splitlines()
+    assert [c.header for c in table.columns][2:4] == ["flicker", "lag, frames"]
+    assert any(line.split()[-6:] == ["0.03", "7", "0.4", "-", "0.05", "+2.00%"] for line in lines)
+    assert not [title for title, _ in tables(report()) if "moving, against" in title]
 
 
 def test_ratios_are_new_over_old():

@@ -246,6 +246,7 @@ def _add_bench_arguments(parser: Parser) -> None:
     )
     add("--sweep", action="append", default=[], metavar="NAME=A,B", help="measure every value of a setting, repeatable")
     add("--frames", type=int, default=20, metavar="N", help="frames measured in each case, default 20")
+    add("--moving", action="store_true", help="measure flicker, lag and ghosts of moving pictures, too")
     add("--truth", default="path", metavar="FILE", help="an .npz or .exr with layers; path, the default, renders it")
     add("--truth-spp", type=int, default=256, metavar="N", help="samples per pixel of --truth path, default 256")
     add("--adapter", metavar="NAME", help=ADAPTER_HELP)

@@ -117,6 +117,7 @@ def check_outputs(arguments: Namespace) -> None:
     for flag, number, least, most in (
         ("--frames", arguments.frames, 1, MOST_FRAMES),
         ("--truth-spp", arguments.truth_spp, 2, MOST_SPP),
+        ("with --moving, --frames", arguments.frames if arguments.moving else 2, 2, MOST_FRAMES),
     ):
         if not least <= number <= most:
             raise GiError(f"{flag} must lie between {least} and {most}, not {number}")
@@ -166,6 +167,7 @@ def bench_scene(
                 candidates,
                 truth_of,
                 frames=arguments.frames,
+                moving=arguments.moving,
                 adapter=arguments.adapter,
                 progress=report,
             )

@@ -76,6 +76,7 @@ examples:
   wgpu-gi bench                                     every technique on the Cornell box
   wgpu-gi bench a.glb b.glb --quality low,medium,high --json now.json --plot now.png
   wgpu-gi bench a.glb --gi many-light --sweep vpl.count=512,2048 --sweep gather.rays=1,4 --plot best.png
+  wgpu-gi bench a.glb --moving --sweep temporal.frames=1,8      flicker, lag and ghosts
   wgpu-gi bench a.glb --compare before.json         ratios of time and error to an earlier run on this machine
   wgpu-gi bench a.glb --truth truth.npz             layers as `render` names them, or emit, direct, one, multi
 
@@ -83,6 +84,11 @@ Errors: linear radiance at the pixel centres, over the pixels that see a surface
 minus the noise of the truth.
 Times: medians after a warm-up, in three cases: still (nothing changes), camera moving, all moving (every pass runs).
 GPU ms is the sum over the passes of a frame; wall ms includes Python and waiting.
+Moving (--moving), against the technique's own converged pictures of the same views:
+  flicker             variance over frames of (x-t)/(t+0.1 m) at points in view throughout; the camera walks and turns
+  lag                 frames until the mean is 90 % there, and stays, after all light steps to 4 times or a quarter
+  ghost               relMSE at points that came into view in the last 4 frames, as the camera or an instance moves
+  relMSE, bias        of all pixels while the camera moves
 Truth: --truth path renders it, which may take minutes, and caches it in ~/.cache/wgpu_gi/truth (XDG_CACHE_HOME and
 WGPU_GI_CACHE move it). The folder may be deleted at any time.
 """

@@ -25,6 +25,7 @@ from ..techniques.reference import PathSettings
 from ..techniques.shared.sampling import CameraSettings
 from ..version import __version__
 from .metrics import Errors, measure
+from .moving_bench import measure_moving
 from .results import CASES, Case, Measurement, PathPoint, Reference, Stats, title_of
 from .truth import LAYERS, Progress, Truth
 
@@ -76,13 +77,15 @@ def measure_scene(
     truth_of: Callable[[int | None], Truth],
     *,
     frames: int,
+    moving: bool = False,
     path_seconds: float = PATH_SECONDS,
     adapter: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[list[Measurement], list[Reference]]:
     """Measure each candidate over `frames` frames in each case, then the path tracer over the same range of times.
 
-    `truth_of` returns the truth of a number of indirect bounces (None: all); it is called once per number. `progress`
+    `truth_of` returns the truth of a number of indirect bounces (None: all); it is called once per number. `moving`
+    measures moving pictures, too. `progress`
     receives the current step and its fraction done. Raises GiError for a picture that cannot be measured.
     """
     # Measure the techniques.
@@ -95,9 +98,15 @@ def measure_scene(
             truths[bounces] = truth_of(bounces)
         renderer = Renderer(scene, size=size, camera=camera, settings=candidate.settings, adapter=adapter)
         try:
-            measurements.append(_measure_technique(renderer, candidate, truths[bounces], bounces, frames, report))
+            measured = _measure_technique(renderer, candidate, truths[bounces], bounces, frames, report)
         finally:
             renderer.release()
+        if moving:
+            name = title_of(candidate.gi, candidate.quality, candidate.variant)
+            step = partial(report, f"{name}: moving")
+            errors = measure_moving(scene, camera, size, candidate.settings, frames, step, adapter)
+            measured = replace(measured, moving=errors)
+        measurements.append(measured)
 
     # Measure the path tracer against each truth.
     slowest = max(m.cases["all"].gpu_ms.median for m in measurements)

@@ -18,7 +18,18 @@ from rich.table import Table
 from ..errors import GiError
 from ..pictures.atomic_file import atomic_file
 from .metrics import Errors
-from .results import CASES, Case, Measurement, PathPoint, Reference, Report, SceneReport, Stats, bounces_text
+from .results import (
+    CASES,
+    Case,
+    Measurement,
+    MovingErrors,
+    PathPoint,
+    Reference,
+    Report,
+    SceneReport,
+    Stats,
+    bounces_text,
+)
 
 SCHEMA, VERSION = "wgpu_gi.bench", 2
 LAYER_TITLES = {"full": "full image", "direct": "direct", "indirect": "indirect"}
@@ -59,6 +70,7 @@ def _scene(d: Mapping[str, Any]) -> SceneReport:
                 "errors": _errors(m["errors"]),
                 "settled": _errors(m["settled"]),
                 "cases": {n: _case(c) for n, c in m["cases"].items()},
+                "moving": _moving(m.get("moving")),
             }
         )
         for m in d["techniques"]
@@ -75,6 +87,10 @@ def _errors(d: Mapping[str, Any]) -> dict[str, Errors | None]:
     return {layer: None if d[layer] is None else Errors(**d[layer]) for layer in LAYER_TITLES}
 
 
+def _moving(d: Mapping[str, Any] | None) -> dict[str, MovingErrors | None] | None:
+    return None if d is None else {layer: None if e is None else MovingErrors(**e) for layer, e in d.items()}
+
+
 def _case(d: Mapping[str, Any]) -> Case:
     passes = {name: Stats(**s) for name, s in d["passes"].items()}
     return Case(d["passes_run"], Stats(**d["wall_ms"]), Stats(**d["gpu_ms"]), passes)
@@ -88,6 +104,8 @@ def tables(report: Report) -> list[tuple[str, Table]]:
     found = []
     for scene in report.scenes:
         found.append(_error_table(scene))
+        if any(m.moving for m in scene.techniques):
+            found.append(_moving_table(scene))
         found += [_time_table(scene, measurement) for measurement in scene.techniques]
         found += [_path_table(scene, reference) for reference in scene.references]
     return found
@@ -114,6 +132,22 @@ def _error_cells(errors: Errors | None) -> list[str]:
         return [MISSING] * 4
     floor = MISSING if errors.floor is None else f"{errors.floor:.2g}"
     return [f"{errors.relmse:.3g}", floor, f"{errors.bias:+.2%}", f"{errors.percentile:.3g}"]
+
+
+def _moving_table(scene: SceneReport) -> tuple[str, Table]:
+    table = _table("technique", "layer")
+    for heading in ("flicker", "lag, frames", "ghost, camera", "ghost, object", "relMSE", "bias"):
+        table.add_column(heading, justify="right")
+    for m in scene.techniques:
+        for layer, e in (m.moving or {}).items():
+            cells = [MISSING] * 6
+            if e is not None:
+                errors = (e.flicker, e.ghost_camera, e.ghost_object, e.relmse)
+                flicker, camera, thing, relmse = (MISSING if v is None else f"{v:.3g}" for v in errors)
+                frames = MISSING if e.lag is None else str(e.lag)
+                cells = [flicker, frames, camera, thing, relmse, f"{e.bias:+.2%}"]
+            table.add_row(m.title if layer == "full" else "", LAYER_TITLES[layer], *cells)
+    return f"{_title(scene)}: moving, against each technique's own converged pictures", table
 
 
 def _time_table(scene: SceneReport, m: Measurement) -> tuple[str, Table]:

@@ -35,12 +35,30 @@ class Case:
 
 
 @dataclass(frozen=True)
+class MovingErrors:
+    """Errors of a layer while something moves, against the technique's own converged pictures.
+
+    flicker: mean variance over frames of the relative error at points in view throughout, while the camera moves.
+    lag: frames until a step of all light is 90 % there. ghost_camera, ghost_object: relMSE where the camera or an
+    instance that moves has just revealed a surface. relmse, bias: of all pixels while the camera moves. None: not
+    measurable.
+    """
+
+    flicker: float | None
+    lag: int | None
+    ghost_camera: float | None
+    ghost_object: float | None
+    relmse: float
+    bias: float
+
+
+@dataclass(frozen=True)
 class Measurement:
     """A measured technique: errors by layer (None: the truth is black or unknown), times by case, bytes of its graph.
 
     `bounces` are the indirect bounces of the truth, None for all. `errors` are those of a single frame, `settled` those
     of a still picture, the mean of `settled_frames`; both are equal for a technique without random numbers. `variant`
-    holds the settings of `--sweep`.
+    holds the settings of `--sweep`; `moving` the errors of `--moving` by layer, None without it.
     """
 
     gi: str
@@ -52,6 +70,7 @@ class Measurement:
     cases: dict[str, Case]
     bytes: int
     variant: str = ""
+    moving: dict[str, MovingErrors | None] | None = None
 
     @property
     def title(self) -> str:
