@@ -11,7 +11,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...records import KnownAttributes
 from ...settings import setting
-from ..shared.denoise import declare_blur
+from ..shared.denoise import declare_filter
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from ..shared.temporal import TemporalSettings, declare_accumulate
@@ -49,6 +49,9 @@ class DenoiseSettings(KnownAttributes):
         "pixels",
         range=(1, 8),
     )
+    levels: int = setting(
+        2, "Levels of the variance-guided a-trous filter that follows the blur; 0: none.", "levels", range=(0, 4)
+    )
 
 
 def declare_denoise(
@@ -56,15 +59,15 @@ def declare_denoise(
 ) -> Buffer:
     """Declare the blurred indirect light: (r, g, b, 1) per pixel, W/(m2 sr); `frames`: number per still picture."""
     radius = max(settings.radius, gathered.interleave) if settings.radius > 1 else 1
-    return declare_blur(
+    return declare_filter(
         graph,
         "denoise",
         gbuffer,
         gathered.irradiance,
         gathered.normals,
         radius,
+        settings.levels if radius > 1 else 0,
         frames=frames,
         glossy=gathered.glossy,
-        coat_lobes=gathered.glossy is not None,
         reflected=True,
-    )
+    ).light

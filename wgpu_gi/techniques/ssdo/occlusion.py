@@ -13,7 +13,7 @@ from ...gpu.handles import Buffer
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
 from ..deferred.sky import declare_sky_light
-from ..shared.denoise import declare_blur
+from ..shared.denoise import declare_blur, declare_filter
 from ..shared.gbuffer import Gbuffer
 from ..shared.temporal import TemporalSettings, declare_accumulate
 from ..shared.upsample import declare_upsampling
@@ -112,24 +112,20 @@ def declare_full_resolution(
     *,
     frames: int = 1,
     divisor: Buffer | None = None,
+    levels: int = 0,
     reflected: bool = False,
 ) -> Buffer:
     """Declare light of the search grid, blurred over its squares and upsampled to all pixels.
 
     divisor: its blurred values divide the blurred light. reflected: irradiance becomes radiance, W/(m2 sr).
     """
-    blurred = declare_blur(
-        graph,
-        name,
-        gbuffer,
-        light,
-        search.normals,
-        INTERLEAVE if settings.blur else 1,
-        frames=frames,
-        glossy=divisor,
-        reflected=reflected and search.guide is None,
-        stride=search.stride,
-    )
+    radius, arguments = INTERLEAVE if settings.blur else 1, (graph, name, gbuffer, light, search.normals)
+    if divisor is None:
+        reflects = reflected and search.guide is None
+        filtered = declare_filter(*arguments, radius, levels, frames=frames, reflected=reflects, stride=search.stride)
+        blurred = filtered.light
+    else:
+        blurred = declare_blur(*arguments, radius, frames=frames, glossy=divisor, stride=search.stride)
     if search.guide is None:
         return blurred
     return declare_upsampling(graph, scene, name, gbuffer, blurred, search.guide, reflected=reflected)

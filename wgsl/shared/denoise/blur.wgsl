@@ -4,20 +4,17 @@
 // mean = sum_k tent(k) w_plane w_normal x_k / sum of the weights. The tent of half-width n has the same sum over each
 // class of pixels n apart, so an n-periodic pattern on a flat surface vanishes. Taps beyond the picture's border wrap
 // back by n, which preserves this. In: light, W/m2, with depth; the coats' light; G-buffer. Out: the same, or in the
-// last pass reflected radiance, W/(m2 sr). Errs blurry where light changes within n pixels; some of the pattern remains
-// at edges.
-#import "shared/denoise/plane.wgsl"
-#import "shared/gbuffer/load.wgsl"
-#import "common/coat.wgsl"
-#import "scene/sequence.wgsl"
+// last pass reflected radiance, W/(m2 sr); the guide of `atrous.wgsl`. Errs blurry where light changes within n pixels;
+// some of the pattern remains at edges.
+#import "shared/denoise/reflected.wgsl"
+#import "shared/denoise/guide.wgsl"
 
 override RADIUS: u32 = 4u;     // n; 1: no blur
 override VERTICAL: bool = false;
 override LAST: bool = false;   // output radiance
-override GUIDED: bool = false; // compare mean light, from moments
-override FIRST: bool = false;  // blur the first frame of a still picture only; `moments` has its guide
-override SHARES: bool = false; // the light is a share, from 0 to 1
-override STRIDE: u32 = 1u;     // picture pixels per side of a pixel of the blurred grid
+override GUIDED: bool = false; // compare mean light
+override FILTERED: bool = false; // write the guide of the a-trous filter
+override FIRST: bool = false;  // blur the first frame of a still picture only; `neighbours` has its guide
 override RATIO: bool = false;  // output light over `glossy`
 override LOBES: bool = false;  // the light is that of lobes: blur by no more than their width
 override COAT_LOBES: bool = false; // blur the coats' light, not the other light, by no more than the lobes' width
@@ -27,48 +24,53 @@ override COAT_LOBES: bool = false; // blur the coats' light, not the other light
 @group(1) @binding(13) var<storage, read_write> blurred: array<vec4f>;
 @group(1) @binding(14) var<storage, read> glossy: array<vec4f>;
 @group(1) @binding(15) var<storage, read_write> blurred_glossy: array<vec4f>;
-// Of luminance, over the frames so far; with FIRST, the mean of neighbours and its variance.
-@group(1) @binding(16) var<storage, read> moments: array<vec2f>;
+@group(1) @binding(16) var<storage, read> neighbours: array<vec4f>;  // of `neighbours.wgsl`
+// Three parts: the guide of the a-trous filter; the moments of the blurred luminance over the frames so far; x, the mean
+// of squared luminance over a row.
+@group(1) @binding(17) var<storage, read_write> guide: array<vec2f>;
 
-// A neighbour has weight 0 if its distance from the tangent plane exceeds this share of RADIUS pixel widths: surfaces
-// that bend by 14 degrees stay together. Smaller values leave more noise in a single frame of Sponza, larger ones leak
-// at edges. tools/README.md, "Constants".
-const OFF_PLANE: f32 = 0.25;
-// A neighbour has weight 0 if the cosine of the normals is below 1 - 1 / PER_NORMAL = 0.8, 37 degrees, as in Linke
-// 2016.
-const PER_NORMAL: f32 = 5.0;
-
-// From this frame of a still picture on, neighbours also have weight 0 if their mean light differs by more than this
-// many standard errors of both. tools/README.md, "Constants".
-const GUIDED_FROM: u32 = 2u;
-const STANDARD_ERRORS: f32 = 2.5;
+// With a guide, neighbours also have weight 0 if their mean light differs by more than this many standard errors of
+// both: of the pixels themselves, or of the 3x3 pixels around them. tools/README.md, "Constants".
+const STANDARD_ERRORS: f32 = 3.0;
+const STANDARD_ERRORS_AROUND: f32 = 2.5;
 
 struct Center {
     normal: vec3f,
     depth: f32,
     plane: Plane,
-    guide: vec2f,
+    guide: vec4f,
     reach: f32,  // half-width of the tent, pixels
     coat_reach: f32,  // ... of the coats' light
 }
 
-// Returns the mean light of a pixel and the variance of that mean.
-fn load_guide(index: u32) -> vec2f {
+fn load_neighbours(index: u32) -> vec4f {
     if (!GUIDED) {
-        return vec2f(0.0);
+        return vec4f(0.0);
     }
-    let m = moments[index];
-    if (FIRST) {
-        return m;
-    }
-    let samples = f32(sequence.still + 1u);
-    // Few samples of visibility may all agree by chance: add two that disagree, which move the mean by 2 / samples.
-    let unknown = select(0.0, 4.0 / (samples * samples), SHARES);
-    return vec2f(m.x, max(m.y - m.x * m.x, 0.0) / samples + unknown);
+    return neighbours[index];
 }
 
-fn grid_size() -> vec2u {
-    return (view.size + STRIDE - 1u) / STRIDE;
+// Returns the number of pixels.
+fn pixel_count() -> u32 {
+    return grid_size().x * grid_size().y;
+}
+
+// Returns the squared luminance of a row's light, or its mean over the row.
+fn load_square(index: u32, light: vec3f) -> f32 {
+    if (!FILTERED) {
+        return 0.0;
+    }
+    if (VERTICAL) {
+        return guide[2u * pixel_count() + index].x;
+    }
+    let value = min(luminance(light), 1e18);
+    return value * value;
+}
+
+// Returns the weights of a tap with the luminances `mean`, by those of four pixels; `noise`: variances of both.
+fn same_light(means: vec4f, mean: f32, noise: vec4f, standard_errors: f32) -> vec4f {
+    let apart = means - mean;
+    return max(1.0 - apart * apart / max(noise * (standard_errors * standard_errors), vec4f(1e-37)), vec4f(0.0));
 }
 
 // Returns the half-width of a pixel's tent, pixels. On a flat mirror, the reflected rays of neighbours are a pixel's
@@ -89,11 +91,27 @@ fn load_center(pixel: vec2u) -> Center {
     let normal = unpack_view_normal(normals[index]);
     let depth = light[index].w;
     return Center(
-        normal, depth, tangent_plane(inside * STRIDE, depth, normal), load_guide(index), tent_reach(inside, LOBES),
+        normal, depth, tangent_plane(inside * STRIDE, depth, normal), load_neighbours(index), tent_reach(inside, LOBES),
         tent_reach(inside, COAT_LOBES));
 }
 
-fn store(pixel: vec2u, sum: vec4f, shine: vec4f, depth: f32) {
+// Stores the guide of the a-trous filter; `square`: the mean of squared luminance over rows and columns.
+fn store_guide(index: u32, color: vec3f, square: f32) {
+    let value = min(luminance(color), 1e18);
+    var found = vec2f(value, max(square - value * value, 0.0) / INDEPENDENT_PIXELS);
+    if (GUIDED) {
+        // Frame 0 starts over.
+        let place = pixel_count() + index;
+        let before = select(vec2f(0.0), guide[place], sequence.still > 0u);
+        let now = before + (vec2f(value, value * value) - before) / f32(sequence.still + 1u);
+        guide[place] = now;
+        let variance = max(now.y - now.x * now.x, 0.0) / f32(max(sequence.still, 1u));
+        found = select(found, vec2f(now.x, variance), sequence.still >= GUIDED_FROM);
+    }
+    guide[index] = found;
+}
+
+fn store(pixel: vec2u, sum: vec4f, shine: vec4f, depth: f32, square: f32) {
     if (any(pixel >= grid_size())) {
         return;
     }
@@ -102,14 +120,13 @@ fn store(pixel: vec2u, sum: vec4f, shine: vec4f, depth: f32) {
     let color = sum.rgb * inverse;
     let index = pixel.y * grid_size().x + pixel.x;
     let coat = shine.rgb / max(select(sum.w, shine.w, COAT_LOBES), 0.5);
+    if (FILTERED && VERTICAL) {
+        store_guide(index, color, square * inverse);
+    } else if (FILTERED) {
+        guide[2u * pixel_count() + index] = vec2f(square * inverse, 0.0);
+    }
     if (LAST) {
-        let surface = load_surface(pixel);
-        let brdf = gbuffer_brdf(surface);
-        var radiance = color * brdf.diffuse * INV_PI;
-        if (HAS_COATS) {
-            radiance += coat * coat_tint(brdf, surface.normal, -pixel_ray(pixel).direction);
-        }
-        blurred[index] = vec4f(radiance, 1.0);
+        blurred[index] = vec4f(reflected(pixel, color, coat), 1.0);
     } else if (RATIO) {
         blurred[index] = vec4f(select(vec3f(0.0), color / max(coat, vec3f(1e-37)), coat > vec3f(0.0)), depth);
     } else {
@@ -145,7 +162,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     // Scale both tests so that they are 1 where a neighbour's weight reaches 0.
     let normal = transpose(mat4x3f(a.normal, b.normal, c.normal, d.normal)) * PER_NORMAL;
     let depth = vec4f(a.depth, b.depth, c.depth, d.depth);
-    let per_pixel = 1.0 / (OFF_PLANE * f32(RADIUS * STRIDE));
+    let per_pixel = plane_scale(RADIUS * STRIDE);
     let factor = vec4f(a.plane.factor, b.plane.factor, c.plane.factor, d.plane.factor) * per_pixel;
     let at = vec4f(a.plane.at, b.plane.at, c.plane.at, d.plane.at) * per_pixel;
     let across = transpose(mat4x2f(a.plane.across, b.plane.across, c.plane.across, d.plane.across));
@@ -153,9 +170,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 
     // Sum the taps of the row (or column). The weight is the tent times the test of plane and normal and, if guided,
     // that of means.
-    let guide_mean = vec4f(a.guide.x, b.guide.x, c.guide.x, d.guide.x);
-    let guide_variance = vec4f(a.guide.y, b.guide.y, c.guide.y, d.guide.y);
-
+    let guides = transpose(mat4x4f(a.guide, b.guide, c.guide, d.guide));
     let reach = vec4f(a.reach, b.reach, c.reach, d.reach);
     let coat_reach = vec4f(a.coat_reach, b.coat_reach, c.coat_reach, d.coat_reach);
     let side = i32(RADIUS);
@@ -163,6 +178,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let end = i32(dot(grid_size(), step));
     var sum = mat4x4f();
     var shine = mat4x4f();
+    var squares = vec4f(0.0);
     for (var k = 1 - side; k < 4 + side - 1; k += 1) {
         let place = start + k;
         let wrapped = place + select(0, side, place < 0) - select(0, side, place >= end);
@@ -181,16 +197,16 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let lit = vec4<bool>((tap.w > 0.0) & (inside == wrapped)) & (depth > vec4f(0.0));
         var weight = tent * select(vec4f(0.0), kept, lit);
         if (GUIDED) {
-            let tap_guide = load_guide(index);
-            let apart = guide_mean - tap_guide.x;
-            let noise = (guide_variance + tap_guide.y) * (STANDARD_ERRORS * STANDARD_ERRORS);
-            let same_mean = max(1.0 - apart * apart / max(noise, vec4f(1e-37)), vec4f(0.0));
-            weight *= select(same_mean, vec4f(1.0), !FIRST & (sequence.still < GUIDED_FROM));
+            let tap_guide = load_neighbours(index);
+            let own = same_light(guides[0], tap_guide.x, guides[1] + tap_guide.y, STANDARD_ERRORS);
+            let around = same_light(guides[2], tap_guide.z, guides[3] + tap_guide.w, STANDARD_ERRORS_AROUND);
+            weight *= select(min(own, around), vec4f(1.0), !FIRST & (sequence.still < GUIDED_FROM));
         }
         sum[0] += tap.r * weight;
         sum[1] += tap.g * weight;
         sum[2] += tap.b * weight;
         sum[3] += weight;
+        squares += load_square(index, tap.rgb) * weight;
         if (HAS_COATS) {
             let coat = glossy[index];
             var coat_weight = weight;
@@ -206,8 +222,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let sums = transpose(sum);
     let shines = transpose(shine);
-    store(first, sums[0], shines[0], a.depth);
-    store(first + step, sums[1], shines[1], b.depth);
-    store(first + 2u * step, sums[2], shines[2], c.depth);
-    store(first + 3u * step, sums[3], shines[3], d.depth);
+    store(first, sums[0], shines[0], a.depth, squares[0]);
+    store(first + step, sums[1], shines[1], b.depth, squares[1]);
+    store(first + 2u * step, sums[2], shines[2], c.depth, squares[2]);
+    store(first + 3u * step, sums[3], shines[3], d.depth, squares[3]);
 }
