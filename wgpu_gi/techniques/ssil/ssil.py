@@ -22,6 +22,7 @@ from .glossy import declare_glossy
 from .inputs import SsilInputs
 from .levels import declare_levels, level_buffer
 from .light import SentLight, declare_feedback, declare_reflected_light, declare_sent_light
+from .offscreen import declare_offscreen
 from .shade import declare_guides, declare_shading
 from .voxels import Voxels, VoxelSettings, declare_voxels
 
@@ -76,6 +77,11 @@ class SsilSettings(KnownAttributes):
         "directions",
         range=(0, 64),
         presets={"low": 1, "high": 4},
+    )
+    offscreen: str = setting(
+        "none",
+        "Light from surfaces that no pixel shows: none, or by a ray per pixel and a radiance cache in world space.",
+        choices=("none", "cache"),
     )
     bounces: int = setting(
         2, "Bounces if the number is unlimited.", "bounces", range=(1, MOST_BOUNCES), presets={"high": 4}
@@ -139,7 +145,8 @@ def declare_bounces(
         graph.skip(f"ssil/gather_{k}", "its ring begins beyond the picture")
     bounded = settings.form_factor == "disc"
     inputs = GatherInputs(scene, levels, last, pattern, settings.visibility, bounded, voxels, fine, kept)
-    irradiance, before = _declare_further_bounces(graph, settings, inputs, light, reflectors, count)
+    first = _declare_first_bounce(graph, settings, inputs, gbuffer, light, seed, one_bounce=bounces == 1)
+    irradiance, before = _declare_further_bounces(graph, settings, inputs, light, reflectors, first, count)
     before = irradiance if kept is not None else before
 
     # Shade the picture. Coats reflect the light of all bounces but the last, since they are the last scattering.
@@ -151,16 +158,45 @@ def declare_bounces(
     return declare_shading(graph, temporal, scene, gbuffer, motion, levels, irradiance, glossy, fine)
 
 
+def _declare_first_bounce(
+    graph: Graph,
+    settings: SsilSettings,
+    inputs: GatherInputs,
+    gbuffer: Gbuffer,
+    light: SentLight,
+    seed: int,
+    *,
+    one_bounce: bool,
+) -> Buffer:
+    """Declare the irradiance from visible surfaces and, by the settings, from all others, W/m2."""
+    irradiance = declare_gathering(graph, inputs, light, "", None)[0]
+    if settings.offscreen == "cache":
+        scene, levels = inputs.scene, inputs.levels
+        declare_offscreen(graph, scene, gbuffer, levels, irradiance, inputs.fine, seed, one_bounce=one_bounce)
+    else:
+        graph.skip("ssil/offscreen", "ssil.offscreen is none")
+    return irradiance
+
+
 def _declare_further_bounces(
-    graph: Graph, settings: SsilSettings, inputs: GatherInputs, first: SentLight, reflectors: Buffer, count: int
+    graph: Graph,
+    settings: SsilSettings,
+    inputs: GatherInputs,
+    sent: SentLight,
+    reflectors: Buffer,
+    irradiance: Buffer,
+    count: int,
 ) -> tuple[Buffer, Buffer | None]:
-    """Declare the irradiance of `count` bounces, starting with the light `first`, and that of all but the last."""
-    total = irradiance = declare_gathering(graph, inputs, first, "", None)[0]
+    """Declare the irradiance of `count` bounces, the first of which is `irradiance`, and that of all but the last.
+
+    sent: the light of the first bounce.
+    """
+    total = irradiance
     before: Buffer | None = None
     if settings.visibility_bounces == "first":
         inputs = replace(inputs, visibility="none", voxels=None)
     common = graph, inputs.levels, reflectors
-    limits = first.peak, settings.bounce_threshold
+    limits = sent.peak, settings.bounce_threshold
     for bounce in range(2, count + 1):
         before = total
         suffix = f"_bounce_{bounce}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from ..deferred.update import DeferredOptions, deferred_inputs
+from ..shared.radiance_cache import note_changes
 from ..shared.technique import Shot
 from ..shared.temporal import TemporalSettings
 from .inputs import SolidInputs, SsilInputs
@@ -28,5 +29,6 @@ def ssil_inputs(shot: Shot, settings: SsilOptions) -> SsilInputs:
     upload = shot.upload
     upload.update_solids(settings.voxels.solids)
     triangles = shot.graph.share("scene/solid_triangles", *upload.resources["solid_triangles"])
+    note_changes(shot.graph, shot.kept, upload, settings.bounces, settings.temporal.frames - 1)
     solids = SolidInputs(triangles, upload.solids.has_solids, upload.solids.has_shells)
     return SsilInputs(**vars(deferred), solids=solids)

@@ -1,0 +1,97 @@
+"""A radiance cache in world space: the irradiance of surfaces that rays hit, kept from frame to frame.
+
+Cells of a spatial hash (Gautron 2020, "Real-Time Ray-Traced Ambient Occlusion of Complex Scenes using Spatial Hashing")
+hold running means, as in NVIDIA's SHaRC and the world cache of Bevy's Solari. A technique's rays request the cells of
+the points that they hit (`request.wgsl`); each requested cell gets one path per frame from one of these points; then
+the technique looks up the means. Departures: cells hold irradiance instead of radiance, so materials keep their detail;
+all points that update a cell have been hit by rays from the picture, so light behind a wall does not leak through it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer
+from ...gpu.wgsl.load import load
+from ...upload.scene_upload import SceneUpload
+from .scene_inputs import LIGHT_INPUTS, SURFACE_INPUTS, SceneInputs
+from .technique import Kept
+
+CELLS = 2**17  # 5.2 MB; a view from within a room requests 5,000 to 20,000
+_UPDATE = "shared/radiance_cache/update.wgsl"
+_SCENE = load(_UPDATE).struct_dtype("CacheScene")
+_CELL = load(_UPDATE).struct_dtype("Cell")
+_HIT = load(_UPDATE).struct_dtype("CacheHit")
+_HEADER = int(load(_UPDATE).constants["LIST_HEADER"])
+_VERSIONS = 2**16
+
+
+class _CacheState:
+    """The version of the scene, and the resources that it stands for."""
+
+    def __init__(self) -> None:
+        self.key: object = None
+        self.version = 0
+
+
+@dataclass(frozen=True)
+class RadianceCache:
+    """table: check and vote of each cell. requested: the cells of this frame. cells: their means. hits: of rays."""
+
+    table: Buffer
+    requested: Buffer
+    cells: Buffer
+    hits: Buffer
+
+
+def note_changes(graph: Graph, kept: Kept, upload: SceneUpload, bounces: int | None, lag: int) -> None:
+    """Tell the cache which scene its means are of, once per frame after the scene's upload.
+
+    After a change of the scene or of `bounces`, means of earlier frames count at most `lag` updates; 0 forgets them.
+    """
+    state = kept(_CacheState)
+    names = (*SURFACE_INPUTS, *LIGHT_INPUTS)
+    key = (id(upload), upload.info.tobytes(), bounces == 1, *(upload.resources[name][1] for name in names))
+    if key != state.key:
+        state.key, state.version = key, (state.version + 1) % _VERSIONS
+    scene = np.zeros((), _SCENE)
+    scene["version"], scene["updates_kept"] = state.version, lag
+    graph.uniform("cache_scene", scene)
+
+
+def declare_cache(graph: Graph, rays: int) -> RadianceCache:
+    """Declare the buffers of the cache for a number of rays per frame."""
+    return RadianceCache(
+        graph.buffer("radiance_cache/table", dtype=np.uint32, count=2 * CELLS),
+        graph.buffer("radiance_cache/requested", dtype=np.uint32, count=_HEADER + CELLS),
+        graph.buffer("radiance_cache/cells", dtype=_CELL, count=CELLS),
+        graph.buffer("radiance_cache/hits", dtype=_HIT, count=rays),
+    )
+
+
+def declare_update(graph: Graph, scene: SceneInputs, cache: RadianceCache, seed: int, *, direct_only: bool) -> None:
+    """Declare the update of the requested cells; `direct_only`: they hold the light of sources, not of surfaces."""
+    graph.compute(
+        "radiance_cache/update",
+        _UPDATE,
+        indirect=cache.requested,
+        reads={
+            **scene.surfaces,
+            **scene.lights,
+            "table": cache.table,
+            "requested": cache.requested,
+            "hits": cache.hits,
+        },
+        writes={"cells": cache.cells},
+        params={"seed": seed},
+        constants={**scene.constants(_UPDATE), "DIRECT_ONLY": direct_only},
+    )
+    graph.compute(
+        "radiance_cache/resolve",
+        "shared/radiance_cache/resolve.wgsl",
+        over=(CELLS,),
+        writes={"table": cache.table, "cells": cache.cells},
+    )

@@ -1,0 +1,106 @@
+"""Light from surfaces that no pixel shows: one ray per pixel of the first level, and a radiance cache.
+
+A departure from Soler et al. 2010, whose light comes from visible surfaces only. Rays that hit a visible surface bring
+nothing, since SSIL gathers its light; so both parts sum to the whole light.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer
+from ..shared.denoise import declare_blur
+from ..shared.gbuffer import Gbuffer
+from ..shared.radiance_cache import RadianceCache, declare_cache, declare_update
+from ..shared.scene_inputs import SceneInputs
+from .levels import Levels, level_buffer
+from .shade import Upsampling
+
+RAYS = "ssil/offscreen/rays.wgsl"
+UNREPRESENTED = "ssil/offscreen/unrepresented.wgsl"
+# Side of the squares of pixels over which the light is averaged: that of the blocks of `ray.wgsl`.
+BLOCK = 4
+
+
+def declare_offscreen(
+    graph: Graph,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    levels: Levels,
+    irradiance: Buffer,
+    fine: Upsampling | None,
+    seed: int,
+    *,
+    one_bounce: bool,
+) -> None:
+    """Declare light from surfaces that no pixel shows, added to the `irradiance` of the first level and that of `fine`.
+
+    one_bounce: it is the light that these surfaces reflect from sources; otherwise also from all other surfaces.
+    """
+    # Send the rays, update the cells of their hits, and look these up.
+    width, height = levels.size
+    cache = declare_cache(graph, width * height)
+    surfels = levels.surfels[levels.first]
+    graph.compute(
+        "ssil/offscreen_rays",
+        RAYS,
+        over=(width, height),
+        reads={**scene.surfaces, "surfels": surfels, "distance": gbuffer.distance},
+        writes={"hits": cache.hits, "table": cache.table, "requested": cache.requested},
+        params={"seed": seed},
+        constants=scene.constants(RAYS),
+        clear=[cache.requested],
+    )
+    declare_update(graph, scene, cache, seed, direct_only=one_bounce)
+    light = level_buffer(graph, "ssil/offscreen_light", levels.size)
+    normals = graph.buffer("ssil/offscreen_normals", dtype=np.uint32, count=width * height, width=width)
+    graph.compute(
+        "ssil/offscreen_light",
+        "ssil/offscreen/light.wgsl",
+        over=(width, height),
+        reads={"surfels": surfels, "hits": cache.hits, "cells": cache.cells},
+        writes={"irradiance": light, "normals": normals},
+    )
+    # Filter, and add to the light that is gathered from visible surfaces.
+    blurred = declare_blur(graph, "ssil/offscreen", gbuffer, light, normals, BLOCK, stride=1 << levels.first)
+    graph.compute(
+        "ssil/offscreen_add",
+        "ssil/offscreen/add.wgsl",
+        over=(irradiance.count,),
+        reads={"offscreen": blurred},
+        writes={"irradiance": irradiance},
+    )
+    if fine is not None and fine.irradiance is not None:
+        _declare_unrepresented(graph, scene, gbuffer, levels, cache, fine, fine.irradiance, seed, one_bounce)
+
+
+def _declare_unrepresented(
+    graph: Graph,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    levels: Levels,
+    cache: RadianceCache,
+    fine: Upsampling,
+    irradiance: Buffer,
+    seed: int,
+    one_bounce: bool,
+) -> None:
+    """Declare the same for unrepresented pixels, added to their `irradiance`."""
+    graph.compute(
+        "ssil/offscreen_unrepresented",
+        UNREPRESENTED,
+        indirect=fine.guide.groups,
+        reads={
+            **scene.surfaces,
+            **scene.lights,
+            **fine.guide.list_reads,
+            "surfels": levels.surfels[0],
+            "distance": gbuffer.distance,
+            "table": cache.table,
+            "cells": cache.cells,
+        },
+        writes={"irradiance": irradiance},
+        params={"seed": seed},
+        constants={**scene.constants(UNREPRESENTED), "DIRECT_ONLY": one_bounce},
+    )

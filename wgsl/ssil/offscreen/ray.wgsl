@@ -1,0 +1,51 @@
+// The ray by which a pixel looks for light that no pixel shows, and what it hits.
+#import "shared/gbuffer/in_picture.wgsl"
+#import "shared/radiance_cache/reflectance.wgsl"
+#import "scene/trace.wgsl"
+#import "common/sampling.wgsl"
+#import "common/random.wgsl"
+
+// Pixels on a side of a block that shares a low-discrepancy sequence.
+const RAY_BLOCK: u32 = 4u;
+
+// A surface that no pixel shows.
+struct OffscreenHit {
+    hit: Hit,            // its triangle is NONE if the ray brings no light that SSIL misses
+    direction: vec3f,    // of the ray, unit
+    surface: Surface,
+    side: vec3f,         // geometric normal towards the ray's origin
+    reflectance: vec3f,
+}
+
+// Returns the seed of a pixel's block.
+fn ray_block(pixel: vec2u, seed: u32) -> u32 {
+    return hash2(pixel.x / RAY_BLOCK, hash2(pixel.y / RAY_BLOCK, seed));
+}
+
+// Returns the number of a pixel's sample in the sequence of its block.
+fn ray_index(pixel: vec2u, frame: u32) -> u32 {
+    return (frame * RAY_BLOCK + pixel.y % RAY_BLOCK) * RAY_BLOCK + pixel.x % RAY_BLOCK;
+}
+
+// Returns what a ray from a surfel hits, its direction drawn by the cosine with the random numbers `u`.
+fn offscreen_hit(texel: vec4u, u: vec2f) -> OffscreenHit {
+    let position = view.position + surfel_position(texel);
+    let direction = frame_from_normal(surfel_normal(texel)) * sample_cosine_hemisphere(u);
+    // Surfels have no geometric normal, so the origin moves along the ray, as that of `gather_exact.wgsl`.
+    let offset = 20.0 * ray_offset(ANY_NORMAL, pixel_terms(position));
+    var found: OffscreenHit;
+    found.direction = direction;
+    found.hit = trace(Ray(position + direction * offset, direction), FLOAT_MAX);
+    if (found.hit.triangle == NONE) {
+        return found;
+    }
+    found.surface = surface_at(found.hit, direction);
+    let normal = found.surface.geometric_normal;
+    found.side = select(-normal, normal, found.surface.front);
+    found.reflectance = reflectance_of(found.surface);
+    let black = (found.surface.flags & UNLIT) != 0u || max3(found.reflectance) <= 0.0;
+    if (black || is_in_picture(found.surface.position, found.side)) {
+        found.hit.triangle = NONE;
+    }
+    return found;
+}
