@@ -76,7 +76,7 @@ def test_amortised_bounces_have_light_that_no_picture_shows():
     scene, common = SCENES["cornell-point"](), (CACHE, "ssil.visibility_bounces=all")
     amortised = indirect(scene, *common, "ssil.amortised=true", bounces=None, frames=8)
     at_once = indirect(scene, *common, "ssil.bounces=8", "ssil.bounce_threshold=0", bounces=None, frames=8)
-    assert amortised.mean() == pytest.approx(at_once.mean(), rel=0.02)
+    assert amortised.mean() == pytest.approx(at_once.mean(), rel=0.04)
 
 
 def test_plan_says_why_there_is_none():

@@ -62,6 +62,12 @@ def note_changes(graph: Graph, kept: Kept, upload: SceneUpload, bounces: int | N
     graph.uniform("cache_scene", scene)
 
 
+def most_rays(graph: Graph, pixels: int) -> int:
+    """Return the largest number of rays per pixel whose hits fit a buffer, at least 1."""
+    limit: int = graph.device.limits.get("max-storage-buffer-binding-size", 2**27)
+    return max(limit // (_HIT.itemsize * pixels), 1)
+
+
 def declare_cache(graph: Graph, rays: int) -> RadianceCache:
     """Declare the buffers of the cache for a number of rays per frame."""
     return RadianceCache(

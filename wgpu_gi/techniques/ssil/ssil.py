@@ -80,8 +80,15 @@ class SsilSettings(KnownAttributes):
     )
     offscreen: str = setting(
         "none",
-        "Light from surfaces that no pixel shows: none, or by a ray per pixel and a radiance cache in world space.",
+        "Light from surfaces that no pixel shows: none, or by rays and a radiance cache in world space (cache).",
         choices=("none", "cache"),
+    )
+    offscreen_rays: int = setting(
+        2,
+        "Rays per pixel of the first level and frame for ssil.offscreen, at most as many as fit a buffer of the GPU.",
+        "rays",
+        range=(1, 16),
+        presets={"low": 1, "high": 4},
     )
     bounces: int = setting(
         2, "Bounces if the number is unlimited.", "bounces", range=(1, MOST_BOUNCES), presets={"high": 4}
@@ -172,7 +179,9 @@ def _declare_first_bounce(
     irradiance = declare_gathering(graph, inputs, light, "", None)[0]
     if settings.offscreen == "cache":
         scene, levels = inputs.scene, inputs.levels
-        declare_offscreen(graph, scene, gbuffer, levels, irradiance, inputs.fine, seed, one_bounce=one_bounce)
+        declare_offscreen(
+            graph, scene, gbuffer, levels, irradiance, inputs.fine, settings.offscreen_rays, seed, one_bounce=one_bounce
+        )
     else:
         graph.skip("ssil/offscreen", "ssil.offscreen is none")
     return irradiance

@@ -2,11 +2,7 @@
 #import "shared/gbuffer/in_picture.wgsl"
 #import "shared/radiance_cache/reflectance.wgsl"
 #import "scene/trace.wgsl"
-#import "common/sampling.wgsl"
 #import "common/random.wgsl"
-
-// Pixels on a side of a block that shares a low-discrepancy sequence.
-const RAY_BLOCK: u32 = 4u;
 
 // A surface that no pixel shows.
 struct OffscreenHit {
@@ -17,20 +13,8 @@ struct OffscreenHit {
     reflectance: vec3f,
 }
 
-// Returns the seed of a pixel's block.
-fn ray_block(pixel: vec2u, seed: u32) -> u32 {
-    return hash2(pixel.x / RAY_BLOCK, hash2(pixel.y / RAY_BLOCK, seed));
-}
-
-// Returns the number of a pixel's sample in the sequence of its block.
-fn ray_index(pixel: vec2u, frame: u32) -> u32 {
-    return (frame * RAY_BLOCK + pixel.y % RAY_BLOCK) * RAY_BLOCK + pixel.x % RAY_BLOCK;
-}
-
-// Returns what a ray from a surfel hits, its direction drawn by the cosine with the random numbers `u`.
-fn offscreen_hit(texel: vec4u, u: vec2f) -> OffscreenHit {
-    let position = view.position + surfel_position(texel);
-    let direction = frame_from_normal(surfel_normal(texel)) * sample_cosine_hemisphere(u);
+// Returns what a ray from a surfel at `position`, metres, hits; `direction`: unit.
+fn offscreen_hit(position: vec3f, direction: vec3f) -> OffscreenHit {
     // Surfels have no geometric normal, so the origin moves along the ray, as that of `gather_exact.wgsl`.
     let offset = 20.0 * ray_offset(ANY_NORMAL, pixel_terms(position));
     var found: OffscreenHit;

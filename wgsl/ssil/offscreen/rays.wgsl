@@ -1,5 +1,5 @@
-// One invocation sends a ray from a pixel of the first level, and requests a cell of the radiance cache where it hits a
-// surface that no pixel shows.
+// One invocation sends rays from a pixel of the first level, and requests a cell of the radiance cache where one hits
+// a surface that no pixel shows.
 //
 // In: surfels of the first level, the picture's distances, scene. Out: hits; those whose light SSIL gathers, or that
 // have none, have no cell.
@@ -15,6 +15,7 @@
 
 struct Params {
     seed: u32,
+    rays: u32,  // per pixel
 }
 
 // Pairs of random numbers.
@@ -27,18 +28,23 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(id.xy >= size)) {
         return;
     }
-    let number = id.y * size.x + id.x;
+    let pixel = id.y * size.x + id.x;
+    let seed = hash2(pixel, params.seed);
     let texel = textureLoad(surfels, id.xy, 0);
-    hits[number] = no_cache_hit();
-    if (is_empty(texel)) {
-        return;
-    }
-    let block = ray_block(id.xy, params.seed);
-    let index = ray_index(id.xy, sequence.index);
-    let found = offscreen_hit(texel, sobol_2d(index, hash2(DIRECTION_PAIR, block)));
-    if (found.hit.triangle != NONE) {
-        let key = cell_key(found.surface.position, found.side, sobol_2d(index, hash2(PLACE_PAIR, block)));
-        let cell = request_cell(key, number, vote_multiplier(sequence.index, params.seed));
-        hits[number] = cache_hit(found.hit, found.direction, cell, found.reflectance);
+    let position = view.position + surfel_position(texel);
+    let frame = frame_from_normal(surfel_normal(texel));
+    // Always `params.rays` if there is a surface: lavapipe compiles loops up to a uniform anew for each dispatch.
+    let rays = select(params.rays, 0u, is_empty(texel));
+    for (var k = 0u; k < rays; k += 1u) {
+        let number = pixel * rays + k;
+        let index = sequence.index * rays + k;
+        let local = sample_cosine_hemisphere(sobol_2d(index, hash2(DIRECTION_PAIR, seed)));
+        let found = offscreen_hit(position, frame * local);
+        hits[number] = no_cache_hit();
+        if (found.hit.triangle != NONE) {
+            let key = cell_key(found.surface.position, found.side, sobol_2d(index, hash2(PLACE_PAIR, seed)));
+            let cell = request_cell(key, number, vote_multiplier(sequence.index, params.seed));
+            hits[number] = cache_hit(found.hit, found.direction, cell, found.reflectance);
+        }
     }
 }

@@ -43,11 +43,14 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     for (var slot = id.x; slot < count; slot += groups.x * LIST_GROUP) {
         let pixel = unrepresented[slot];
         let texel = textureLoad(surfels, vec2u(pixel % view.size.x, pixel / view.size.x), 0);
+        let position = view.position + surfel_position(texel);
+        let frame = frame_from_normal(surfel_normal(texel));
         let seed = hash2(pixel, params.seed);
         var sum = vec3f(0.0);
         for (var k = 0u; k < RAYS; k += 1u) {
             let index = sequence.index * RAYS + k;
-            let found = offscreen_hit(texel, sobol_2d(index, hash2(DIRECTION_PAIR, seed)));
+            let local = sample_cosine_hemisphere(sobol_2d(index, hash2(DIRECTION_PAIR, seed)));
+            let found = offscreen_hit(position, frame * local);
             if (found.hit.triangle != NONE) {
                 sum += found.reflectance * irradiance_at(found, index, seed);
             }
