@@ -15,12 +15,12 @@ from .techniques import deferred, many_light, reference, ssao, ssdo, ssil
 from .techniques.deferred.direct import DirectSettings, draws_emitters
 from .techniques.deferred.environment import EnvironmentSettings
 from .techniques.deferred.shadow_views import ShadowSettings
-from .techniques.many_light.denoise import DenoiseSettings
 from .techniques.many_light.gather import GatherSettings
 from .techniques.many_light.ism import IsmSettings
 from .techniques.many_light.rsm import RsmSettings
 from .techniques.many_light.vpl import VplSettings
 from .techniques.reference import PathSettings
+from .techniques.shared.denoise import DenoiseSettings
 from .techniques.shared.sampling import CameraSettings
 from .techniques.shared.technique import Technique
 from .techniques.shared.temporal import TemporalSettings

@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
-from ...records import KnownAttributes
-from ...settings import setting
-from ..shared.denoise import declare_filter
+from ..shared.denoise import DenoiseSettings, declare_filter
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from ..shared.temporal import TemporalSettings, declare_accumulate
@@ -39,21 +37,6 @@ def declare_temporal(
     return Accumulated(replace(gathered, irradiance=found.averaged), found.rejected)
 
 
-@dataclass(repr=False, slots=True)
-class DenoiseSettings(KnownAttributes):
-    """The blur of gathered light."""
-
-    radius: int = setting(
-        4,
-        "Radius of the edge-aware blur, at least gather.interleave; 1: no blur.",
-        "pixels",
-        range=(1, 8),
-    )
-    levels: int = setting(
-        2, "Levels of the variance-guided a-trous filter that follows the blur; 0: none.", "levels", range=(0, 4)
-    )
-
-
 def declare_denoise(
     graph: Graph, settings: DenoiseSettings, gbuffer: Gbuffer, gathered: Gathered, frames: int
 ) -> Buffer:
@@ -66,7 +49,7 @@ def declare_denoise(
         gathered.irradiance,
         gathered.normals,
         radius,
-        settings.levels if radius > 1 else 0,
+        settings.levels,
         frames=frames,
         glossy=gathered.glossy,
         reflected=True,

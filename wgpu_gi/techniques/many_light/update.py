@@ -12,10 +12,10 @@ from ...upload.area_cdf import AreaCdf
 from ...upload.light_table import KIND_ENVIRONMENT, KIND_SUN
 from ...upload.rsm_layout import rsm_layout
 from ..deferred.update import DeferredOptions, deferred_inputs
+from ..shared.denoise import DenoiseSettings
 from ..shared.technique import Shot
 from ..shared.temporal import TemporalSettings
 from ..ssdo.settings import SsdoSettings
-from .denoise import DenoiseSettings
 from .gather import GatherSettings
 from .inputs import ManyLightInputs, VplInputs
 from .ism import IsmSettings

@@ -22,6 +22,8 @@ from ...gpu.formats import FOUR_FLOATS, TWO_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
 from ...gpu.wgsl.load import load
+from ...records import KnownAttributes
+from ...settings import setting
 from .gbuffer import Gbuffer
 
 SHADER = "shared/denoise/blur.wgsl"
@@ -30,6 +32,24 @@ GUIDED_FROM = int(load("shared/denoise/guide.wgsl").constants["GUIDED_FROM"])
 # Distance of the taps of the a-trous filter's first level; it doubles with each level. A tent of half-width 4 and steps
 # of 3 and 6 pixels let no pattern of period 4 through; steps of 4 and 8 keep it. tools/README.md, "Constants".
 FIRST_STEP = 3
+
+
+@dataclass(repr=False, slots=True)
+class DenoiseSettings(KnownAttributes):
+    """The denoiser of indirect light."""
+
+    radius: int = setting(
+        4,
+        "With --gi many-light: radius of the edge-aware blur, at least gather.interleave; 1: no blur.",
+        "pixels",
+        range=(1, 8),
+    )
+    levels: int = setting(
+        2,
+        "Levels of the variance-guided a-trous filter that follows the blur, one fewer at half resolution; 0: none.",
+        "levels",
+        range=(0, 4),
+    )
 
 
 @dataclass(frozen=True)
@@ -97,10 +117,12 @@ def declare_filter(
 ) -> Filtered:
     """Declare the blur of irradiance, W/m2, over squares of `radius` pixels, and `levels` of the a-trous filter.
 
-    light, normals, frames, stride: as in `declare_blur`. glossy: the coats' light over their tint, W/(m2 sr), blurred
-    by no more than their lobes. reflected: the result is radiance, W/(m2 sr); needs a stride of 1.
+    A grid of stride 2 has one level fewer, for the same reach. light, normals, frames, stride: as in `declare_blur`.
+    glossy: the coats' light over their tint, W/(m2 sr), blurred by no more than their lobes. reflected: the result is
+    radiance, W/(m2 sr); needs a stride of 1.
     """
     size = grid_size(graph, stride)
+    levels = max(levels + 1 - stride.bit_length(), 0) if radius > 1 else 0
     guided = radius > 1 and frames > GUIDED_FROM
     neighbours = _declare_neighbours(graph, name, light, normals, None, stride, "view", guided=guided)
     guide: Buffer | None = None
@@ -108,7 +130,7 @@ def declare_filter(
         # Two more values per pixel are the blur's own: `blur.wgsl`.
         guide = graph.buffer(f"{name}/guide", dtype=TWO_FLOATS, count=3 * light.count, width=size[0])
     else:
-        graph.skip(f"{name}/atrous", "denoise.levels is 0")
+        graph.skip(f"{name}/atrous", "nothing is blurred, or denoise.levels is low")
     constants = {
         **_constants(radius, stride, guided, glossy),
         "COAT_LOBES": glossy is not None,

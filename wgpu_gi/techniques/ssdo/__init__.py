@@ -44,5 +44,7 @@ def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Ligh
     light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
     # Gather one bounce from the same occluders.
     if bounces:
-        light.indirect = declare_bounce(graph, s, scene, sources, occlusion, direct, atlas, base.ambient, history, seed)
+        light.indirect = declare_bounce(
+            graph, s, settings.denoise, scene, sources, occlusion, direct, atlas, base.ambient, history, seed
+        )
     return light

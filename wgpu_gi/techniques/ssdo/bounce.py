@@ -12,6 +12,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
+from ..shared.denoise import DenoiseSettings
 from ..shared.gbuffer import Gbuffer
 from .occlusion import History, Occlusion, declare_full_resolution
 from .search import SENDER_STRIDE, grid_dispatch, grid_reads, grid_size
@@ -26,6 +27,7 @@ SHADER = "ssdo/bounce.wgsl"
 def declare_bounce(
     graph: Graph,
     settings: SsdoSettings,
+    denoise: DenoiseSettings,
     scene: DeferredInputs,
     sources: Sources,
     occlusion: Occlusion,
@@ -43,7 +45,18 @@ def declare_bounce(
     irradiance = declare_gathered(graph, settings, scene, sources, search, senders, coats)
     # Upsample to all pixels: to radiance, or to irradiance if it is accumulated over frames or if coats add to it.
     name, reflected = "ssdo/bounce", history.settings.frames == 1 and coats is None
-    light = declare_full_resolution(graph, name, settings, scene, gbuffer, irradiance, search, reflected=reflected)
+    light = declare_full_resolution(
+        graph,
+        name,
+        settings,
+        scene,
+        gbuffer,
+        irradiance,
+        search,
+        frames=scene.frames,
+        levels=denoise.levels,
+        reflected=reflected,
+    )
     if coats is not None:
         coats = declare_full_resolution(graph, "ssdo/coats", settings, scene, gbuffer, coats, search)
     declare_gathered_unrepresented(graph, settings, scene, sources, search, senders, light, coats, reflected=reflected)

@@ -117,7 +117,8 @@ def declare_full_resolution(
 ) -> Buffer:
     """Declare light of the search grid, blurred over its squares and upsampled to all pixels.
 
-    divisor: its blurred values divide the blurred light. reflected: irradiance becomes radiance, W/(m2 sr).
+    divisor: its blurred values divide the blurred light. levels: of the a-trous filter, without a divisor. reflected:
+    irradiance becomes radiance, W/(m2 sr).
     """
     radius, arguments = INTERLEAVE if settings.blur else 1, (graph, name, gbuffer, light, search.normals)
     if divisor is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from ..deferred.update import DeferredOptions, deferred_inputs
+from ..shared.denoise import DenoiseSettings
 from ..shared.technique import Shot
 from ..shared.temporal import TemporalSettings
 from .cameras import screen_views
@@ -25,6 +26,7 @@ class SsdoOptions(OcclusionOptions, Protocol):
     """The settings that SSDO reads."""
 
     bounces: int | None
+    denoise: DenoiseSettings
 
 
 def ssdo_inputs(shot: Shot, settings: OcclusionOptions) -> SsdoInputs:
