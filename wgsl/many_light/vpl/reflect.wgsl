@@ -2,18 +2,31 @@
 // leaves as diffuse, so these have no caustics.
 #import "scene/surface.wgsl"
 #import "many_light/vpl/vpl.wgsl"
+#import "common/random.wgsl"
 #import "deferred/environment/reflectance.wgsl"
 
 // Bounds the ratio of irradiance by the shading normal to that by the geometric normal. Errs dark where light grazes a
 // surface with a normal map, and bounds the brightest VPLs. tools/README.md, "Constants".
 const MAX_SHADING_RATIO: f32 = 4.0;
 
+// Returns the shading normal as a viewer in a direction drawn by the cosine sees it (`scene/facing_normal.wgsl`): the
+// normals of bumps turn towards their viewer, and a VPL sends light to all. `side`: geometric normal on the lit side.
+fn seen_normal(s: Surface, side: vec3f) -> vec3f {
+    if (!s.bumped) {
+        return s.unbent_normal;
+    }
+    let code = bitcast<vec3u>(s.position);
+    let seed = hash2(code.x, hash2(code.y, code.z));
+    let u = vec2f(unit_float(seed), unit_float(hash(seed)));
+    return facing_normal(s.unbent_normal, side, frame_from_normal(side) * sample_cosine_hemisphere(u), true);
+}
+
 // Returns the VPL of a ray that carries `flux`, W, along `direction` and represents `area`, m2, of the surface it hits;
 // `nearness`: inverse distance of its start, 1/m.
 fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32, nearness: f32) -> Vpl {
     let normal = select(-s.geometric_normal, s.geometric_normal, s.front);
     let geometric = max(-dot(normal, direction), 1e-6);
-    let shading = max(-dot(s.unbent_normal, direction), 0.0);
+    let shading = max(-dot(seen_normal(s, normal), direction), 0.0);
     let ratio = min(shading / geometric, MAX_SHADING_RATIO);
     let is_lit = (s.flags & UNLIT) == 0u;
     let b = surface_brdf(s);
