@@ -88,3 +88,16 @@ def test_a_coat_reflects_a_lit_wall(metallic, roughness):
     assert abs(found.mean() / truth.mean() - 1) < 0.01
     blocks, true_blocks = (values.reshape(6, 3, 8, 4, 3).mean((1, 3)) for values in (found, truth))
     assert np.abs(blocks - true_blocks).max() < 0.06 * true_blocks.max()
+
+
+def test_a_metal_lights_the_corner_that_it_makes_with_a_wall():
+    """Photons have no bound, and their lobes are not widened: the lowest rows of the wall agree, too."""
+    metal = Material(base_color=(0.9, 0.7, 0.4, 1.0), metallic=1.0, roughness=0.2)
+    meshes = [quad((-1, 0, -2), (0, 0, 3), (2, 0, 0), metal), quad((-2, 0, -2), (4, 0, 0), (0, 4, 0), matte(0.7))]
+    scene = Scene([Instance(mesh) for mesh in meshes], [SUN])
+    camera = Camera.look_at((0, 0.4, 1.0), (0, 0.4, -2), yfov_deg=20)
+    common = {"bounces": 1, "size": (32, 18), "camera": camera, "show": "indirect"}
+    truth = np.asarray(render(scene, gi="path", spp=4096, **common), np.float64)
+    found = np.asarray(render(scene, gi="many-light", **common), np.float64)
+    for rows in (slice(0, 10), slice(10, 16)):  # the metal meets the wall in row 16
+        assert abs(found[rows].mean() / truth[rows].mean() - 1) < 0.04

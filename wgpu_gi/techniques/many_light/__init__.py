@@ -18,6 +18,7 @@ from .gather import declare_gather
 from .inputs import ManyLightInputs
 from .ism import declare_ism
 from .near_field import declare_near_field, declare_near_shares
+from .photons import declare_photons
 from .points import declare_points
 from .reflections import declare_reflections
 from .rsm import declare_rsm
@@ -29,7 +30,7 @@ from .views import (
     declare_rsm_views,
     declare_vpl_view,
 )
-from .vpl import declare_light_paths, declare_vpls
+from .vpl import declare_candidates, declare_light_paths, declare_vpls
 
 POINTS = 1 << 17  # on all surfaces, for imperfect shadow maps; tools/README.md, "Constants"
 
@@ -86,7 +87,8 @@ def _declare_indirect(
     light_paths = declare_light_paths(graph, settings.vpl, scene, albedo, settings.bounces, seed)
     if rsm is None and light_paths is None:
         return None
-    vpls = declare_vpls(graph, settings.vpl, scene, rsm, light_paths, gbuffer, seed)
+    candidates = declare_candidates(graph, settings.vpl, scene, rsm, light_paths, gbuffer)
+    vpls = declare_vpls(graph, settings.vpl, candidates, seed)
     # Gather from them, with rays or imperfect shadow maps.
     ism = None
     if settings.gather.visibility == "ism":
@@ -101,6 +103,7 @@ def _declare_indirect(
     # Add the light that the bound of near VPLs removes, reflections, and the near field in screen space.
     declare_compensation(graph, scene, gbuffer, albedo, vpls, gathered, settings.bounces, seed)
     declare_reflections(graph, settings.gather, scene, gbuffer, albedo, vpls, gathered, settings.bounces, seed)
+    declare_photons(graph, settings.vpl, settings.gather, scene, gbuffer, candidates, gathered, seed)
     if near_field is not None:
         gathered = declare_near_field(
             graph, settings.ssdo, scene, gbuffer, ambient, direct, gathered, settings.bounces, seed

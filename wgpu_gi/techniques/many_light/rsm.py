@@ -20,9 +20,14 @@ from .inputs import ManyLightInputs
 CANDIDATE = np.dtype((np.uint32, 4))  # a word of a candidate for a virtual point light
 
 
+def has_lobes(scene: ManyLightInputs) -> bool:
+    """Return whether candidates for virtual point lights have lobes, whose light photons carry."""
+    return scene.features["HAS_METALS"]
+
+
 def candidate_words(scene: ManyLightInputs) -> int:
     """Return the number of words of a candidate, `vpl_words` of `wgsl/many_light/vpl/vpl.wgsl`."""
-    return 4 if scene.features["HAS_METALS"] else 2
+    return 4 if has_lobes(scene) else 2
 
 
 @dataclass(repr=False, slots=True)
@@ -67,7 +72,7 @@ def declare_rsm(graph: Graph, settings: RsmSettings, scene: ManyLightInputs, alb
         },
         writes={"rsm": buffer},
         params={"texels": count, "jitter": settings.jitter, "seed": seed},
-        constants=scene.constants(shader),
+        constants={**scene.constants(shader), "HAS_LOBES": has_lobes(scene)},
         uniforms=STILL_SEQUENCE,
     )
     return Rsm(buffer, count)

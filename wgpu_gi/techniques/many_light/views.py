@@ -10,7 +10,7 @@ from .clusters import Clusters
 from .gather import GatherSettings
 from .inputs import ManyLightInputs
 from .ism import Ism
-from .rsm import Rsm
+from .rsm import Rsm, has_lobes
 from .vpl import Vpls
 
 RSM_KINDS = ("position", "normal", "flux")
@@ -32,7 +32,7 @@ def declare_rsm_views(graph: Graph, scene: ManyLightInputs, rsm: Rsm) -> dict[st
             over=graph.size,
             reads={"rsm_lights": scene.vpl.rsm_lights, "rsm": rsm.buffer},
             writes={"picture": picture},
-            constants={"KIND": number, "HAS_METALS": scene.features["HAS_METALS"]},
+            constants={"KIND": number, "HAS_LOBES": has_lobes(scene)},
         )
     return views
 

@@ -22,7 +22,7 @@ from ..shared.gbuffer import Gbuffer
 from ..shared.sampling import STILL_SEQUENCE
 from .inputs import ManyLightInputs
 from .points import declare_sky_points
-from .rsm import CANDIDATE, Rsm, candidate_words
+from .rsm import CANDIDATE, Rsm, candidate_words, has_lobes
 
 VIEW_SAMPLES = 64  # pixels that represent the view; tools/README.md, "Constants"
 DENSITY_VPLS = 512  # most VPLs from which the area of each is estimated; tools/README.md, "Constants"
@@ -51,6 +51,12 @@ class VplSettings(KnownAttributes):
         range=(64, 1 << 16),
         presets={"low": 2048, "high": 32768},
     )
+    photons: float = setting(
+        0.5,
+        "Photons per pixel and frame, which carry the light that metals throw.",
+        range=(0.01, 4),
+        presets={"low": 0.25, "high": 1.0},
+    )
     max_bounces: int = setting(128, "Most bounces of a light path.", "bounces", range=(1, 128))
 
 
@@ -66,17 +72,41 @@ class LightPaths:
 class Vpls:
     """The table of VPLs, in the layout of `wgsl/many_light/vpl/table.wgsl`, and its number of slots.
 
-    metals: the VPLs have the lobes of metals.
+    lobes: the VPLs have the lobes of coats.
     """
 
     table: Texture
     count: int
-    metals: bool = False
+    lobes: bool = False
 
     @property
     def constants(self) -> dict[str, bool]:
         """The constants of shaders that load VPLs."""
-        return {"HAS_METALS": self.metals}
+        return {"HAS_LOBES": self.lobes}
+
+
+@dataclass
+class Candidates:
+    """Candidates for VPLs and photons: first the texels of reflective shadow maps, then the vertices of light paths."""
+
+    buffers: dict[str, Handle]  # by the names in `wgsl/many_light/vpl/candidates.wgsl`
+    view_samples: Handle  # surfaces that the camera sees, which weigh them
+    texels: int
+    count: int  # of texels and vertices
+    lobes: bool
+
+    @property
+    def words(self) -> int:
+        """Number of words of a candidate."""
+        return 4 if self.lobes else 2
+
+
+@dataclass
+class Weights:
+    """Weights of candidates, cumulative within blocks, and the blocks' cumulative sums."""
+
+    cumulative: Buffer
+    totals: Buffer
 
 
 def declare_light_paths(
@@ -116,68 +146,23 @@ def declare_light_paths(
             "bounces": most,
             "seed": seed,
         },
-        constants=scene.constants(shader),
+        constants={**scene.constants(shader), "HAS_LOBES": has_lobes(scene)},
         uniforms=STILL_SEQUENCE,
     )
     return LightPaths(light_paths, count)
 
 
-def declare_vpls(
+def declare_candidates(
     graph: Graph,
     settings: VplSettings,
     scene: ManyLightInputs,
     rsm: Rsm | None,
     light_paths: LightPaths | None,
     gbuffer: Gbuffer,
-    seed: int,
-) -> Vpls:
-    """Declare the resampling of `settings.count` VPLs from the maps' texels and the paths' vertices."""
-    count = settings.count
-    texels = rsm.count if rsm is not None else 0
-    candidates = texels + (light_paths.count if light_paths is not None else 0)
-    found: dict[str, Handle] = {
-        "rsm": rsm.buffer if rsm is not None else graph.neutral("buffer"),
-        "light_paths": light_paths.buffer if light_paths is not None else graph.neutral("buffer"),
-    }
-    metals = scene.features["HAS_METALS"]
-    cumulative, totals = _declare_weights(graph, settings, found, texels, candidates, gbuffer, metals)
-    size = (TABLE_WIDTH, -(-candidate_words(scene) * count // TABLE_WIDTH))
-    resampled, table = (graph.texture(f"vpl/{name}", "rgba32uint", size=size) for name in ("resampled", "table"))
-    graph.compute(
-        "vpl/resample",
-        "many_light/vpl/resample.wgsl",
-        over=count,
-        reads={**found, "cumulative": cumulative, "totals": totals},
-        writes={"vpls": resampled},
-        params={"texels": texels, "candidates": candidates, "count": count, "seed": seed},
-        constants={"HAS_METALS": metals},
-        uniforms=STILL_SEQUENCE,
-    )
-    graph.compute(
-        "vpl/areas",
-        "many_light/vpl/areas.wgsl",
-        over=count,
-        reads={"resampled": resampled},
-        writes={"vpls": table},
-        params={"count": count, "stride": -(-count // DENSITY_VPLS)},
-        constants={"HAS_METALS": metals},
-    )
-    return Vpls(table, count, metals)
-
-
-def _declare_weights(
-    graph: Graph,
-    settings: VplSettings,
-    found: dict[str, Handle],
-    texels: int,
-    candidates: int,
-    gbuffer: Gbuffer,
-    metals: bool,
-) -> tuple[Buffer, Buffer]:
-    """Declare the weights of all candidates; return them cumulative within blocks, and the blocks' cumulative sums."""
-    by_view = settings.importance == "view"
+) -> Candidates:
+    """Return the candidates of all maps and paths; declare the surfaces that weigh them."""
     view_samples: Handle = graph.neutral("buffer")
-    if by_view:
+    if settings.importance == "view":
         dtype = load("many_light/vpl/view_samples.wgsl").struct_dtype("ViewSample")
         view_samples = graph.buffer("vpl/view_samples", dtype=dtype, count=VIEW_SAMPLES)
         graph.compute(
@@ -189,23 +174,81 @@ def _declare_weights(
         )
     else:
         graph.skip("vpl/view_samples", f"vpl.importance is {settings.importance}")
-    cumulative = graph.buffer("vpl/cumulative", count=candidates)
-    block_sums = graph.buffer("vpl/block_sums", count=-(-candidates // BLOCK))
+    texels = rsm.count if rsm is not None else 0
+    buffers: dict[str, Handle] = {
+        "rsm": rsm.buffer if rsm is not None else graph.neutral("buffer"),
+        "light_paths": light_paths.buffer if light_paths is not None else graph.neutral("buffer"),
+    }
+    count = texels + (light_paths.count if light_paths is not None else 0)
+    return Candidates(buffers, view_samples, texels, count, has_lobes(scene))
+
+
+def declare_vpls(graph: Graph, settings: VplSettings, candidates: Candidates, seed: int) -> Vpls:
+    """Declare the resampling of `settings.count` VPLs from the candidates."""
+    count = settings.count
+    weights = declare_weights(graph, settings, candidates, "vpl")
+    resampled = declare_resampled(graph, candidates, weights, "vpl", count, seed)
+    table = graph.texture("vpl/table", "rgba32uint", size=_table_size(candidates, count))
     graph.compute(
-        "vpl/weights",
-        "many_light/vpl/weights.wgsl",
-        over=candidates,
-        reads={**found, "view_samples": view_samples},
-        writes={"cumulative": cumulative, "block_sums": block_sums},
-        params={"texels": texels, "candidates": candidates},
-        constants={"VIEW": by_view, "GRID": settings.importance == "grid", "HAS_METALS": metals},
+        "vpl/areas",
+        "many_light/vpl/areas.wgsl",
+        over=count,
+        reads={"resampled": resampled},
+        writes={"vpls": table},
+        params={"count": count, "stride": -(-count // DENSITY_VPLS)},
+        constants={"HAS_LOBES": candidates.lobes},
     )
-    totals = graph.buffer("vpl/totals", count=block_sums.count)
+    return Vpls(table, count, candidates.lobes)
+
+
+def _table_size(candidates: Candidates, count: int) -> tuple[int, int]:
+    return (TABLE_WIDTH, -(-candidates.words * count // TABLE_WIDTH))
+
+
+def declare_resampled(
+    graph: Graph, candidates: Candidates, weights: Weights, name: str, count: int, seed: int
+) -> Texture:
+    """Declare the drawing of `count` candidates by their weights; return their table."""
+    drawn = graph.texture(f"{name}/resampled", "rgba32uint", size=_table_size(candidates, count))
     graph.compute(
-        "vpl/prefix_sum",
+        f"{name}/resample",
+        "many_light/vpl/resample.wgsl",
+        over=count,
+        reads={**candidates.buffers, "cumulative": weights.cumulative, "totals": weights.totals},
+        writes={"vpls": drawn},
+        params={"texels": candidates.texels, "candidates": candidates.count, "count": count, "seed": seed},
+        constants={"HAS_LOBES": candidates.lobes},
+        uniforms=STILL_SEQUENCE,
+    )
+    return drawn
+
+
+def declare_weights(
+    graph: Graph, settings: VplSettings, candidates: Candidates, name: str, lobes: bool = False
+) -> Weights:
+    """Declare the weights of all candidates as VPLs or, with `lobes`, as photons."""
+    cumulative = graph.buffer(f"{name}/cumulative", count=candidates.count)
+    block_sums = graph.buffer(f"{name}/block_sums", count=-(-candidates.count // BLOCK))
+    graph.compute(
+        f"{name}/weights",
+        "many_light/vpl/weights.wgsl",
+        over=candidates.count,
+        reads={**candidates.buffers, "view_samples": candidates.view_samples},
+        writes={"cumulative": cumulative, "block_sums": block_sums},
+        params={"texels": candidates.texels, "candidates": candidates.count},
+        constants={
+            "VIEW": settings.importance == "view",
+            "GRID": settings.importance == "grid",
+            "HAS_LOBES": candidates.lobes,
+            "LOBES": lobes,
+        },
+    )
+    totals = graph.buffer(f"{name}/totals", count=block_sums.count)
+    graph.compute(
+        f"{name}/prefix_sum",
         "many_light/vpl/prefix_sum.wgsl",
         over=1,
         reads={"block_sums": block_sums},
         writes={"totals": totals},
     )
-    return cumulative, totals
+    return Weights(cumulative, totals)

@@ -102,7 +102,11 @@ fn light_of_path(start: Start, first_ray: Ray, first_hit: Hit) -> vec3f {
         }
         // Weight the hit by the light that the bound removes, over the probability of the ray's length.
         let code = code_of(start.block, k);
-        let p = path_point(s, ray.direction);
+        var p = path_point(s, ray.direction);
+        if (HAS_LOBES) {
+            // Photons carry the brightest part of lobes.
+            p.most = MOST_GATHERED;
+        }
         let squared = hit.distance * hit.distance;
         let vpls = vpls_at_point(p, squared, start.proposed, sobol_2d(start.index, hash2(code, 2u)));
         let most = MOST_BOUND * start.proposed;

@@ -45,15 +45,13 @@ fn shines_of(vpl: Vpl, reach: vec4f, at: Receivers) -> Shines {
 }
 
 // Returns the flux towards the four pixels, rows of red, green, blue.
-fn fluxes_of(vpl: Vpl, reach: vec4f, at: Receivers) -> mat3x4f {
-    if (!HAS_METALS) {
+fn fluxes_of(vpl: Vpl, at: Receivers) -> mat3x4f {
+    if (!HAS_LOBES) {
         return mat3x4f(vec4f(vpl.flux.r), vec4f(vpl.flux.g), vec4f(vpl.flux.b));
     }
     return transpose(mat4x3f(
-        flux_towards(vpl, at.a.position - vpl.position, reach.x),
-        flux_towards(vpl, at.b.position - vpl.position, reach.y),
-        flux_towards(vpl, at.c.position - vpl.position, reach.z),
-        flux_towards(vpl, at.d.position - vpl.position, reach.w)));
+        flux_towards(vpl, at.a.position - vpl.position), flux_towards(vpl, at.b.position - vpl.position),
+        flux_towards(vpl, at.c.position - vpl.position), flux_towards(vpl, at.d.position - vpl.position)));
 }
 
 // Gathers from the VPLs of some words of the pixels' class and stores the results.
@@ -78,7 +76,7 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
         while (bits != 0u) {
             let slot = slot_of(place.class_number, 32u * word + firstTrailingBit(bits));
             bits &= bits - 1u;
-            let vpl = load_vpl(slot);
+            let vpl = load_vpl_with_lobe(slot);
             // Skip a VPL that faces none of them.
             let bound = bound_of(vpl);
             let geometry = geometry_terms(vpl, bound, position, normal);
@@ -88,7 +86,7 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
             // Add the light that arrives. The near field takes its share of diffuse light only, not of the coats'.
             let term = geometry.terms * visibility(slot, vpl, at);
             let far = far_field_shares(slot, geometry.squared, at);
-            let flux = fluxes_of(vpl, geometry.squared + bound, at);
+            let flux = fluxes_of(vpl, at);
             let red = flux[0] * term;
             let green = flux[1] * term;
             let blue = flux[2] * term;

@@ -1,8 +1,9 @@
 // The light of one VPL at a surface point that a ray has hit, and the share of light that VPLs' bounds remove there. The
-// importing shader declares `params` with vpl_count. Errs by VPLs on metals, which light hits as if they were matte.
+// importing shader declares `params` with vpl_count. Errs blurry: the lobes of VPLs are widened by their distance.
 #import "deferred/hit_light.wgsl"
 #import "common/coat.wgsl"
 #import "many_light/vpl/table.wgsl"
+#import "many_light/vpl/lobe.wgsl"
 #import "many_light/gather/bound.wgsl"
 #import "many_light/near_field/share.wgsl"
 
@@ -32,7 +33,7 @@ fn vpls_at_point(p: PathPoint, squared_distance: f32, reach: f32, u: vec2f) -> V
     var weights = 0.0;
     for (var k = 0u; k < CANDIDATES; k += 1u) {
         let slot = min(u32((f32(k) + u.x) / f32(CANDIDATES) * f32(params.vpl_count)), params.vpl_count - 1u);
-        let vpl = load_vpl(slot);
+        var vpl = load_vpl_with_lobe(slot);
         let way = vpl.position - p.surface.position;
         let squared = dot(way, way);
         let bound = bound_of(vpl);
@@ -48,7 +49,10 @@ fn vpls_at_point(p: PathPoint, squared_distance: f32, reach: f32, u: vec2f) -> V
         let leaving = max(-dot(way, vpl.normal), 0.0);
         let arriving = max(dot(way, p.surface.normal), 0.0);
         let geometry = leaving * arriving / max(squared * (squared + bound), 1e-37);
-        let weight = luminance(vpl.flux) * geometry;
+        // A candidate stands for its part of all VPLs: widen its lobe as much.
+        vpl.area *= f32(params.vpl_count) / f32(CANDIDATES);
+        let flux = widened_flux_towards(vpl, -way, squared + bound);
+        let weight = luminance(flux) * geometry;
         if (weight > 0.0) {
             // Keep this candidate with the probability weight / sum, and use the random number again.
             sum += weight;
@@ -56,7 +60,7 @@ fn vpls_at_point(p: PathPoint, squared_distance: f32, reach: f32, u: vec2f) -> V
             let takes = random < share;
             random = select((random - share) / max(1.0 - share, 1e-7), random / share, takes);
             if (takes) {
-                color = vpl.flux / luminance(vpl.flux);
+                color = flux / luminance(flux);
                 chosen_way = way;
             }
         }

@@ -40,7 +40,7 @@ fn light_of(vpl: Vpl, near: f32, at: Receiver) -> VplLight {
     let leaving = max(dot(way, vpl.normal), 0.0);
     let arriving = max(-dot(way, at.normal), 0.0);
     let term = leaving * arriving / max(squared * reach, 1e-37);
-    let flux = flux_towards(vpl, way, reach) * term;
+    let flux = flux_towards(vpl, way) * term;
     let far = far_field_share(near, squared, at.near_radius);
     if (!HAS_COATS) {
         return VplLight(flux * far, vec3f(0.0), luminance(flux) * far);
@@ -72,7 +72,7 @@ fn draw_vpl(at: Receiver, begin: u32, class_number: u32, run: u32, wanted: f32) 
         while (bits != 0u && sum <= wanted) {
             let next = slot_of(class_number, 32u * word + firstTrailingBit(bits));
             bits &= bits - 1u;
-            let weight = light_of(load_vpl(next), load_near_share(next), at).weight;
+            let weight = light_of(load_vpl_with_lobe(next), load_near_share(next), at).weight;
             sum += weight;
             slot = select(slot, next, weight > 0.0);
         }
@@ -94,7 +94,7 @@ fn sum_weights(at: Receivers, begin: vec4u, class_number: u32, runs: ptr<functio
             while (bits != 0u) {
                 let slot = slot_of(class_number, 32u * word + firstTrailingBit(bits));
                 bits &= bits - 1u;
-                let vpl = load_vpl(slot);
+                let vpl = load_vpl_with_lobe(slot);
                 let near = load_near_share(slot);
                 let a = light_of(vpl, near, at.a);
                 let b = light_of(vpl, near, at.b);
@@ -162,10 +162,10 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
             draw_vpl(at.c, begin.z, class_number, places.run.z, left.z),
             draw_vpl(at.d, begin.w, class_number, places.run.w, left.w));
         // Trace the shadow rays.
-        let a = load_vpl(slots.x);
-        let b = load_vpl(slots.y);
-        let c = load_vpl(slots.z);
-        let d = load_vpl(slots.w);
+        let a = load_vpl_with_lobe(slots.x);
+        let b = load_vpl_with_lobe(slots.y);
+        let c = load_vpl_with_lobe(slots.z);
+        let d = load_vpl_with_lobe(slots.w);
         let visibility = vec4f(
             trace_shadow_rays(shadow_ray(at.a, a), shadow_ray(at.b, b)),
             trace_shadow_rays(shadow_ray(at.c, c), shadow_ray(at.d, d)));

@@ -27,7 +27,7 @@ fn store(texel: u32, packed: PackedVpl) {
     let first = vpl_words() * texel;
     rsm[first] = packed.place;
     rsm[first + 1u] = packed.light;
-    if (HAS_METALS) {
+    if (HAS_LOBES) {
         rsm[first + 2u] = packed.arriving;
         rsm[first + 3u] = packed.lobe;
     }

@@ -32,7 +32,7 @@ fn load_resampled(slot: u32) -> Vpl {
     var packed: PackedVpl;
     packed.place = textureLoad(resampled, vpl_texel(first));
     packed.light = textureLoad(resampled, vpl_texel(first + 1u));
-    if (HAS_METALS) {
+    if (HAS_LOBES) {
         packed.arriving = textureLoad(resampled, vpl_texel(first + 2u));
         packed.lobe = textureLoad(resampled, vpl_texel(first + 3u));
     }
@@ -66,7 +66,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
         let first = vpl_words() * slot;
         textureStore(vpls, vpl_texel(first), packed.place);
         textureStore(vpls, vpl_texel(first + 1u), packed.light);
-        if (HAS_METALS) {
+        if (HAS_LOBES) {
             textureStore(vpls, vpl_texel(first + 2u), packed.arriving);
             textureStore(vpls, vpl_texel(first + 3u), packed.lobe);
         }

@@ -14,7 +14,7 @@ fn load_candidate(index: u32, texels: u32) -> Vpl {
         let first = vpl_words() * index;
         packed.place = rsm[first];
         packed.light = rsm[first + 1u];
-        if (HAS_METALS) {
+        if (HAS_LOBES) {
             packed.arriving = rsm[first + 2u];
             packed.lobe = rsm[first + 3u];
         }
@@ -23,7 +23,7 @@ fn load_candidate(index: u32, texels: u32) -> Vpl {
     let first = vpl_words() * (index - texels);
     packed.place = light_paths[first];
     packed.light = light_paths[first + 1u];
-    if (HAS_METALS) {
+    if (HAS_LOBES) {
         packed.arriving = light_paths[first + 2u];
         packed.lobe = light_paths[first + 3u];
     }

@@ -11,6 +11,7 @@
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
 #import "many_light/vpl/reflect.wgsl"
+#import "many_light/vpl/lobe.wgsl"
 #import "many_light/points/table.wgsl"
 
 @group(1) @binding(12) var<storage, read_write> light_paths: array<vec4u>;
@@ -36,7 +37,7 @@ fn store(path: u32, vertex: u32, v: Vpl) {
     let first = vpl_words() * (vertex * params.paths + path);
     light_paths[first] = packed.place;
     light_paths[first + 1u] = packed.light;
-    if (HAS_METALS) {
+    if (HAS_LOBES) {
         light_paths[first + 2u] = packed.arriving;
         light_paths[first + 3u] = packed.lobe;
     }
@@ -90,9 +91,8 @@ fn sky_vertex(point: SurfacePoint, area: f32, u: vec2f, choice: vec2f) -> Vpl {
         // Divide by the probability of the side, 1/2.
         let inverse_density = 2.0 * area * cosine / density;
         v.flux = point.albedo * radiance * inverse_density;
-        if (HAS_METALS && materials[load_triangle(point.triangle).material].metallic > 0.0) {
-            let s = surface_of_point(point, -direction);
-            v = reflect_flux(s, -direction, radiance * inverse_density, area, 0.0);
+        if (HAS_COATS) {
+            v = reflect_flux(surface_of_point(point, -direction), -direction, radiance * inverse_density, area, 0.0);
         }
     }
     return v;
@@ -137,36 +137,25 @@ fn first_vertex(path: u32, index: u32) -> FirstVertex {
     let count = f32(params.paths - params.sky_paths) / (1.0 - scene.environment_pdf);
     let v = light_vertex(light, count, choices.y, u_point, u_direction);
     var candidate = v;
-    candidate.flux = select(v.flux, vec3f(0.0), light.kind <= KIND_SUN);
+    if (light.kind <= KIND_SUN) {
+        candidate = scale_vpl(v, 0.0);
+    }
     return FirstVertex(v, candidate);
 }
 
-// A path's next segment.
-struct Sent {
-    direction: vec3f,
-    flux: vec3f,       // W, over the density of the direction
-}
-
-// Draws the direction in which a path leaves a vertex: by the cosine, or by a metal's lobe; `choice` in [0, 1) picks
+// Draws the direction in which a path leaves a vertex: by the cosine, or by a coat's lobe; `choice` in [0, 1) picks
 // one by its flux.
 fn send_on(v: Vpl, choice: f32, u: vec2f) -> Sent {
-    var wide = 1.0;  // probability
-    if (HAS_METALS && v.lobe.roughness > 0.0) {
-        wide = luminance(v.flux * v.lobe.wide) / max(luminance(v.flux), 1e-37);
-        if (choice >= wide) {
-            let alpha = v.lobe.roughness * v.lobe.roughness;
-            let coat = Brdf(vec3f(0.0), alpha, v.lobe.f0, true, vec3f(0.0), no_coat());
-            let frame = frame_from_normal(v.lobe.normal);
-            let drawn = sample_brdf(coat, v.lobe.to_light * frame, u, 0.0);
-            let direction = frame * drawn.w_i;
-            // Light, unlike importance, leaves by the cosine with the geometric normal (Veach 1997, section 5.3.2).
-            let cosine = dot(v.normal, direction);
-            let share = select(0.0, cosine / (drawn.w_i.z * (1.0 - wide)), cosine > 0.0 && drawn.pdf > 0.0);
-            return Sent(direction, v.lobe.arriving * drawn.weight * share);
+    var diffuse = 1.0;  // probability
+    if (HAS_LOBES && v.lobe.roughness > 0.0) {
+        diffuse = luminance(v.flux) / max(luminance(total_flux(v)), 1e-37);
+        if (choice >= diffuse) {
+            let sent = send_by_lobe(v, u);
+            return Sent(sent.direction, sent.flux / (1.0 - diffuse));
         }
     }
     let direction = frame_from_normal(v.normal) * sample_cosine_hemisphere(u);
-    return Sent(direction, v.flux * select(vec3f(1.0), v.lobe.wide / max(wide, 1e-6), v.lobe.roughness > 0.0));
+    return Sent(direction, v.flux / max(diffuse, 1e-6));
 }
 
 @compute @workgroup_size(64)
@@ -191,7 +180,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var vertex = 1u;
     var last_sum = 0.0;  // luminance of the flux of all vertices that the last candidate stands for
     while (vertex < params.bounces) {
-        let brightest = max3(v.flux);
+        let brightest = max3(total_flux(v));
         if (brightest <= 0.0) {
             break;
         }
@@ -207,7 +196,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         flux = sent.flux / survival;
         let start = v.position + v.normal * ray_offset(v.normal, surface_terms(v.position));
         let ray = Ray(start, sent.direction);
-        v.flux = vec3f(0.0);
+        v = scale_vpl(v, 0.0);
         if (max3(flux) <= 0.0) {
             break;
         }
@@ -218,9 +207,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         v = reflect_flux(surface_at(hit, ray.direction), ray.direction, flux, later_area, 1.0 / hit.distance);
         if (vertex < last) {
             store(path, vertex, v);
-        } else if (max3(v.flux) > 0.0) {
+        } else if (max3(total_flux(v)) > 0.0) {
             // Replace the last candidate in proportion to the flux.
-            let weight = luminance(v.flux);
+            let weight = luminance(total_flux(v));
             last_sum += weight;
             if (random.y * last_sum < weight) {
                 kept = v;
@@ -229,11 +218,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         vertex += 1u;
     }
     if (last_sum > 0.0) {
-        let share = last_sum / luminance(kept.flux);
+        let share = last_sum / luminance(total_flux(kept));
         store(path, last, scale_vpl(kept, share));
     }
     // Leave the other candidates black.
-    v.flux = vec3f(0.0);
+    v = scale_vpl(v, 0.0);
     vertex = select(vertex, vertices, last_sum > 0.0);
     for (; vertex < vertices; vertex += 1u) {
         store(path, vertex, v);

@@ -1,5 +1,4 @@
-// The VPL of light that arrives at a surface. Metals reflect by their lobe. What the coats of other materials reflect
-// leaves as diffuse, so these have no caustics.
+// The VPL of light that arrives at a surface. Coats have a lobe; what they scatter more than once leaves like diffuse light.
 #import "scene/surface.wgsl"
 #import "many_light/vpl/vpl.wgsl"
 #import "common/random.wgsl"
@@ -30,12 +29,13 @@ fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32, nearness: 
     let ratio = min(shading / geometric, MAX_SHADING_RATIO);
     let is_lit = (s.flags & UNLIT) == 0u;
     let b = surface_brdf(s);
-    let reflectance = directional_reflectance(b, shading);
-    let reflected = flux * reflectance * ratio;
-    var v = Vpl(s.position, normal, select(vec3f(0.0), reflected, is_lit), area, no_lobe());
-    if (HAS_METALS && b.glossy && s.metallic > 0.0) {
-        let wide = wide_reflectance(b, shading) / max(reflectance, vec3f(1e-6));
-        v.lobe = VplLobe(sqrt(b.alpha), flux * ratio, -direction, nearness, s.unbent_normal, b.f0, wide);
+    let arriving = select(vec3f(0.0), flux * ratio, is_lit);
+    if (HAS_LOBES && b.glossy) {
+        let entry = load_ambient_albedo(shading, b.alpha);
+        let lobe = fresnel_schlick(b.f0, entry.y) * entry.x * arriving;
+        return Vpl(
+            s.position, normal, arriving * wide_reflectance(b, shading), area,
+            VplLobe(sqrt(b.alpha), arriving, -direction, nearness, s.unbent_normal, b.f0, lobe));
     }
-    return v;
+    return Vpl(s.position, normal, arriving * directional_reflectance(b, shading), area, no_lobe());
 }

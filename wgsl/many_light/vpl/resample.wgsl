@@ -104,7 +104,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let texel = vpl_words() * slot;
     textureStore(vpls, vpl_texel(texel), packed.place);
     textureStore(vpls, vpl_texel(texel + 1u), packed.light);
-    if (HAS_METALS) {
+    if (HAS_LOBES) {
         textureStore(vpls, vpl_texel(texel + 2u), packed.arriving);
         textureStore(vpls, vpl_texel(texel + 3u), packed.lobe);
     }

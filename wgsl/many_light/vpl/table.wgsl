@@ -10,12 +10,21 @@ fn vpl_texel(index: u32) -> vec2u {
     return vec2u(index % VPL_TABLE_WIDTH, index / VPL_TABLE_WIDTH);
 }
 
+// Returns a VPL without its lobe.
 fn load_vpl(slot: u32) -> Vpl {
     let first = vpl_words() * slot;
     var packed: PackedVpl;
     packed.place = textureLoad(vpl_table, vpl_texel(first));
     packed.light = textureLoad(vpl_table, vpl_texel(first + 1u));
-    if (HAS_METALS) {
+    return unpack_vpl(packed);
+}
+
+fn load_vpl_with_lobe(slot: u32) -> Vpl {
+    let first = vpl_words() * slot;
+    var packed: PackedVpl;
+    packed.place = textureLoad(vpl_table, vpl_texel(first));
+    packed.light = textureLoad(vpl_table, vpl_texel(first + 1u));
+    if (HAS_LOBES) {
         packed.arriving = textureLoad(vpl_table, vpl_texel(first + 2u));
         packed.lobe = textureLoad(vpl_table, vpl_texel(first + 3u));
     }

@@ -1,18 +1,18 @@
 // A virtual point light (VPL): a surface point that reflects light like a diffuse emitter (Keller 1997, "Instant
-// Radiosity"); metals also have a lobe (`lobe.wgsl`).
+// Radiosity"); coats also have a lobe (`lobe.wgsl`), whose light photons carry (`many_light/photons`).
 #import "common/math.wgsl"
 
-override HAS_METALS: bool = true;  // compiled out where no material is metallic
+override HAS_LOBES: bool = true;  // compiled out where no VPL has a lobe
 
 struct Vpl {
     position: vec3f,  // metres relative to the scene's origin
     normal: vec3f,    // unit, geometric, on the side that it lights
-    flux: vec3f,      // W, reflected; without a lobe, intensity in a direction w is flux / pi * max(dot(normal, w), 0)
+    flux: vec3f,      // W, without that of the lobe: intensity in a direction w is flux / pi * max(dot(normal, w), 0)
     area: f32,        // m2, of the surface that it represents
     lobe: VplLobe,
 }
 
-// The GGX lobe of a metal.
+// A GGX lobe: what a coat scatters once.
 struct VplLobe {
     roughness: f32,   // 0: no lobe
     arriving: vec3f,  // W, flux that the surface receives
@@ -20,10 +20,10 @@ struct VplLobe {
     nearness: f32,    // 1/m, inverse distance of the light
     normal: vec3f,    // unit, shading
     f0: vec3f,        // reflectance at normal incidence
-    wide: vec3f,      // share of the flux that does not leave by the lobe: diffuse, or scattered more than once
+    flux: vec3f,      // W, reflected by the lobe
 }
 
-// A VPL in memory: position and normal, flux and area; in scenes with metals also the lobe.
+// A VPL in memory: position and normal, flux and area; in scenes with lobes also the lobe.
 struct PackedVpl {
     place: vec4u,
     light: vec4u,
@@ -33,23 +33,24 @@ struct PackedVpl {
 
 // Returns the number of vec4u of a packed VPL.
 fn vpl_words() -> u32 {
-    return select(2u, 4u, HAS_METALS);
+    return select(2u, 4u, HAS_LOBES);
 }
 
 fn no_lobe() -> VplLobe {
-    return VplLobe(0.0, vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0), vec3f(0.0), vec3f(1.0));
+    return VplLobe(0.0, vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0), vec3f(0.0), vec3f(0.0));
 }
 
 fn unpack_vpl(p: PackedVpl) -> Vpl {
     var v = Vpl(
         bitcast<vec3f>(p.place.xyz), octahedral_decode(unpack2x16snorm(p.place.w)), bitcast<vec3f>(p.light.xyz),
         bitcast<f32>(p.light.w), no_lobe());
-    if (HAS_METALS) {
+    if (HAS_LOBES) {
         let reflectance = unpack4x8unorm(p.lobe.x);
+        let arriving = bitcast<vec3f>(p.arriving.xyz);
         v.lobe = VplLobe(
-            reflectance.w, bitcast<vec3f>(p.arriving.xyz), octahedral_decode(unpack2x16snorm(p.arriving.w)),
+            reflectance.w, arriving, octahedral_decode(unpack2x16snorm(p.arriving.w)),
             bitcast<f32>(p.lobe.w), octahedral_decode(unpack2x16snorm(p.lobe.z)), reflectance.rgb,
-            unpack4x8unorm(p.lobe.y).rgb);
+            arriving * unpack4x8unorm(p.lobe.y).rgb);
     }
     return v;
 }
@@ -58,11 +59,11 @@ fn pack_vpl(v: Vpl) -> PackedVpl {
     var p = PackedVpl(
         vec4u(bitcast<vec3u>(v.position), pack2x16snorm(octahedral_encode(v.normal))),
         vec4u(bitcast<vec3u>(v.flux), bitcast<u32>(v.area)), vec4u(0u), vec4u(0u));
-    if (HAS_METALS && v.lobe.roughness > 0.0) {
+    if (HAS_LOBES && v.lobe.roughness > 0.0) {
         let l = v.lobe;
         p.arriving = vec4u(bitcast<vec3u>(l.arriving), pack2x16snorm(octahedral_encode(l.to_light)));
         p.lobe = vec4u(
-            pack4x8unorm(vec4f(l.f0, max(l.roughness, 1.0 / 255.0))), pack4x8unorm(vec4f(l.wide, 0.0)),
+            pack4x8unorm(vec4f(l.f0, max(l.roughness, 1.0 / 255.0))), pack4x8unorm(vec4f(l.flux / max(l.arriving, vec3f(1e-37)), 0.0)),
             pack2x16snorm(octahedral_encode(l.normal)), bitcast<u32>(l.nearness));
     }
     return p;
@@ -74,5 +75,11 @@ fn scale_vpl(v: Vpl, share: f32) -> Vpl {
     scaled.flux *= share;
     scaled.area *= share;
     scaled.lobe.arriving *= share;
+    scaled.lobe.flux *= share;
     return scaled;
+}
+
+// Returns the reflected flux, W, that of the lobe included.
+fn total_flux(v: Vpl) -> vec3f {
+    return v.flux + v.lobe.flux;
 }
