@@ -47,14 +47,20 @@ def declare_offscreen(
     rays = min(rays, most_rays(graph, width * height))
     cache = declare_cache(graph, width * height * rays)
     surfels = levels.surfels[levels.first]
+    shown = {"visibility": gbuffer.visibility, "distance": gbuffer.distance}
     graph.compute(
         "ssil/offscreen_rays",
         RAYS,
         over=(width, height),
-        reads={**scene.surfaces, "surfels": surfels, "distance": gbuffer.distance},
+        reads={
+            **scene.surfaces,
+            **shown,
+            "surfels": surfels,
+            "fine_surfels": levels.surfels[0],
+        },
         writes={"hits": cache.hits, "table": cache.table, "requested": cache.requested},
         params={"seed": seed, "rays": rays},
-        constants=scene.constants(RAYS),
+        constants={**scene.constants(RAYS), "SQUARE": 1 << levels.first},
         clear=[cache.requested],
     )
     declare_update(graph, scene, cache, seed, direct_only=one_bounce)
@@ -69,25 +75,31 @@ def declare_offscreen(
         params={"rays": rays},
     )
     # Filter, and add to the light that is gathered from visible surfaces.
-    blurred = declare_filter(
-        graph, "ssil/offscreen", gbuffer, light, normals, RADIUS, LEVELS, frames=scene.frames, stride=1 << levels.first
+    _declare_sum(graph, scene, gbuffer, light, normals, 1 << levels.first, irradiance)
+    if fine is not None and fine.irradiance is not None:
+        _declare_unrepresented(graph, scene, gbuffer, cache, fine, fine.irradiance, seed, one_bounce)
+
+
+def _declare_sum(
+    graph: Graph, scene: SsilInputs, gbuffer: Gbuffer, light: Buffer, normals: Buffer, stride: int, irradiance: Buffer
+) -> None:
+    """Declare the filter of `light` and its addition to `irradiance`, both of the first level, W/m2."""
+    filtered = declare_filter(
+        graph, "ssil/offscreen", gbuffer, light, normals, RADIUS, LEVELS, frames=scene.frames, stride=stride
     ).light
     graph.compute(
         "ssil/offscreen_add",
         "ssil/offscreen/add.wgsl",
         over=(irradiance.count,),
-        reads={"offscreen": blurred},
+        reads={"offscreen": filtered},
         writes={"irradiance": irradiance},
     )
-    if fine is not None and fine.irradiance is not None:
-        _declare_unrepresented(graph, scene, gbuffer, levels, cache, fine, fine.irradiance, seed, one_bounce)
 
 
 def _declare_unrepresented(
     graph: Graph,
     scene: SsilInputs,
     gbuffer: Gbuffer,
-    levels: Levels,
     cache: RadianceCache,
     fine: Upsampling,
     irradiance: Buffer,
@@ -103,7 +115,7 @@ def _declare_unrepresented(
             **scene.surfaces,
             **scene.lights,
             **fine.guide.list_reads,
-            "surfels": levels.surfels[0],
+            "visibility": gbuffer.visibility,
             "distance": gbuffer.distance,
             "table": cache.table,
             "cells": cache.cells,

@@ -1,5 +1,6 @@
 // The ray by which a pixel looks for light that no pixel shows, and what it hits.
 #import "shared/gbuffer/in_picture.wgsl"
+#import "shared/gbuffer/visible_surface.wgsl"
 #import "shared/radiance_cache/reflectance.wgsl"
 #import "scene/trace.wgsl"
 #import "common/random.wgsl"
@@ -13,13 +14,19 @@ struct OffscreenHit {
     reflectance: vec3f,
 }
 
-// Returns what a ray from a surfel at `position`, metres, hits; `direction`: unit.
-fn offscreen_hit(position: vec3f, direction: vec3f) -> OffscreenHit {
-    // Surfels have no geometric normal, so the origin moves along the ray, as that of `gather_exact.wgsl`.
-    let offset = 20.0 * ray_offset(ANY_NORMAL, pixel_terms(position));
+// Returns the surface that a pixel of the picture shows; it must show one.
+fn shown_surface(pixel: vec2u) -> Surface {
+    let seen = load_visibility(pixel);
+    let triangle = load_triangle(seen.x);
+    let ray = pixel_ray(pixel);
+    return surface_on(triangle, hit_on_triangle(ray, triangle, seen.x, seen.y), ray.direction);
+}
+
+// Returns what a ray from a surface hits; `direction`: unit.
+fn offscreen_hit(start: Surface, direction: vec3f) -> OffscreenHit {
     var found: OffscreenHit;
     found.direction = direction;
-    found.hit = trace(Ray(position + direction * offset, direction), FLOAT_MAX);
+    found.hit = trace(Ray(leave_surface(start, direction), direction), FLOAT_MAX);
     if (found.hit.triangle == NONE) {
         return found;
     }

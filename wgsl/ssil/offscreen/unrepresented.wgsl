@@ -1,15 +1,13 @@
 // One invocation adds the irradiance that rays bring to an unrepresented pixel from surfaces that no pixel shows.
 //
-// E = sum rho E_hit / RAYS, E_hit of the radiance cache or, where it has none, of a path. In: list of pixels, surfels of
-// the picture, cells, scene. Out: irradiance, W/m2. Errs blurry, by the side of a cell; the light is not filtered over
+// E = sum rho E_hit / RAYS, E_hit of the radiance cache or, where it has none, of a path. In: list of pixels,
+// visibility, cells, scene. Out: irradiance, W/m2. Errs blurry, by the side of a cell; the light is not filtered over
 // neighbours, which lie on other surfaces.
 #import "scene/sequence.wgsl"
-#import "ssil/surfel.wgsl"
 #import "ssil/offscreen/ray.wgsl"
 #import "shared/radiance_cache/irradiance.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 
-@group(1) @binding(11) var surfels: texture_2d<u32>;
 @group(1) @binding(12) var<storage, read_write> irradiance: array<vec4f>;
 @group(1) @binding(19) var<uniform> params: Params;
 @group(1) @binding(25) var<storage, read> cells: array<Cell>;
@@ -42,15 +40,14 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     let count = unrepresented_count();
     for (var slot = id.x; slot < count; slot += groups.x * LIST_GROUP) {
         let pixel = unrepresented[slot];
-        let texel = textureLoad(surfels, vec2u(pixel % view.size.x, pixel / view.size.x), 0);
-        let position = view.position + surfel_position(texel);
-        let frame = frame_from_normal(surfel_normal(texel));
+        let start = shown_surface(vec2u(pixel % view.size.x, pixel / view.size.x));
+        let frame = frame_from_normal(start.normal);
         let seed = hash2(pixel, params.seed);
         var sum = vec3f(0.0);
         for (var k = 0u; k < RAYS; k += 1u) {
             let index = sequence.index * RAYS + k;
             let local = sample_cosine_hemisphere(sobol_2d(index, hash2(DIRECTION_PAIR, seed)));
-            let found = offscreen_hit(position, frame * local);
+            let found = offscreen_hit(start, frame * local);
             if (found.hit.triangle != NONE) {
                 sum += found.reflectance * irradiance_at(found, index, seed);
             }
