@@ -46,6 +46,7 @@ def declare_ssil(graph: Graph, settings: SsilOptions, scene: SsilInputs) -> Ligh
             settings.ssil,
             settings.voxels,
             settings.temporal,
+            settings.denoise,
             scene,
             gbuffer,
             base.motion,

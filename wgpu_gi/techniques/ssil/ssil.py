@@ -14,6 +14,7 @@ from ...gpu.handles import Buffer
 from ...records import KnownAttributes
 from ...settings import setting
 from ..deferred.environment import Ambient
+from ..shared.denoise import DenoiseSettings
 from ..shared.gbuffer import Gbuffer
 from ..shared.temporal import TemporalSettings
 from ..shared.upsample import declare_upsampling
@@ -23,7 +24,7 @@ from .inputs import SsilInputs
 from .levels import declare_levels, level_buffer
 from .light import SentLight, declare_feedback, declare_reflected_light, declare_sent_light
 from .offscreen import declare_offscreen
-from .shade import declare_guides, declare_shading
+from .shade import declare_denoised, declare_guides, declare_shading
 from .voxels import Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
@@ -111,6 +112,7 @@ def declare_bounces(
     settings: SsilSettings,
     voxel_settings: VoxelSettings,
     temporal: TemporalSettings,
+    denoise: DenoiseSettings,
     scene: SsilInputs,
     gbuffer: Gbuffer,
     motion: Buffer,
@@ -162,7 +164,8 @@ def declare_bounces(
     glossy = declare_glossy(
         graph, scene, gbuffer, ambient, direct, before, settings.glossy_samples, seed, full=levels.first == 0
     )
-    return declare_shading(graph, temporal, scene, gbuffer, motion, levels, irradiance, glossy, fine)
+    denoised = declare_denoised(graph, denoise, gbuffer, levels, irradiance, scene.frames)
+    return declare_shading(graph, temporal, scene, gbuffer, motion, levels, denoised, glossy, fine)
 
 
 def _declare_first_bounce(

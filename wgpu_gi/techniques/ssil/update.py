@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from ..deferred.update import DeferredOptions, deferred_inputs
+from ..shared.denoise import DenoiseSettings
 from ..shared.radiance_cache import note_changes
 from ..shared.technique import Shot
 from ..shared.temporal import TemporalSettings
@@ -21,6 +22,7 @@ class SsilOptions(DeferredOptions, Protocol):
     ssil: SsilSettings
     voxels: VoxelSettings
     temporal: TemporalSettings
+    denoise: DenoiseSettings
 
 
 def ssil_inputs(shot: Shot, settings: SsilOptions) -> SsilInputs:
