@@ -20,7 +20,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         cell.drawn = select(0u, cell.drawn, updates > 0u) + 1u;
         updates = min(updates + 1u, MOST_UPDATES);
         let update = select(vec3f(0.0), cell.update, is_finite(cell.update));
-        cell.irradiance += (update - cell.irradiance) / f32(updates);
+        // The first update replaces what is there.
+        let before = select(vec3f(0.0), cell.irradiance, updates > 1u);
+        cell.irradiance = before + (update - before) / f32(updates);
         unused = 0u;
         table[2u * id.x + 1u] = 0u;
     }
