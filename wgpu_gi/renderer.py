@@ -287,7 +287,7 @@ class Renderer(KnownAttributes):
 
     def plan(self) -> Table:
         """Return a table of the passes of the last frame that ran any: what each did, and why."""
-        return table(self._gpu.graph.plan(self._ran)) if self._ran else Table("")
+        return table(self._gpu.graph.plan(self._ran, counts=True)) if self._ran else Table("")
 
     def timings(self) -> Table:
         """Return the median milliseconds of each pass that was measured, as a text table."""

@@ -14,7 +14,7 @@ from . import attachments, bindings, checks
 from .bindings import Over
 from .declare_resources import ResourceDeclarations
 from .handles import Buffer, Shared, Texture, View
-from .passes import Pass, RasterState, Use
+from .passes import Count, Pass, RasterState, Use
 from .timing import Timing
 from .wgsl.load import ShaderSource, load
 from .wgsl.module import EntryPoint
@@ -29,6 +29,7 @@ class PassDeclarations(ResourceDeclarations):
         self.passes: dict[str, Pass] = {}
         self.planned: dict[str, Pass | str] = {}  # in order of declaration: a pass, or why it is skipped
         self.timing = Timing(device)
+        self.counts: dict[str, Count] = {}  # by the names of passes
         self._declaring = False
         self._old_passes: dict[str, Pass] = {}
 
@@ -148,6 +149,13 @@ class PassDeclarations(ResourceDeclarations):
         """Record for the plan why a pass is not declared: "no alpha-masked material"."""
         self._check_new_pass(name, f"pass {name!r}", "skipped")
         self.planned[name] = reason
+
+    def count(self, name: str, buffer: Buffer, part: int, whole: int, of: str) -> None:
+        """Record for the plan which share of `of`, such as "directions", a pass works on.
+
+        The words `part` and `whole` of the buffer, of u32, are the two numbers on the GPU.
+        """
+        self.counts[name] = Count(buffer, part, whole, of)
 
     def _check_new_pass(self, name: str, where: str, what: str = "declared") -> None:
         if not self._declaring:

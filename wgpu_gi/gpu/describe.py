@@ -26,15 +26,23 @@ class Row:
     bytes: int
 
 
-def plan(planned: Mapping[str, Pass | str], last_run: Mapping[str, Stale], timing: Timing) -> list[Row]:
+def plan(
+    planned: Mapping[str, Pass | str], last_run: Mapping[str, Stale], timing: Timing, shares: Mapping[str, str]
+) -> list[Row]:
     """Describe what each declared pass did in a run, in the order of declaration.
 
-    `planned` maps each name to the pass or to why it was not declared; `last_run` holds why each pass ran.
+    `planned` maps each name to the pass or to why it was not declared; `last_run` holds why each pass ran; `shares` has
+    texts of `share`.
     """
-    return [_row(name, what, last_run.get(name), timing) for name, what in planned.items()]
+    return [_row(name, what, last_run.get(name), timing, shares.get(name, "")) for name, what in planned.items()]
 
 
-def _row(name: str, what: Pass | str, stale: Stale | None, timing: Timing) -> Row:
+def share(part: int, whole: int, of: str) -> str:
+    """Describe a share: "64 % of 7,200 directions"."""
+    return f"{part / max(whole, 1):.0%} of {whole:,} {of}".replace("%", " %")
+
+
+def _row(name: str, what: Pass | str, stale: Stale | None, timing: Timing, share_of_work: str) -> Row:
     if isinstance(what, str):
         return Row(name, "culled", what, None, None, 0)
     if not what.active:
@@ -43,6 +51,8 @@ def _row(name: str, what: Pass | str, stale: Stale | None, timing: Timing) -> Ro
         state, reason = "ran", stale.reason
     else:
         state, reason = "kept", f"inputs unchanged: {', '.join(_inputs(what)) or 'it has none'}"
+    if share_of_work:
+        reason = f"{share_of_work}; {reason}"
     return Row(name, state, reason, timing.median(name), timing.p95(name), what.bytes)
 
 

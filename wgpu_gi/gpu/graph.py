@@ -52,7 +52,7 @@ class Graph(PassDeclarations):
         self._old_resources = self.resources | self._old_resources
         self._old_passes = self.passes | self._old_passes
         self.resources = {name: r for name, r in self.resources.items() if isinstance(r, Shared)}
-        self.passes, self.planned, self.order = {}, {}, []
+        self.passes, self.planned, self.counts, self.order = {}, {}, {}, []
         self.size = (int(size[0]), int(size[1]))
         self._declaring = True
 
@@ -155,12 +155,17 @@ class Graph(PassDeclarations):
         level = mip if view.mip is None else view.mip
         return transfer.read_back(self.device.gpu, view, level)
 
-    def plan(self, ran: Mapping[str, schedule.Stale] | None = None) -> list[describe.Row]:
+    def plan(self, ran: Mapping[str, schedule.Stale] | None = None, *, counts: bool = False) -> list[describe.Row]:
         """Return what each pass did in the last run, or in the run whose `last_run` was `ran`.
 
-        `describe.table` prints it.
+        `describe.table` prints it. counts: read back which shares passes worked on; waits for the GPU.
         """
-        return describe.plan(self.planned, self.last_run if ran is None else ran, self.timing)
+        shares = {}
+        for name, count in self.counts.items():
+            if counts and self.passes[name].active:
+                words = transfer.read_words(self.device.gpu, count.buffer, max(count.part, count.whole) + 1)
+                shares[name] = describe.share(int(words[count.part]), int(words[count.whole]), count.of)
+        return describe.plan(self.planned, self.last_run if ran is None else ran, self.timing, shares)
 
     def release(self) -> None:
         """Destroy all that the graph allocated, except shared resources. A new declaration may follow."""
@@ -184,6 +189,7 @@ class Graph(PassDeclarations):
             self.planned,
             self._old_passes,
             self.uniforms,
+            self.counts,
         ):
             known.clear()
         self.order, self._linked = [], None

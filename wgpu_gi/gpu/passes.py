@@ -81,6 +81,16 @@ class PassState:
         self.params_buffer, self.params_on_gpu = None, ()
 
 
+@dataclass(frozen=True)
+class Count:
+    """Where the GPU keeps two numbers for the plan: words `part` and `whole` of a buffer of u32, numbers of `of`."""
+
+    buffer: Buffer
+    part: int
+    whole: int
+    of: str
+
+
 @dataclass(eq=False)
 class Pass:
     """A compute or raster pass as declared.

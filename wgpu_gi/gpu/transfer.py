@@ -39,6 +39,11 @@ def read_back(gpu: Any, view: View, mip: int) -> np.ndarray:
     return _read_texture(gpu, item, resource.format, resource.mip_size(mip), first, count, mip)
 
 
+def read_words(gpu: Any, buffer: Buffer, count: int) -> np.ndarray:
+    """Return the first `count` u32 of a buffer."""
+    return np.frombuffer(gpu.queue.read_buffer(buffer.object(), 0, 4 * count), np.uint32)
+
+
 def _read_texture(
     gpu: Any, texture: Any, format: Format, size: tuple[int, int], first: int, layers: int, mip: int
 ) -> np.ndarray:

@@ -18,6 +18,7 @@ from .search_request import SearchRequest, SearchResult
 
 SHADER = "ssdo/rays.wgsl"
 ESCAPED = "ssdo/escaped.wgsl"
+UNDECIDED_WORD, SEARCHED_WORD = 3, 4  # of the list: numbers of undecided and of all directions
 UNREPRESENTED = "ssdo/unrepresented"  # name of the search from unrepresented pixels
 LIST_START = int(load("ssdo/undecided_list.wgsl").constants["LIST_START"])
 
@@ -68,6 +69,7 @@ def declare_rays(
         },
         uniforms=uniforms,
     )
+    graph.count(f"{name}_rays", undecided, UNDECIDED_WORD, SEARCHED_WORD, "directions")
     if share is None:
         return
     whole = graph.neutral("buffer") if unoccluded is None else unoccluded
