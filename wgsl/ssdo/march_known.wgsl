@@ -20,7 +20,7 @@ fn distance_to_border(position: vec3f, way: vec3f) -> f32 {
 }
 
 // Returns the hit where a direction meets the surface that hides its point at a pixel, or UNKNOWN_HIT if it passes behind
-// that surface. `way`: unit, of the world.
+// that surface or if the picture does not tell what the surface sends that way. `way`: unit, of the world.
 fn find_crossing(position: vec3f, way: vec3f, hidden_at: vec2u) -> u32 {
     var pixel = hidden_at;
     for (var k = 0u; k < CROSSING_STEPS; k += 1u) {
@@ -39,7 +39,7 @@ fn find_crossing(position: vec3f, way: vec3f, hidden_at: vec2u) -> u32 {
         }
         let there = shown_surface(next);
         if (is_on_surface(there, point) && dot(there.normal, way) < 0.0) {
-            return pack_hit(next, 0u);
+            return select(UNKNOWN_HIT, pack_hit(next, 0u), there.is_matte);
         }
         pixel = next;
     }

@@ -1,6 +1,6 @@
 // One invocation traces an undecided direction through the scene's hierarchy: it leaves the scene, or hits a surface.
 //
-// A hit that the picture shows becomes a hit of its pixel. Other hits get the radiance that they reflect back along the
+// A hit on a matte surface that the picture shows becomes a hit of its pixel. Other hits get the radiance that they reflect back along the
 // ray, L = sum f_r L_i cos, from a sample of the lights with a shadow ray (`deferred/hit_light.wgsl`). In: G-buffer,
 // scene, the list of undecided directions. Out: their entries in `hits`; L in W/(m2 sr), 8 bits a channel. Exact but for
 // L, which errs by what `hit_light.wgsl` leaves out.
@@ -22,14 +22,14 @@ struct Params {
 const LIGHT_SEED: u32 = 0x27d4eb2fu;  // sets the sequences of lights apart from those of directions
 const BLOCK: u32 = 4u;                // pixels on a side of a block that shares a low-discrepancy sequence
 
-// Returns the pixel that shows a point of a surface, or `view.size`. `side`: geometric normal on the ray's side.
+// Returns the pixel that shows a point of a matte surface, or `view.size`. `side`: geometric normal on the ray's side.
 fn pixel_showing(point: vec3f, side: vec3f) -> vec2u {
     let pixel = pixel_of_point(point);
     if (any(pixel >= view.size)) {
         return view.size;
     }
     let shown = shown_surface(pixel);
-    return select(view.size, pixel, is_on_surface(shown, point) && dot(shown.normal, side) > 0.0);
+    return select(view.size, pixel, shown.is_matte && is_on_surface(shown, point) && dot(shown.normal, side) > 0.0);
 }
 
 // Returns the radiance that a hit reflects; `index`: of its direction in `hits`, `pixel`: that it leaves.
