@@ -1,6 +1,6 @@
 // One invocation gathers the light that surfaces around a receiver reflect to it: E = pi / N sum_k L(q_k) over the
 // directions that hit a surface, q_k; and what its coat reflects, L_coat = 1 / M sum_j f_j cos_j L(q_j) / p_j, over
-// directions drawn from the coat with the density p.
+// directions drawn from the coat with the density p, or from the others if the coat is wide.
 //
 // Ritschel et al. 2009, section 3: L_pixel cos_s cos_r A / d^2. Departures: A is the area that the direction's solid
 // angle dw cuts out of the sender, A = dw d^2 / cos_s; the paper uses pi r_max^2 / N times a strength set by hand. A
@@ -76,6 +76,19 @@ fn gather(pixel: vec2u, slot: u32) -> vec3f {
     return sum * (PI * select(1.0, 2.0, SAMPLE_ENVIRONMENT) / f32(max(DIRECTIONS, 1u)));
 }
 
+// Returns what a wide coat reflects of the light along directions drawn by the cosine, W/(m2 sr).
+fn gather_wide_coat(brdf: Brdf, normal: vec3f, to_eye: vec3f, slot: u32) -> vec3f {
+    var sum = vec3f(0.0);
+    for (var k = 0u; k < DIRECTIONS; k += 1u) {
+        let hit = hits[slot * (DIRECTIONS + LOBES) + k];
+        if (hit.x != NO_HIT) {
+            let arrival = unpack_hit_direction(hit.y);
+            sum += radiance_of(hit.x, arrival) * coat_towards(brdf, normal, to_eye, arrival.direction);
+        }
+    }
+    return sum * (select(1.0, 2.0, SAMPLE_ENVIRONMENT) / f32(max(DIRECTIONS, 1u)));
+}
+
 // Returns what a pixel's coat reflects, over its tint, W/(m2 sr), and `depth`; zero without a coat.
 fn gather_coat(pixel: vec2u, slot: u32, depth: f32) -> vec4f {
     let surface = load_surface(pixel);
@@ -84,6 +97,10 @@ fn gather_coat(pixel: vec2u, slot: u32, depth: f32) -> vec4f {
         return vec4f(0.0);
     }
     let to_eye = -pixel_ray(pixel).direction;
+    let inverse = 1.0 / coat_tint(brdf, surface.normal, to_eye);
+    if (!draws_lobe(brdf, DIRECTIONS > 0u)) {
+        return vec4f(gather_wide_coat(brdf, surface.normal, to_eye, slot) * inverse, depth);
+    }
     var sum = vec3f(0.0);
     for (var k = 0u; k < LOBES; k += 1u) {
         let hit = hits[slot * (DIRECTIONS + LOBES) + DIRECTIONS + k];
@@ -93,7 +110,7 @@ fn gather_coat(pixel: vec2u, slot: u32, depth: f32) -> vec4f {
         let arrival = unpack_hit_direction(hit.y);
         sum += radiance_of(hit.x, arrival) * lobe_weight_of(brdf, surface.normal, to_eye, arrival.direction);
     }
-    return vec4f(sum / (f32(max(LOBES, 1u)) * coat_tint(brdf, surface.normal, to_eye)), depth);
+    return vec4f(sum * inverse / f32(max(LOBES, 1u)), depth);
 }
 
 fn gather_of_grid(grid: vec2u) {

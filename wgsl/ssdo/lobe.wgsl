@@ -6,6 +6,20 @@
 const LOBE_SEED: u32 = 0x9e3779b9u;  // sets the sequence apart from that of other directions
 const CHOICE_SEED: u32 = 0x85ebca6bu;
 
+// GGX alpha from which on directions drawn by the cosine serve the coat, too.
+const WIDE: f32 = 0.25;
+
+// Returns whether directions are drawn from a coat. `others`: there are directions drawn by the cosine.
+fn draws_lobe(brdf: Brdf, others: bool) -> bool {
+    return brdf.glossy && !(others && brdf.alpha >= WIDE);
+}
+
+// Returns pi f_r of a coat, the weight of the light from a direction drawn by the cosine.
+fn coat_towards(brdf: Brdf, normal: vec3f, to_eye: vec3f, direction: vec3f) -> vec3f {
+    let frame = frame_from_normal(normal);
+    return PI * evaluate_brdf(coat_of(brdf), to_eye * frame, direction * frame).rgb;
+}
+
 // Returns a surface's BRDF without the base.
 fn coat_of(brdf: Brdf) -> Brdf {
     var coat = brdf;

@@ -6,8 +6,8 @@
 // following blur averages over such squares. L is the environment filtered to about the solid angle of one direction of
 // a set, so a small sun casts a soft shadow. With SAMPLE_ENVIRONMENT every other direction is drawn by importance
 // sampling of the environment (balance heuristic, Veach and Guibas 1995), L is unfiltered, and the blur divides the
-// sums with and without V. A coated pixel also finds the hits of LOBES directions drawn from its coat; V stays that of
-// the others. In: G-buffer, depths of all sources, the prefiltered environment. Out: V, whose mean is 1 without
+// sums with and without V. A pixel of a narrow coat also finds the hits of LOBES directions drawn from it; V stays
+// that of the others. In: G-buffer, depths of all sources, the prefiltered environment. Out: V, whose mean is 1 without
 // occluders, and the depth of `shared/denoise/plane.wgsl`, 0 where there is nothing to light; the surface that each
 // direction hits. Errs bright where the occluder is in no view, dark behind occluders thinner than assumed.
 #import "scene/sequence.wgsl"
@@ -84,7 +84,7 @@ fn find_known(
     }
     let code = select(
         pack_hit_direction(HitDirection(direction, factor, true, false)),
-        pack2x16snorm(octahedral_encode(direction)), hit == UNKNOWN_HIT);
+        pack2x16snorm(octahedral_encode(direction)), hit >= UNKNOWN_HIT);
     return Outcome(hit, code, select(0.0, 1.0, hit == NO_HIT));
 }
 
@@ -129,7 +129,7 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
     var emitted = vec3f(0.0);
     for (var k = 0u; k < DIRECTIONS + LOBES; k += 1u) {
         let is_lobe = LOBES > 0u && k >= DIRECTIONS;
-        if (is_lobe && !brdf.glossy) {
+        if (is_lobe && !draws_lobe(brdf, DIRECTIONS > 0u)) {
             break;
         }
         // March along a direction.
@@ -163,7 +163,8 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
         }
     }
     if (BY_RAYS) {
-        list_undecided_of(slot, select(DIRECTIONS, DIRECTIONS + LOBES, brdf.glossy), undecided_count);
+        let searched = select(DIRECTIONS, DIRECTIONS + LOBES, draws_lobe(brdf, DIRECTIONS > 0u));
+        list_undecided_of(slot, searched, undecided_count);
     }
     // Store V, or both sums for the blur to divide.
     let count = f32(max(DIRECTIONS, 1u));

@@ -58,7 +58,7 @@ def declare_bounce(
         reflected=reflected,
     )
     if coats is not None:
-        coats = declare_full_resolution(graph, "ssdo/coats", settings, scene, gbuffer, coats, search)
+        coats = declare_full_resolution(graph, "ssdo/coats", settings, scene, gbuffer, coats, search, lobes=True)
     declare_gathered_unrepresented(graph, settings, scene, sources, search, senders, light, coats, reflected=reflected)
     if reflected:
         return light

@@ -20,6 +20,7 @@ from ..shared.upsample import declare_upsampling
 from .search import declare_search, declare_unrepresented
 from .search_request import INTERLEAVE, SearchRequest, SearchResult
 from .settings import SsdoSettings
+from .sky_coat import declare_sky_coat, declare_unrepresented_sky_coat
 from .sources import Sources
 
 
@@ -97,8 +98,30 @@ def declare_occlusion(
     )
     declare_unrepresented(request, search, share)
     averaged = history.declare(graph, scene, gbuffer, share, "ssdo/share")
-    # Coats take the base's share.
-    return Occlusion(declare_sky_light(graph, scene, gbuffer, ambient, averaged, averaged), search)
+    return Occlusion(_declare_sky(graph, settings, scene, sources, ambient, search, averaged), search)
+
+
+def _declare_sky(
+    graph: Graph,
+    settings: SsdoSettings,
+    scene: DeferredInputs,
+    sources: Sources,
+    ambient: Ambient,
+    search: SearchResult,
+    share: Buffer,
+) -> Buffer:
+    """Declare the environment's light, occluded, (r, g, b, 1) per pixel, W/(m2 sr); `share`: of the base's light."""
+    gbuffer = sources.layers[0]
+    if not (search.by_rays and search.lobes):
+        # Coats take the base's share.
+        return declare_sky_light(graph, scene, gbuffer, ambient, share, share)
+    # Coats reflect what their directions find. That depends on the view and is not accumulated.
+    coat, whole = declare_sky_coat(graph, scene, sources, ambient, search)
+    coat = declare_full_resolution(
+        graph, "ssdo/sky_coat", settings, scene, gbuffer, coat, search, divisor=whole, lobes=True
+    )
+    declare_unrepresented_sky_coat(graph, scene, sources, ambient, search, coat)
+    return declare_sky_light(graph, scene, gbuffer, ambient, share, coat, coat_light=whole is None)
 
 
 def declare_full_resolution(
@@ -114,19 +137,20 @@ def declare_full_resolution(
     divisor: Buffer | None = None,
     levels: int = 0,
     reflected: bool = False,
+    lobes: bool = False,
 ) -> Buffer:
     """Declare light of the search grid, blurred over its squares and upsampled to all pixels.
 
     divisor: its blurred values divide the blurred light. levels: of the a-trous filter, without a divisor. reflected:
-    irradiance becomes radiance, W/(m2 sr).
+    irradiance becomes radiance, W/(m2 sr). lobes: light of coats, blurred by no more than their lobes.
     """
     radius, arguments = INTERLEAVE if settings.blur else 1, (graph, name, gbuffer, light, search.normals)
-    if divisor is None:
+    if divisor is None and not lobes:
         reflects = reflected and search.guide is None
         filtered = declare_filter(*arguments, radius, levels, frames=frames, reflected=reflects, stride=search.stride)
         blurred = filtered.light
     else:
-        blurred = declare_blur(*arguments, radius, frames=frames, glossy=divisor, stride=search.stride)
+        blurred = declare_blur(*arguments, radius, frames=frames, lobes=lobes, glossy=divisor, stride=search.stride)
     if search.guide is None:
         return blurred
     return declare_upsampling(graph, scene, name, gbuffer, blurred, search.guide, reflected=reflected)
