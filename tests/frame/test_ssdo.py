@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -59,10 +60,41 @@ def test_the_default_has_a_camera_above_only_under_a_sky():
 
 def test_redundant_layers_are_skipped():
     """A floor has nothing behind it: one layer and four give the same picture."""
-    text = plan_of(renderer_of(builtin.plane_sun(), "ssdo.layers=4"))
+    text = plan_of(renderer_of(builtin.plane_sun(), "ssdo.undecided=sky", "ssdo.layers=4"))
     assert "a ray meets 1 surfaces at most" in text and "gbuffer/resolve_1" not in text
-    once, more = (render(builtin.plane_sun(), f"ssdo.layers={k}") for k in (1, 4))
+    once, more = (render(builtin.plane_sun(), "ssdo.undecided=sky", f"ssdo.layers={k}") for k in (1, 4))
     assert np.array_equal(once["radiance"], more["radiance"])
+    # Rays need no layer but the first; contact shadows do.
+    assert "gbuffer/resolve_1" not in plan_of(renderer_of(builtin.courtyard(), "ssdo.layers=2"))
+    assert "gbuffer/resolve_1" in plan_of(renderer_of(builtin.courtyard(), "ssdo.layers=2", "direct.contacts=8"))
+
+
+def test_the_plan_says_which_share_of_directions_took_a_ray():
+    renderer = renderer_of(builtin.courtyard())
+    row = next(line for line in str(plan_of(renderer)).splitlines() if line.startswith("ssdo/occlusion_rays "))
+    share, directions = re.search(r"(\d+) % of ([\d,]+) directions", row).groups()
+    undecided, searched = renderer.graph.read_back("ssdo/occlusion_undecided").ravel()[3:5]
+    assert 0 < undecided < searched and int(share) == round(100 * undecided / searched)
+    assert int(directions.replace(",", "")) == searched
+    assert "ssdo/occlusion_rays" not in plan_of(renderer_of(builtin.courtyard(), "ssdo.undecided=sky"))
+
+
+def test_where_the_picture_decides_all_no_ray_is_traced():
+    """A floor seen from above, with a margin: all its directions leave the scene within the picture."""
+    floor = grid(1.0, material=matte(0.5))
+    camera = Camera.look_at((0, 5.0, 0), (0, 0, 0), (0, 0, -1))
+    camera.orthographic_height = 8.0
+    scene = Scene([Instance(floor)], [], Environment((1.0, 1.0, 1.0)), [camera])
+    renderer = renderer_of(scene)
+    renderer.run(check=True)
+    undecided, searched = renderer.graph.read_back("ssdo/occlusion_undecided").ravel()[3:5]
+    assert undecided == 0 < searched
+    assert np.allclose(renderer.read_back("direct"), render(scene, gi="none")["direct"], rtol=1e-6)
+
+
+def test_a_scene_without_triangles_renders():
+    scene = Scene([], [], Environment((1.0, 1.0, 1.0)), [Camera.look_at((0, 1, 2), (0, 0, 0))])
+    assert np.allclose(render(scene)["radiance"], 1.0)
 
 
 def test_without_a_sky_or_a_bounce_passes_are_skipped():

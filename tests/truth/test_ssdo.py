@@ -192,6 +192,18 @@ def test_layers_and_cameras_find_missing_occluders(scene, base, better):
     assert after <= 0.7 * before, (before, after)
 
 
+@pytest.mark.parametrize(("scene", "most"), [(thin_board, 0.6), (wall_beside, 0.05), (roof_above, 0.05)])
+def test_rays_decide_what_no_picture_shows(scene, most):
+    """relMSE with rays as a share of that of the picture alone; the mean is that of the truth."""
+    truth = full(render(scene(), gi="path"))
+    by_rays, alone = (
+        full(render(scene(), f"ssdo.undecided={undecided}", "ssdo.half_resolution=false"))
+        for undecided in ("rays", "sky")
+    )
+    assert relmse(by_rays, truth) <= most * relmse(alone, truth)
+    assert abs(bias(by_rays, truth)) <= 0.005
+
+
 @pytest.mark.slow
 def test_direct_light_converges_with_more_samples():
     """A box on a floor under a sky, r_max the scene's size, four layers and two cameras (section 7.2 of the paper)."""

@@ -30,17 +30,22 @@ def screen_views(
     triangles: int,
     settings: SsdoSettings,
     has_sky: bool,
+    *,
+    contacts: bool = False,
 ) -> tuple[ScreenInputs, list[Camera]]:
     """Return the layers and further cameras that show a scene of `triangles` triangles in a (2, 3) `box`, metres.
 
-    Layers and cameras that would add nothing are left out. `size`: pixels of the picture.
+    Layers and cameras that would add nothing are left out. `size`: pixels of the picture. contacts: contact shadows
+    march through the layers.
     """
-    # Layers: a ray hits each triangle once, and a flat scene once.
-    most_layers = 1 if (np.ptp(box, axis=0) == 0).any() else max(triangles, 1)
+    # Layers: a ray hits each triangle once, and a flat scene once; rays need no layer but the first.
+    most_layers, reason = max(triangles, 1), f"a ray meets {triangles} surfaces at most"
+    if (np.ptp(box, axis=0) == 0).any():
+        most_layers, reason = 1, "a ray meets 1 surfaces at most"
+    if settings.undecided == "rays" and not contacts:
+        most_layers, reason = 1, "rays decide what lies behind the first layer"
     layers = min(settings.layers, most_layers)
-    skipped = [
-        (f"gbuffer/opaque_{k}", f"a ray meets {most_layers} surfaces at most") for k in range(layers, settings.layers)
-    ]
+    skipped = [(f"gbuffer/opaque_{k}", reason) for k in range(layers, settings.layers)]
     # Cameras: one suffices without a sky; with a sky, occluders above and behind count, too.
     automatic = (3 if has_sky else 1) if settings.undecided == "cameras" else 0
     count = settings.cameras if settings.cameras is not None else automatic

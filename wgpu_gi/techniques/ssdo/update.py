@@ -35,7 +35,8 @@ def ssdo_inputs(shot: Shot, settings: OcclusionOptions) -> SsdoInputs:
     upload = shot.upload
     sky = settings.environment.ambient and upload.features["HAS_ENVIRONMENT"]
     box, triangles = upload.box + upload.origin, shot.scene.triangle_count
-    screen, cameras = screen_views(shot.camera, box, shot.size, triangles, settings.ssdo, sky)
+    contacts = settings.direct.contacts > 0
+    screen, cameras = screen_views(shot.camera, box, shot.size, triangles, settings.ssdo, sky, contacts=contacts)
     for number, camera in enumerate(cameras, 1):
         shot.graph.uniform(view_name(number), upload.view(camera, shot.size, False))
     return SsdoInputs(**vars(deferred), screen=screen)
