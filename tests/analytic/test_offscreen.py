@@ -35,6 +35,17 @@ def test_closed_box_has_all_bounces():
     assert got.mean() == pytest.approx(2 / (1 - albedo) - 2 - 2 * albedo, rel=0.03)
 
 
+def test_closed_box_of_ssdo_has_all_bounces_but_those_in_view():
+    """SSDO's bounce is the only one off surfaces in view, 4 % of the box."""
+    albedo = 0.5
+    settings = make_settings("ssdo", 8, diffuse=True)
+    assign(settings, "ssdo.offscreen=cache")
+    renderer = Renderer(closed_box(2.0, albedo), size=(32, 18), settings=settings)
+    renderer.run(show=("indirect",), check=True)
+    whole = 2 / (1 - albedo) - 2 - 2 * albedo
+    assert 0.93 * whole < renderer.read_back("indirect").mean() < 1.01 * whole
+
+
 @pytest.mark.parametrize(("name", "bound"), [("cornell", 0.06), pytest.param("curtain", 0.15, marks=pytest.mark.slow)])
 def test_room_has_the_energy_of_the_path_tracer(name, bound):
     """One bounce. Of Cornell's light the picture shows half; behind the curtain none, and little comes round it."""

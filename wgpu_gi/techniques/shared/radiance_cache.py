@@ -39,12 +39,11 @@ class _CacheState:
 
 @dataclass(frozen=True)
 class RadianceCache:
-    """table: check and vote of each cell. requested: the cells of this frame. cells: their means. hits: of rays."""
+    """table: check and vote of each cell. requested: the cells of this frame. cells: their means."""
 
     table: Buffer
     requested: Buffer
     cells: Buffer
-    hits: Buffer
 
 
 def note_changes(graph: Graph, kept: Kept, upload: SceneUpload, bounces: int | None, lag: int) -> None:
@@ -68,20 +67,36 @@ def most_rays(graph: Graph, pixels: int) -> int:
     return max(limit // (_HIT.itemsize * pixels), 1)
 
 
-def declare_cache(graph: Graph, rays: int) -> RadianceCache:
-    """Declare the buffers of the cache for a number of rays per frame."""
+def declare_hits(graph: Graph, name: str, rays: int) -> Buffer:
+    """Declare a buffer for the hits of a number of rays."""
+    return graph.buffer(name, dtype=_HIT, count=rays)
+
+
+def declare_cache(graph: Graph) -> RadianceCache:
+    """Declare the buffers of the cache."""
     return RadianceCache(
         graph.buffer("radiance_cache/table", dtype=np.uint32, count=2 * CELLS),
         graph.buffer("radiance_cache/requested", dtype=np.uint32, count=_HEADER + CELLS),
         graph.buffer("radiance_cache/cells", dtype=_CELL, count=CELLS),
-        graph.buffer("radiance_cache/hits", dtype=_HIT, count=rays),
     )
 
 
-def declare_update(graph: Graph, scene: SceneInputs, cache: RadianceCache, seed: int, *, direct_only: bool) -> None:
-    """Declare the update of the requested cells; `direct_only`: they hold the light of sources, not of surfaces."""
+def declare_update(
+    graph: Graph,
+    scene: SceneInputs,
+    cache: RadianceCache,
+    hits: Buffer,
+    seed: int,
+    *,
+    direct_only: bool,
+    suffix: str = "",
+) -> None:
+    """Declare the update of the cells that `hits` have requested.
+
+    direct_only: they hold the light of sources, not of surfaces. suffix: of the names of a frame's further updates.
+    """
     graph.compute(
-        "radiance_cache/update",
+        f"radiance_cache/update{suffix}",
         _UPDATE,
         indirect=cache.requested,
         reads={
@@ -89,14 +104,14 @@ def declare_update(graph: Graph, scene: SceneInputs, cache: RadianceCache, seed:
             **scene.lights,
             "table": cache.table,
             "requested": cache.requested,
-            "hits": cache.hits,
+            "hits": hits,
         },
         writes={"cells": cache.cells},
         params={"seed": seed},
         constants={**scene.constants(_UPDATE), "DIRECT_ONLY": direct_only},
     )
     graph.compute(
-        "radiance_cache/resolve",
+        f"radiance_cache/resolve{suffix}",
         "shared/radiance_cache/resolve.wgsl",
         over=(CELLS,),
         writes={"table": cache.table, "cells": cache.cells},

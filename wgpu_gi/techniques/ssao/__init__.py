@@ -13,7 +13,7 @@ from ..shared.technique import Light, Technique
 from ..ssdo.inputs import SsdoInputs
 from ..ssdo.occlusion import History, declare_occlusion
 from ..ssdo.sources import declare_sources
-from ..ssdo.update import OcclusionOptions, ssdo_inputs
+from ..ssdo.update import OcclusionOptions, occlusion_inputs
 
 TECHNIQUE = Technique(
     sentence="ambient occlusion in screen space, the baseline for SSDO",
@@ -22,7 +22,7 @@ TECHNIQUE = Technique(
     is_random=True,
     screen_space=True,
     options=OcclusionOptions,
-    inputs=ssdo_inputs,
+    inputs=occlusion_inputs,
 )
 
 

@@ -36,7 +36,18 @@ def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Ligh
     history = History(settings.temporal, base.motion)
     # Find the first occluder along each direction, which hides the environment.
     bounces = settings.bounces != 0 and s.bounce
-    occlusion = declare_occlusion(graph, s, scene, sources, base.ambient, history, seed, scene.frames, reflects=bounces)
+    occlusion = declare_occlusion(
+        graph,
+        s,
+        scene,
+        sources,
+        base.ambient,
+        history,
+        seed,
+        scene.frames,
+        reflects=bounces,
+        one_bounce=settings.bounces == 1,
+    )
     atlas, layers = base.shadow_atlas, sources.layers
     direct = declare_direct(
         graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, seed, occlusion.sky, layers

@@ -15,6 +15,7 @@ from ..deferred.inputs import DeferredInputs
 from ..deferred.sky import declare_sky_light
 from ..shared.denoise import declare_blur, declare_filter
 from ..shared.gbuffer import Gbuffer
+from ..shared.radiance_cache import RadianceCache, declare_cache
 from ..shared.temporal import TemporalSettings, declare_accumulate
 from ..shared.upsample import declare_upsampling
 from .search import declare_search, declare_unrepresented
@@ -58,11 +59,12 @@ def declare_occlusion(
     *,
     directional: bool = True,
     reflects: bool = True,
+    one_bounce: bool = False,
 ) -> Occlusion:
     """Declare the search from each pixel, and the environment's light past the occluders.
 
     `frames`: number per still picture. `directional`: False makes the share grey (ambient occlusion). `reflects`: find
-    the light that the occluders reflect, too.
+    the light that the occluders reflect, too; `one_bounce`: only of sources.
     """
     gbuffer = sources.layers[0]
     rays = settings.undecided == "rays"
@@ -77,6 +79,8 @@ def declare_occlusion(
         coats=directional,
         rays=rays,
         reflects=reflects,
+        cache=_declare_cache(graph, settings, needed=rays and reflects),
+        one_bounce=one_bounce,
     )
     search = declare_search(request)
     if not ambient.features["HAS_ENVIRONMENT"]:
@@ -99,6 +103,15 @@ def declare_occlusion(
     declare_unrepresented(request, search, share)
     averaged = history.declare(graph, scene, gbuffer, share, "ssdo/share")
     return Occlusion(_declare_sky(graph, settings, scene, sources, ambient, search, averaged), search)
+
+
+def _declare_cache(graph: Graph, settings: SsdoSettings, *, needed: bool) -> RadianceCache | None:
+    """Declare the radiance cache if the settings ask for it; `needed`: rays look for reflected light."""
+    if settings.offscreen == "cache" and needed:
+        return declare_cache(graph)
+    chosen = settings.offscreen == "cache"
+    graph.skip("ssdo/offscreen", "no ray looks for reflected light" if chosen else "ssdo.offscreen is none")
+    return None
 
 
 def _declare_sky(

@@ -14,9 +14,11 @@ import numpy as np
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Resource
 from ...gpu.wgsl.load import load
+from ..shared.radiance_cache import declare_hits
+from .offscreen import declare_cached_light
 from .search_request import SearchRequest, SearchResult
 
-SHADER = "ssdo/rays.wgsl"
+SHADER, CACHED = "ssdo/rays.wgsl", "ssdo/offscreen/rays.wgsl"
 ESCAPED = "ssdo/escaped.wgsl"
 UNDECIDED_WORD, SEARCHED_WORD = 3, 4  # of the list: numbers of undecided and of all directions
 UNREPRESENTED = "ssdo/unrepresented"  # name of the search from unrepresented pixels
@@ -43,8 +45,8 @@ def declare_rays(
     occlusion if the search samples the environment. None: there is no environment.
     """
     graph, scene, ambient = request.graph, request.scene, request.ambient
-    reads = {"undecided": undecided, **_pixels(request, search, name)}
-    constants = {
+    reads: dict[str, Resource] = {"undecided": undecided, **_pixels(request, search, name)}
+    constants: dict[str, float] = {
         "DIRECTIONS": request.directions,
         "LOBES": request.lobes,
         "STRIDE": search.stride,
@@ -54,31 +56,55 @@ def declare_rays(
     }
     uniforms = {"view": request.sources.view_of(request.number)}
     distance = request.sources.gbuffer(request.number).distance
+    cached = request.cache is not None and request.needs_light
+    shader = CACHED if cached else SHADER
+    found = declare_hits(graph, f"{name}_cache_hits", hits.count) if cached else None
     graph.compute(
         f"{name}_rays",
-        SHADER,
+        shader,
         indirect=undecided,
-        reads={**scene.surfaces, **scene.lights, **ambient.reads, **reads, "distance": distance},
-        writes={"hits": hits},
-        params={"seed": request.seed},
+        reads={
+            **scene.surfaces,
+            **({"environment_cdf": scene.lights["environment_cdf"]} if cached else scene.lights),
+            **ambient.reads,
+            **reads,
+            "distance": distance,
+        },
+        writes={"hits": hits, **({} if found is None else {"cache_hits": found})},
+        params=None if cached else {"seed": request.seed},
         constants={
-            **scene.constants(SHADER),
-            **ambient.constants(SHADER),
+            **scene.constants(shader),
+            **ambient.constants(shader),
             **constants,
             "NEEDS_LIGHT": request.needs_light,
         },
         uniforms=uniforms,
     )
     graph.count(f"{name}_rays", undecided, UNDECIDED_WORD, SEARCHED_WORD, "directions")
-    if share is None:
-        return
-    whole = graph.neutral("buffer") if unoccluded is None else unoccluded
-    cdf = scene.lights["environment_cdf"]
-    graph.compute(
+    if request.cache is not None and found is not None:
+        declare_cached_light(request, request.cache, name, undecided, hits, found)
+    if share is not None:
+        whole = graph.neutral("buffer") if unoccluded is None else unoccluded
+        reads |= {"hits": hits, "unoccluded": whole}
+        _declare_escaped(request, name, undecided, share, reads, constants, uniforms)
+
+
+def _declare_escaped(
+    request: SearchRequest,
+    name: str,
+    undecided: Buffer,
+    share: Buffer,
+    reads: Mapping[str, Resource],
+    constants: Mapping[str, float],
+    uniforms: Mapping[str, str],
+) -> None:
+    """Declare the light of the directions that escape, added to `share`."""
+    scene, ambient = request.scene, request.ambient
+    request.graph.compute(
         f"{name}_escaped",
         ESCAPED,
         indirect=undecided,
-        reads={**ambient.reads, "environment_cdf": cdf, **reads, "hits": hits, "unoccluded": whole},
+        reads={**ambient.reads, "environment_cdf": scene.lights["environment_cdf"], **reads},
         writes={"occlusion": share},
         params={"lobe": request.lobe},
         constants={**scene.constants(ESCAPED), **ambient.constants(ESCAPED), **constants},

@@ -15,6 +15,7 @@ from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
+from ..shared.radiance_cache import RadianceCache
 from ..shared.upsample import Guide
 from .settings import SsdoSettings
 from .sources import Sources
@@ -58,7 +59,8 @@ class SearchRequest:
     radius: largest r_max, in heights of the picture at the pixel; None: from the settings. directional: True: the share
     depends on the environment's colour by direction; False: ambient occlusion. coats: coated pixels also draw as many
     directions from their coat. base: False: only these. rays: True: trace the directions that no picture decides;
-    reflects: find the light that their hits reflect.
+    reflects: find the light that their hits reflect. cache: has that light; None: a sample of the lights per hit.
+    one_bounce: the cache has the light of sources only.
     """
 
     graph: Graph
@@ -74,6 +76,8 @@ class SearchRequest:
     base: bool = True
     rays: bool = False
     reflects: bool = True
+    cache: RadianceCache | None = None
+    one_bounce: bool = False
 
     @property
     def lobes(self) -> int:

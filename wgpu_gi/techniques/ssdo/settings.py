@@ -26,6 +26,12 @@ class SsdoSettings(KnownAttributes):
         " occluded behind what it shows), or cameras (decided by further cameras as far as these see).",
         choices=("rays", "sky", "cameras"),
     )
+    offscreen: str = setting(
+        "none",
+        "With undecided=rays, light of surfaces that no picture shows: a sample of their direct light (none), or all of"
+        " it by a radiance cache in world space (cache).",
+        choices=("none", "cache"),
+    )
     bounce: bool = setting(True, "Add the light that the occluders reflect.")
     sampling: str = setting(
         "cosine",

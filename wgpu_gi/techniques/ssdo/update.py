@@ -6,6 +6,7 @@ from typing import Protocol
 
 from ..deferred.update import DeferredOptions, deferred_inputs
 from ..shared.denoise import DenoiseSettings
+from ..shared.radiance_cache import note_changes
 from ..shared.technique import Shot
 from ..shared.temporal import TemporalSettings
 from .cameras import screen_views
@@ -29,7 +30,14 @@ class SsdoOptions(OcclusionOptions, Protocol):
     denoise: DenoiseSettings
 
 
-def ssdo_inputs(shot: Shot, settings: OcclusionOptions) -> SsdoInputs:
+def ssdo_inputs(shot: Shot, settings: SsdoOptions) -> SsdoInputs:
+    """Do what `occlusion_inputs` does, and tell the radiance cache of changes of the scene."""
+    found = occlusion_inputs(shot, settings)
+    note_changes(shot.graph, shot.kept, shot.upload, settings.bounces, settings.temporal.frames - 1)
+    return found
+
+
+def occlusion_inputs(shot: Shot, settings: OcclusionOptions) -> SsdoInputs:
     """Place the further cameras and set their uniforms, `view_1` ...; return the inputs of the passes."""
     deferred = deferred_inputs(shot, settings)
     upload = shot.upload

@@ -13,16 +13,16 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import Gbuffer
-from ..shared.radiance_cache import RadianceCache, declare_cache, declare_update, most_rays
+from ..shared.radiance_cache import RadianceCache, declare_cache, declare_hits, declare_update, most_rays
 from .inputs import SsilInputs
 from .levels import Levels, level_buffer
 from .shade import Upsampling
 
 RAYS = "ssil/offscreen/rays.wgsl"
 UNREPRESENTED = "ssil/offscreen/unrepresented.wgsl"
-# Radius of the blur, pixels of the first level; the denoiser of all light follows. 160x90, two rays, relMSE without / with
-# it: single frames of Cornell's area light 0.130 / 0.079, corridor 3.4 / 1.9, courtyard 0.099 / 0.073; 16 frames 0.0120 /
-# 0.0105, 0.30 / 0.32, 0.031 / 0.030. Two a-trous levels more: 0.070, 1.9, 0.067; 0.0109, 0.35, 0.030.
+# Radius of the blur, pixels of the first level; the denoiser of all light follows. 160x90, two rays, relMSE without and
+# with it: single frames of Cornell's area light 0.130, 0.079; corridor 3.4, 1.9; courtyard 0.099, 0.073; 16 frames
+# 0.0120, 0.0105; 0.30, 0.32; 0.031, 0.030. With two a-trous levels: 0.070, 1.9, 0.067; 0.0109, 0.35, 0.030.
 RADIUS = 4
 
 
@@ -45,7 +45,8 @@ def declare_offscreen(
     # Send the rays, update the cells of their hits, and look these up.
     width, height = levels.size
     rays = min(rays, most_rays(graph, width * height))
-    cache = declare_cache(graph, width * height * rays)
+    cache = declare_cache(graph)
+    hits = declare_hits(graph, "ssil/offscreen_hits", width * height * rays)
     surfels = levels.surfels[levels.first]
     shown = {"visibility": gbuffer.visibility, "distance": gbuffer.distance}
     graph.compute(
@@ -58,19 +59,19 @@ def declare_offscreen(
             "surfels": surfels,
             "fine_surfels": levels.surfels[0],
         },
-        writes={"hits": cache.hits, "table": cache.table, "requested": cache.requested},
+        writes={"hits": hits, "table": cache.table, "requested": cache.requested},
         params={"seed": seed, "rays": rays},
         constants={**scene.constants(RAYS), "SQUARE": 1 << levels.first},
         clear=[cache.requested],
     )
-    declare_update(graph, scene, cache, seed, direct_only=one_bounce)
+    declare_update(graph, scene, cache, hits, seed, direct_only=one_bounce)
     light = level_buffer(graph, "ssil/offscreen_light", levels.size)
     normals = graph.buffer("ssil/offscreen_normals", dtype=np.uint32, count=width * height, width=width)
     graph.compute(
         "ssil/offscreen_light",
         "ssil/offscreen/light.wgsl",
         over=(width, height),
-        reads={"surfels": surfels, "hits": cache.hits, "cells": cache.cells},
+        reads={"surfels": surfels, "hits": hits, "cells": cache.cells},
         writes={"irradiance": light, "normals": normals},
         params={"rays": rays},
     )
