@@ -1,26 +1,17 @@
 // The surface that a pixel of the main camera's first layer shows, whether it is the surface at a point, and whether it
 // sends alike in all directions.
 #import "shared/gbuffer/read.wgsl"
+#import "common/matte.wgsl"
 
 // Distance of a point from the plane of the surface that a pixel shows, in widths of the pixel, up to which the surface
 // is that of the point.
 const SAME_PLANE: f32 = 0.5;
-
-// A surface sends alike in all directions if its coat sends at most this share of what its base sends, in the direction
-// where it sends most.
-const MOST_COAT: f32 = 0.5;
 
 struct ShownSurface {
     position: vec3f,
     normal: vec3f,   // geometric, on the camera's side
     width: f32,      // of the pixel at the surface, metres; 0: the pixel shows no surface
     is_matte: bool,  // what it sends to the camera, it sends in other directions, too
-}
-
-// Returns whether a surface sends alike in all directions: F0 / (4 pi alpha^2) is the peak of its coat's BRDF.
-fn is_matte(s: GbufferSurface) -> bool {
-    let brdf = gbuffer_brdf(s);
-    return !brdf.glossy || luminance(brdf.f0) <= 4.0 * MOST_COAT * brdf.alpha * brdf.alpha * luminance(brdf.diffuse);
 }
 
 fn shown_surface(pixel: vec2u) -> ShownSurface {
@@ -32,7 +23,7 @@ fn shown_surface(pixel: vec2u) -> ShownSurface {
     return ShownSurface(
         ray.origin + ray.direction * seen, select(normal, -normal, dot(normal, ray.direction) > 0.0),
         select(0.0, 2.0 * length(view.up) / f32(view.size.y) * depth, seen > 0.0),
-        is_matte(surface));
+        is_matte_brdf(gbuffer_brdf(surface)));
 }
 
 // Returns whether a point of that pixel lies on the surface that the pixel shows.

@@ -7,12 +7,15 @@
 #import "ssil/pixel_surfel.wgsl"
 #import "ssil/light_levels.wgsl"
 #import "ssil/peak.wgsl"
+#import "common/matte.wgsl"
 
 override SQUARE: u32 = 2u;  // picture pixels per side of a pixel of the first level
 override HAS_REFLECTORS: bool = false;
+override SPLIT: bool = false;  // rays bring the light of shiny surfaces: they send none here
 
 @group(1) @binding(11) var<storage, read> direct: array<vec4f>;
 @group(1) @binding(14) var<storage, read_write> reflectors: array<vec2u>;
+@group(1) @binding(16) var<storage, read_write> shines: array<atomic<u32>>;  // 1 if the picture shows shiny surfaces
 
 struct Sent {
     light: vec3f,       // W/sr
@@ -30,12 +33,16 @@ fn sent_by(pixel: vec2u, facing: vec4f) -> Sent {
         let hit_distance = load_distance(fine);
         let radiance = direct[fine.y * view.size.x + fine.x].rgb;
         // The area of a surface without light matters only for reflectors.
-        if (hit_distance <= 0.0 || (!HAS_REFLECTORS && max3(radiance) <= 0.0)) {
+        if (hit_distance <= 0.0 || (!HAS_REFLECTORS && !SPLIT && max3(radiance) <= 0.0)) {
             continue;
         }
         let surface = load_surface(fine);
         let area = pixel_surfel(fine, surface, hit_distance, facing).area;
-        sum.light += radiance * area;
+        let is_shiny = SPLIT && !is_matte_brdf(gbuffer_brdf(surface));
+        if (is_shiny) {
+            atomicStore(&shines[0], 1u);
+        }
+        sum.light += select(radiance, vec3f(0.0), is_shiny) * area;
         if (HAS_REFLECTORS) {
             let is_lit = (surface.flags & GBUFFER_UNLIT) == 0u;
             sum.reflectors += select(vec3f(0.0), gbuffer_brdf(surface).diffuse * INV_PI, is_lit) * area;

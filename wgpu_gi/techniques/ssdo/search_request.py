@@ -58,9 +58,9 @@ class SearchRequest:
 
     radius: largest r_max, in heights of the picture at the pixel; None: from the settings. directional: True: the share
     depends on the environment's colour by direction; False: ambient occlusion. coats: coated pixels also draw as many
-    directions from their coat. base: False: only these. rays: True: trace the directions that no picture decides;
-    reflects: find the light that their hits reflect. cache: has that light; None: a sample of the lights per hit.
-    one_bounce: the cache has the light of sources only.
+    directions from their coat. rays: True: trace the directions that no picture decides; reflects: find the light that
+    their hits reflect. cache: has that light; None: a sample of the lights per hit. one_bounce: the cache has the light
+    of sources only.
     """
 
     graph: Graph
@@ -73,7 +73,6 @@ class SearchRequest:
     radius: float | None = None
     directional: bool = True
     coats: bool = False
-    base: bool = True
     rays: bool = False
     reflects: bool = True
     cache: RadianceCache | None = None
@@ -87,8 +86,6 @@ class SearchRequest:
     @property
     def directions(self) -> int:
         """Directions per pixel."""
-        if not self.base:
-            return 0
         return self.settings.directions if self.number == 0 else 1
 
     @property

@@ -50,7 +50,6 @@ def declare_ssil(graph: Graph, settings: SsilOptions, scene: SsilInputs) -> Ligh
             scene,
             gbuffer,
             base.motion,
-            base.ambient,
             direct,
             settings.bounces,
             seed,

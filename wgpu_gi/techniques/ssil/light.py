@@ -34,9 +34,17 @@ class SentLight:
 
 
 def declare_sent_light(
-    graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, levels: Levels, direct: Buffer, has_reflectors: bool
+    graph: Graph,
+    scene: SceneInputs,
+    gbuffer: Gbuffer,
+    levels: Levels,
+    direct: Buffer,
+    has_reflectors: bool,
+    shines: Buffer | None,
 ) -> tuple[SentLight, Buffer]:
     """Declare the light that surfaces send from `direct` light, and the reflectors.
+
+    shines: shiny surfaces send no light here; its value becomes 1 if the picture shows one.
 
     A reflector is reflectance times area over pi, m2/sr: light = reflector x irradiance.
 
@@ -51,14 +59,20 @@ def declare_sent_light(
         shader,
         over=_threads(levels),
         reads={"surfaces": gbuffer.surfaces, "distance": gbuffer.distance, "direct": direct},
-        writes={"light": light.codes, "peak": light.peak, "reflectors": reflectors},
+        writes={
+            "light": light.codes,
+            "peak": light.peak,
+            "reflectors": reflectors,
+            "shines": graph.buffer("ssil/no_shines", dtype=np.uint32, count=1) if shines is None else shines,
+        },
         constants={
             **scene.constants(shader),
             **_constants(levels),
             "SQUARE": 1 << levels.first,
             "HAS_REFLECTORS": has_reflectors,
+            "SPLIT": shines is not None,
         },
-        clear=[light.peak],
+        clear=[light.peak] if shines is None else [light.peak, shines],
     )
     return light, reflectors
 

@@ -13,7 +13,6 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...records import KnownAttributes
 from ...settings import setting
-from ..deferred.environment import Ambient
 from ..shared.denoise import DenoiseSettings
 from ..shared.gbuffer import Gbuffer
 from ..shared.temporal import TemporalSettings
@@ -24,7 +23,8 @@ from .inputs import SsilInputs
 from .levels import declare_levels, level_buffer
 from .light import SentLight, declare_feedback, declare_reflected_light, declare_sent_light
 from .offscreen import declare_offscreen
-from .shade import declare_denoised, declare_guides, declare_shading
+from .shade import Upsampling, declare_denoised, declare_guides, declare_shading
+from .shiny import declare_shines, declare_shiny
 from .voxels import Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
@@ -73,11 +73,11 @@ class SsilSettings(KnownAttributes):
         True, "Gather at full resolution for pixels whose surface no pixel of the first level shows."
     )
     glossy_samples: int = setting(
-        2,
-        "Directions drawn from the coat, per coated pixel and frame.",
-        "directions",
+        1,
+        "Rays along directions drawn from the coat, per coated pixel and frame.",
+        "rays",
         range=(0, 64),
-        presets={"low": 1, "high": 4},
+        presets={"high": 4},
     )
     offscreen: str = setting(
         "none",
@@ -116,7 +116,6 @@ def declare_bounces(
     scene: SsilInputs,
     gbuffer: Gbuffer,
     motion: Buffer,
-    ambient: Ambient,
     direct: Buffer,
     bounces: int | None,
     seed: int,
@@ -137,7 +136,8 @@ def declare_bounces(
 
     # Declare the light of the first bounce, plus the previous frame's light if amortised.
     count = settings.bounces if bounces is None else min(bounces, MOST_BOUNCES)
-    light, reflectors = declare_sent_light(graph, scene, gbuffer, levels, direct, count > 1)
+    shines = declare_shines(graph, scene, settings.glossy_samples)
+    light, reflectors = declare_sent_light(graph, scene, gbuffer, levels, direct, count > 1, shines)
     kept: Buffer | None = None
     if is_amortised(settings, bounces):
         kept = level_buffer(graph, f"ssil/combined_{levels.first}", levels.size, history=True)
@@ -158,14 +158,29 @@ def declare_bounces(
     irradiance, before = _declare_further_bounces(graph, settings, inputs, light, reflectors, first, count)
     before = irradiance if kept is not None else before
 
-    # Shade the picture. Coats reflect the light of all bounces but the last, since they are the last scattering.
-    if before is not None and fine is not None and scene.features["HAS_COATS"] and settings.glossy_samples:
-        before = declare_upsampling(graph, scene, "ssil/before", gbuffer, before, fine.guide, reflected=False)
-    glossy = declare_glossy(
-        graph, scene, gbuffer, ambient, direct, before, settings.glossy_samples, seed, full=levels.first == 0
-    )
+    # Shade the picture.
+    glossy = _declare_coats(graph, settings, scene, gbuffer, before, fine, seed)
     denoised = declare_denoised(graph, denoise, gbuffer, levels, irradiance, scene.frames)
-    return declare_shading(graph, temporal, scene, gbuffer, motion, levels, denoised, glossy, fine)
+    indirect = declare_shading(graph, temporal, scene, gbuffer, motion, levels, denoised, glossy, fine)
+    if shines is not None:
+        declare_shiny(graph, scene, gbuffer, shines, settings.glossy_samples, seed, indirect, denoise.levels)
+    return indirect
+
+
+def _declare_coats(
+    graph: Graph,
+    settings: SsilSettings,
+    scene: SsilInputs,
+    gbuffer: Gbuffer,
+    before: Buffer | None,
+    fine: Upsampling | None,
+    seed: int,
+) -> Buffer | None:
+    """Declare the coats' reflection of all bounces but the last, `before`, since coats are the last scattering."""
+    rays = settings.glossy_samples
+    if before is not None and fine is not None and scene.features["HAS_COATS"] and rays:
+        before = declare_upsampling(graph, scene, "ssil/before", gbuffer, before, fine.guide, reflected=False)
+    return declare_glossy(graph, scene, gbuffer, before, rays, seed, offscreen=settings.offscreen == "cache")
 
 
 def _declare_first_bounce(

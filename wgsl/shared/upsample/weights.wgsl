@@ -1,8 +1,8 @@
 // Joint bilateral upsampling (Kopf et al. 2007): the weights of the four coarse pixels around a fine pixel.
 //
 // w_k = (b_k + WEIGHT_FLOOR) (s_k + WEIGHT_FLOOR), b_k the bilinear weight, s_k in 0 to 1 the similarity of both
-// surfaces: s_k = max(1 - d_k^2, 0) max(n . n_k, 0), d_k the distance of the coarse surface from the tangent plane of
-// the fine one, in widths of a coarse pixel. Errs where no coarse pixel shows the surface: the most similar pixels
+// surfaces: s_k = max(1 - d_k^2, 0) max(n . n_k, 0)^4, d_k the larger of both distances of one surface from the tangent
+// plane of the other, in widths of a coarse pixel. Errs where no coarse pixel shows the surface: the most similar pixels
 // count.
 #import "scene/info.wgsl"
 
@@ -12,6 +12,12 @@ override COARSE_CENTRED: bool = false;  // true: a coarse pixel samples its squa
 // Keeps the sum above 0 wherever a coarse pixel shows something; leaks at most 0.2 % of another surface's light into
 // pixels that a coarse pixel represents.
 const WEIGHT_FLOOR: f32 = 1e-4;
+
+// Exponent of n . n_k. SSIL by rays, 160x90, 16 frames, relMSE of exponents 1 and 4: Sponza (a) 4.33, 4.29, its gallery
+// 13.6, 10.5, a curtained room .048, .017; Cornell the same. 16 lists twice the pixels for 0.1 less in Sponza. With the
+// distance from the fine surface's plane alone, Sponza (a), 320x180, has 1.17 instead of 0.83: round columns and the
+// undersides of arches take the light of other parts.
+const NORMAL_POWER: f32 = 4.0;
 
 struct GuideSurface {
     position: vec3f,  // metres from the camera, along the axes of the world
@@ -27,8 +33,10 @@ fn pixels_per_metre(position: vec3f) -> f32 {
 
 // Returns the similarity of two surfaces, 0 to 1; `per_metre`: coarse pixels per metre at `fine`.
 fn similarity(fine: GuideSurface, other: GuideSurface, per_metre: f32) -> f32 {
-    let off_plane = dot(fine.normal, other.position - fine.position) * per_metre;
-    let similar = max(1.0 - off_plane * off_plane, 0.0) * max(dot(fine.normal, other.normal), 0.0);
+    let way = other.position - fine.position;
+    let off_plane = max(abs(dot(fine.normal, way)), abs(dot(other.normal, way))) * per_metre;
+    let aligned = max(dot(fine.normal, other.normal), 0.0);
+    let similar = max(1.0 - off_plane * off_plane, 0.0) * pow(aligned, NORMAL_POWER);
     return select(0.0, similar, other.exists);
 }
 
