@@ -17,6 +17,7 @@ from .denoise import declare_denoise, declare_temporal
 from .gather import declare_gather
 from .inputs import ManyLightInputs
 from .ism import declare_ism
+from .lobes import find_lobes
 from .near_field import declare_near_field, declare_near_shares
 from .photons import declare_photons
 from .points import declare_points
@@ -83,11 +84,12 @@ def _declare_indirect(
     gbuffer, ambient, seed = base.gbuffer, base.ambient, settings.seed
     # Place virtual point lights on reflective shadow maps, and along light paths for emitters and further bounces.
     albedo = ambient.reads["ambient_albedo"]
-    rsm = declare_rsm(graph, settings.rsm, scene, albedo, seed)
-    light_paths = declare_light_paths(graph, settings.vpl, scene, albedo, settings.bounces, seed)
+    lobes = find_lobes(settings.vpl.lobes, scene)
+    rsm = declare_rsm(graph, settings.rsm, scene, lobes, albedo, seed)
+    light_paths = declare_light_paths(graph, settings.vpl, scene, lobes, albedo, settings.bounces, seed)
     if rsm is None and light_paths is None:
         return None
-    candidates = declare_candidates(graph, settings.vpl, scene, rsm, light_paths, gbuffer)
+    candidates = declare_candidates(graph, settings.vpl, lobes, rsm, light_paths, gbuffer)
     vpls = declare_vpls(graph, settings.vpl, candidates, seed)
     # Gather from them, with rays or imperfect shadow maps.
     ism = None
@@ -97,7 +99,7 @@ def _declare_indirect(
     gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, seed, near_field)
     views |= declare_vpl_view(graph, vpls) | declare_list_view(graph, settings.gather, gbuffer, gathered.clusters, vpls)
     if rsm is not None:
-        views |= declare_rsm_views(graph, scene, rsm)
+        views |= declare_rsm_views(graph, scene, lobes, rsm)
     if ism is not None:
         views |= declare_ism_views(graph, ism)
     # Add the light that the bound of near VPLs removes, reflections, and the near field in screen space.

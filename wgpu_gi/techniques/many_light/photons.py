@@ -34,7 +34,7 @@ def declare_photons(
     seed: int,
 ) -> None:
     """Declare the passes that add the light of lobes to the irradiance and to the coats' light."""
-    if not candidates.lobes or gathered.glossy is None:
+    if not candidates.lobes.some or gathered.glossy is None:
         graph.skip("photons", "no surface throws light by a lobe")
         return
     # Draw the photons from the candidates.
@@ -62,7 +62,7 @@ def declare_photons(
         },
         constants={
             **scene.constants(SHADER),
-            "HAS_LOBES": True,
+            **candidates.lobes.constants,
             "NEAR_FIELD": gathered.near_field is not None,
         },
         clear=list(layers.values()),

@@ -16,18 +16,9 @@ from ...records import KnownAttributes
 from ...settings import setting
 from ..shared.sampling import STILL_SEQUENCE
 from .inputs import ManyLightInputs
+from .lobes import Lobes
 
 CANDIDATE = np.dtype((np.uint32, 4))  # a word of a candidate for a virtual point light
-
-
-def has_lobes(scene: ManyLightInputs) -> bool:
-    """Return whether candidates for virtual point lights have lobes, whose light photons carry."""
-    return scene.features["HAS_METALS"]
-
-
-def candidate_words(scene: ManyLightInputs) -> int:
-    """Return the number of words of a candidate, `vpl_words` of `wgsl/many_light/vpl/vpl.wgsl`."""
-    return 4 if has_lobes(scene) else 2
 
 
 @dataclass(repr=False, slots=True)
@@ -52,13 +43,15 @@ class Rsm:
     count: int
 
 
-def declare_rsm(graph: Graph, settings: RsmSettings, scene: ManyLightInputs, albedo: Handle, seed: int) -> Rsm | None:
+def declare_rsm(
+    graph: Graph, settings: RsmSettings, scene: ManyLightInputs, lobes: Lobes, albedo: Handle, seed: int
+) -> Rsm | None:
     """Declare the maps of all punctual lights, None without lights. `albedo`: reflectance table of coated surfaces."""
     count = scene.vpl.rsm_texels
     if count == 0:
         graph.skip("rsm", "no point, spot or sun light")
         return None
-    buffer = graph.buffer("rsm", dtype=CANDIDATE, count=candidate_words(scene) * count)
+    buffer = graph.buffer("rsm", dtype=CANDIDATE, count=lobes.words * count)
     shader = "many_light/rsm/trace.wgsl"
     graph.compute(
         "rsm",
@@ -72,7 +65,7 @@ def declare_rsm(graph: Graph, settings: RsmSettings, scene: ManyLightInputs, alb
         },
         writes={"rsm": buffer},
         params={"texels": count, "jitter": settings.jitter, "seed": seed},
-        constants={**scene.constants(shader), "HAS_LOBES": has_lobes(scene)},
+        constants={**scene.constants(shader), **lobes.reflecting},
         uniforms=STILL_SEQUENCE,
     )
     return Rsm(buffer, count)

@@ -10,7 +10,8 @@ from .clusters import Clusters
 from .gather import GatherSettings
 from .inputs import ManyLightInputs
 from .ism import Ism
-from .rsm import Rsm, has_lobes
+from .lobes import Lobes
+from .rsm import Rsm
 from .vpl import Vpls
 
 RSM_KINDS = ("position", "normal", "flux")
@@ -21,7 +22,7 @@ def _picture(graph: Graph, name: str) -> Buffer:
     return graph.buffer(f"debug/{name}", dtype=FOUR_FLOATS, count=width * height, width=width)
 
 
-def declare_rsm_views(graph: Graph, scene: ManyLightInputs, rsm: Rsm) -> dict[str, Buffer]:
+def declare_rsm_views(graph: Graph, scene: ManyLightInputs, lobes: Lobes, rsm: Rsm) -> dict[str, Buffer]:
     """Declare the maps of all lights side by side: position in m relative to the scene's origin, normal, flux in W."""
     views = {}
     for number, kind in enumerate(RSM_KINDS):
@@ -32,7 +33,7 @@ def declare_rsm_views(graph: Graph, scene: ManyLightInputs, rsm: Rsm) -> dict[st
             over=graph.size,
             reads={"rsm_lights": scene.vpl.rsm_lights, "rsm": rsm.buffer},
             writes={"picture": picture},
-            constants={"KIND": number, "HAS_LOBES": has_lobes(scene)},
+            constants={"KIND": number, **lobes.constants},
         )
     return views
 

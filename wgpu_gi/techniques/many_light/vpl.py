@@ -21,8 +21,9 @@ from ...settings import setting
 from ..shared.gbuffer import Gbuffer
 from ..shared.sampling import STILL_SEQUENCE
 from .inputs import ManyLightInputs
+from .lobes import Lobes
 from .points import declare_sky_points
-from .rsm import CANDIDATE, Rsm, candidate_words, has_lobes
+from .rsm import CANDIDATE, Rsm
 
 VIEW_SAMPLES = 64  # pixels that represent the view; tools/README.md, "Constants"
 DENSITY_VPLS = 512  # most VPLs from which the area of each is estimated; tools/README.md, "Constants"
@@ -51,9 +52,16 @@ class VplSettings(KnownAttributes):
         range=(64, 1 << 16),
         presets={"low": 2048, "high": 32768},
     )
+    lobes: str = setting(
+        "metals",
+        "Surfaces that throw light along the lobe of their coat: metals, or all (coats), for half again as much time in"
+        " scenes without metals.",
+        choices=("metals", "coats"),
+        presets={"high": "coats"},
+    )
     photons: float = setting(
         0.5,
-        "Photons per pixel and frame, which carry the light that metals throw.",
+        "Photons per pixel and frame, which carry the bright part of lobes.",
         range=(0.01, 4),
         presets={"low": 0.25, "high": 1.0},
     )
@@ -72,17 +80,12 @@ class LightPaths:
 class Vpls:
     """The table of VPLs, in the layout of `wgsl/many_light/vpl/table.wgsl`, and its number of slots.
 
-    lobes: the VPLs have the lobes of coats.
+    constants: of shaders that load VPLs.
     """
 
     table: Texture
     count: int
-    lobes: bool = False
-
-    @property
-    def constants(self) -> dict[str, bool]:
-        """The constants of shaders that load VPLs."""
-        return {"HAS_LOBES": self.lobes}
+    constants: dict[str, bool]
 
 
 @dataclass
@@ -93,12 +96,7 @@ class Candidates:
     view_samples: Handle  # surfaces that the camera sees, which weigh them
     texels: int
     count: int  # of texels and vertices
-    lobes: bool
-
-    @property
-    def words(self) -> int:
-        """Number of words of a candidate."""
-        return 4 if self.lobes else 2
+    lobes: Lobes
 
 
 @dataclass
@@ -113,6 +111,7 @@ def declare_light_paths(
     graph: Graph,
     settings: VplSettings,
     scene: ManyLightInputs,
+    lobes: Lobes,
     albedo: Handle,
     bounces: int | None,
     seed: int,
@@ -132,7 +131,7 @@ def declare_light_paths(
     sky_paths = (settings.paths // 2 if others else settings.paths) if has_sky else 0
     count = settings.paths * vertices
     points = declare_sky_points(graph, scene, sky_paths, albedo, seed).buffer if sky_paths else graph.neutral("buffer")
-    light_paths = graph.buffer("vpl/light_paths", dtype=CANDIDATE, count=candidate_words(scene) * count)
+    light_paths = graph.buffer("vpl/light_paths", dtype=CANDIDATE, count=lobes.words * count)
     shader = "many_light/vpl/light_paths.wgsl"
     graph.compute(
         "vpl/light_paths",
@@ -146,7 +145,7 @@ def declare_light_paths(
             "bounces": most,
             "seed": seed,
         },
-        constants={**scene.constants(shader), "HAS_LOBES": has_lobes(scene)},
+        constants={**scene.constants(shader), **lobes.reflecting},
         uniforms=STILL_SEQUENCE,
     )
     return LightPaths(light_paths, count)
@@ -155,7 +154,7 @@ def declare_light_paths(
 def declare_candidates(
     graph: Graph,
     settings: VplSettings,
-    scene: ManyLightInputs,
+    lobes: Lobes,
     rsm: Rsm | None,
     light_paths: LightPaths | None,
     gbuffer: Gbuffer,
@@ -180,7 +179,7 @@ def declare_candidates(
         "light_paths": light_paths.buffer if light_paths is not None else graph.neutral("buffer"),
     }
     count = texels + (light_paths.count if light_paths is not None else 0)
-    return Candidates(buffers, view_samples, texels, count, has_lobes(scene))
+    return Candidates(buffers, view_samples, texels, count, lobes)
 
 
 def declare_vpls(graph: Graph, settings: VplSettings, candidates: Candidates, seed: int) -> Vpls:
@@ -196,13 +195,13 @@ def declare_vpls(graph: Graph, settings: VplSettings, candidates: Candidates, se
         reads={"resampled": resampled},
         writes={"vpls": table},
         params={"count": count, "stride": -(-count // DENSITY_VPLS)},
-        constants={"HAS_LOBES": candidates.lobes},
+        constants=candidates.lobes.constants,
     )
-    return Vpls(table, count, candidates.lobes)
+    return Vpls(table, count, candidates.lobes.constants)
 
 
 def _table_size(candidates: Candidates, count: int) -> tuple[int, int]:
-    return (TABLE_WIDTH, -(-candidates.words * count // TABLE_WIDTH))
+    return (TABLE_WIDTH, -(-candidates.lobes.words * count // TABLE_WIDTH))
 
 
 def declare_resampled(
@@ -217,7 +216,7 @@ def declare_resampled(
         reads={**candidates.buffers, "cumulative": weights.cumulative, "totals": weights.totals},
         writes={"vpls": drawn},
         params={"texels": candidates.texels, "candidates": candidates.count, "count": count, "seed": seed},
-        constants={"HAS_LOBES": candidates.lobes},
+        constants=candidates.lobes.constants,
         uniforms=STILL_SEQUENCE,
     )
     return drawn
@@ -239,7 +238,7 @@ def declare_weights(
         constants={
             "VIEW": settings.importance == "view",
             "GRID": settings.importance == "grid",
-            "HAS_LOBES": candidates.lobes,
+            **candidates.lobes.constants,
             "LOBES": lobes,
         },
     )

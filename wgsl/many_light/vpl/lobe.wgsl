@@ -1,7 +1,7 @@
 // The GGX lobe of a VPL. Gathering takes the part of it that is no brighter than a diffuse VPL of reflectance MOST_GATHERED;
-// photons take the rest, which would make dots:
+// photons take the rest, which would make dots (luminance decides):
 //
-//   flux(w) = diffuse flux + arriving F min(pi D V, MOST_GATHERED),  photons: arriving F max(pi D V - MOST_GATHERED, 0) / pi
+//   flux(w) = diffuse flux + arriving min(pi F D V, MOST_GATHERED),  photons: arriving max(pi F D V - MOST_GATHERED, 0) / pi
 // Hits of reflections take the whole lobe, widened by the angle that the VPL's disc subtends, as a virtual spherical light is
 // (Hasan et al. 2009, "Virtual Spherical Lights for Many-Light Rendering of Glossy Scenes"). It errs blurry, by less than the
 // distance between VPLs; all else is exact.
@@ -9,7 +9,7 @@
 #import "many_light/vpl/vpl.wgsl"
 
 // Reflectance of the diffuse VPL that is as bright as the brightest part of a lobe that is gathered.
-const MOST_GATHERED: f32 = 2.0;
+const MOST_GATHERED: f32 = 1.5;
 // Share of the disc by which the lobe is widened: a half is less noisy than a quarter, and loses less than all.
 const WIDENING: f32 = 0.5;
 // Most that the disc adds to alpha^2: wide lobes lose the light that they scatter more than once.
@@ -52,10 +52,10 @@ fn lobe_towards(v: Vpl, w: vec3f, alpha: f32) -> f32 {
     return select(0.0, PI * lobe, cos_o > 0.0);
 }
 
-// Returns the light that arrives at the lobe times the Fresnel term of a direction, unit.
-fn mirrored_flux(v: Vpl, w: vec3f) -> vec3f {
+// Returns the Fresnel term of a direction, unit.
+fn lobe_fresnel(v: Vpl, w: vec3f) -> vec3f {
     let sum = w + v.lobe.to_light;
-    return v.lobe.arriving * fresnel_schlick(v.lobe.f0, dot(w, sum) * inverseSqrt(max(dot(sum, sum), 1e-30)));
+    return fresnel_schlick(v.lobe.f0, dot(w, sum) * inverseSqrt(max(dot(sum, sum), 1e-30)));
 }
 
 // Returns the flux, W, of the diffuse VPL that would send as much gathered light along `way`, of any length.
@@ -64,8 +64,8 @@ fn flux_towards(v: Vpl, way: vec3f) -> vec3f {
         return v.flux;
     }
     let w = way * inverseSqrt(max(dot(way, way), 1e-30));
-    let lobe = lobe_towards(v, w, v.lobe.roughness * v.lobe.roughness);
-    return v.flux + mirrored_flux(v, w) * min(lobe, MOST_GATHERED);
+    let reflected = lobe_fresnel(v, w) * lobe_towards(v, w, v.lobe.roughness * v.lobe.roughness);
+    return v.flux + v.lobe.arriving * reflected * min(MOST_GATHERED / max(luminance(reflected), 1e-30), 1.0);
 }
 
 // Returns the flux, W, of the diffuse VPL that would send as much light along `way`, of any length, with the widened lobe;
@@ -76,17 +76,19 @@ fn widened_flux_towards(v: Vpl, way: vec3f, reach: f32) -> vec3f {
     }
     let w = way * inverseSqrt(max(dot(way, way), 1e-30));
     let lobe = lobe_towards(v, w, widened_alpha(v, inverseSqrt(max(reach, 1e-30))));
-    return v.flux + mirrored_flux(v, w) * lobe;
+    return v.flux + v.lobe.arriving * lobe_fresnel(v, w) * lobe;
 }
 
 // Returns the share of a lobe's light in a direction, unit, that photons carry.
 fn photon_share(v: Vpl, w: vec3f) -> f32 {
-    let lobe = lobe_towards(v, w, v.lobe.roughness * v.lobe.roughness);
-    return max(1.0 - MOST_GATHERED / max(lobe, 1e-30), 0.0);
+    let reflected = lobe_fresnel(v, w) * lobe_towards(v, w, v.lobe.roughness * v.lobe.roughness);
+    return max(1.0 - MOST_GATHERED / max(luminance(reflected), 1e-30), 0.0);
 }
 
-// Returns about the share of a lobe's light in all directions that photons carry, above 0: at normal incidence, pi D V is
-// above MOST_GATHERED within half vectors of sin^2 + alpha^2 cos^2 = alpha / (2 sqrt(MOST_GATHERED)).
+// Returns about the share of a lobe's light in all directions that photons carry, above 0: at normal incidence, pi F D V is
+// above MOST_GATHERED within half vectors of sin^2 + alpha^2 cos^2 = alpha / (2 sqrt(MOST_GATHERED / F)).
 fn mean_photon_share(v: Vpl) -> f32 {
-    return max(1.0 - 2.0 * sqrt(MOST_GATHERED) * v.lobe.roughness * v.lobe.roughness, 0.05);
+    let fresnel = luminance(fresnel_schlick(v.lobe.f0, saturate(dot(v.lobe.normal, v.lobe.to_light))));
+    let most = MOST_GATHERED / max(fresnel, 1e-6);
+    return max(1.0 - 2.0 * sqrt(most) * v.lobe.roughness * v.lobe.roughness, 0.05);
 }

@@ -1,8 +1,11 @@
-// The VPL of light that arrives at a surface. Coats have a lobe; what they scatter more than once leaves like diffuse light.
+// The VPL of light that arrives at a surface. Metals, or all coats, have a lobe; what they scatter more than once leaves like
+// diffuse light, and so does what other coats reflect.
 #import "scene/surface.wgsl"
 #import "many_light/vpl/vpl.wgsl"
 #import "common/random.wgsl"
 #import "deferred/environment/reflectance.wgsl"
+
+override METALS_ONLY: bool = false;  // coats of other materials have no lobe
 
 // Bounds the ratio of irradiance by the shading normal to that by the geometric normal. Errs dark where light grazes a
 // surface with a normal map, and bounds the brightest VPLs. tools/README.md, "Constants".
@@ -30,7 +33,7 @@ fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32, nearness: 
     let is_lit = (s.flags & UNLIT) == 0u;
     let b = surface_brdf(s);
     let arriving = select(vec3f(0.0), flux * ratio, is_lit);
-    if (HAS_LOBES && b.glossy) {
+    if (HAS_LOBES && b.glossy && (!METALS_ONLY || s.metallic > 0.0)) {
         let entry = load_ambient_albedo(shading, b.alpha);
         let lobe = fresnel_schlick(b.f0, entry.y) * entry.x * arriving;
         return Vpl(
