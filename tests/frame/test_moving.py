@@ -45,10 +45,10 @@ def test_averaged_frames_draw_new_samples(gi):
     """Without an average, noise stands still: it flickers less."""
     alone = forced(renderer_of(gi, 1), 2)
     assert np.array_equal(*alone)
-    shared = forced(renderer_of(gi, 8), 24)
-    truth = np.mean(shared[8:], 0)
-    first, last = (np.abs(picture - truth).mean() for picture in (shared[0], shared[8]))
-    assert last < 0.65 * first
+    shared = forced(renderer_of(gi, 16), 40)
+    truth = np.mean(shared[16:], 0)
+    first, last = (np.square(picture - truth).mean() for picture in (shared[0], shared[16]))
+    assert last < 0.4 * first
 
 
 @pytest.mark.parametrize("gi", TECHNIQUES)

@@ -149,7 +149,7 @@ def test_moving_back_restores_the_filtered_picture():
     forced(renderer, 3)
     renderer.camera = home
     after = np.mean(forced(renderer, 24)[8:], 0)
-    assert np.abs(after - first).mean() <= 0.07 * first.mean()
+    assert np.abs(after - first).mean() <= 0.09 * first.mean()
 
 
 def test_a_turning_camera_leaves_no_ghost():

@@ -27,7 +27,7 @@ WALK_RADIUS, WALK_FRAMES = 1 / 100, 32  # share of the diagonal of the scene's b
 SWING = np.radians(8.0)
 # The instance swings by this share of the diagonal, which shows what was behind it.
 OBJECT_SWING = 1 / 25
-LARGEST_OBJECT = 0.3  # share of the picture: a room or a ground does not move
+LARGEST_OBJECT = 0.5  # share of the scene's diagonal: a room, a wall or a ground does not move
 WARM_UP = 12  # frames that fill the history first
 SETTLED_FRAMES = 32  # of a converged picture
 NEW_FOR = 4  # frames for which a point that came into view counts as disoccluded
@@ -202,7 +202,9 @@ def _object_of(renderer: Renderer, scene: Scene, camera: Camera) -> int | None:
     renderer.step(show=("instance",))
     shown = renderer.read_back("instance").astype(np.int64)
     counts = np.bincount(shown.ravel(), minlength=len(scene.instances) + 1)[1:]
-    counts[counts > LARGEST_OBJECT * shown.size] = 0
+    for number in np.flatnonzero(counts):
+        if _diagonal(replace(scene, instances=[scene.instances[number]])) > LARGEST_OBJECT * _diagonal(scene):
+            counts[number] = 0
     return int(counts.argmax()) if counts.any() else None
 
 

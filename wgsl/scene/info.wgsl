@@ -43,10 +43,15 @@ fn pixel_ray(pixel: vec2u) -> Ray {
 
 // Returns the ray through a point of the picture, in pixels from its top left corner.
 fn camera_ray(pixel: vec2f) -> Ray {
-    let ndc = pixel / vec2f(view.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
-    let offset = ndc.x * view.right + ndc.y * view.up;
-    let parallel = view.orthographic != 0u;
+    return ray_of(view, pixel);
+}
+
+// Returns the ray through a point of a view's picture.
+fn ray_of(v: View, pixel: vec2f) -> Ray {
+    let ndc = pixel / vec2f(v.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+    let offset = ndc.x * v.right + ndc.y * v.up;
+    let parallel = v.orthographic != 0u;
     return Ray(
-        view.position + select(vec3f(0.0), offset, parallel),
-        select(normalize(view.forward + offset), view.forward, parallel));
+        v.position + select(vec3f(0.0), offset, parallel),
+        select(normalize(v.forward + offset), v.forward, parallel));
 }

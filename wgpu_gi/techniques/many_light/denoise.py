@@ -6,6 +6,7 @@ Linke 2016, section 3.4, for the blur; `shared/denoise.py` and `shared/temporal.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
@@ -14,6 +15,8 @@ from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from ..shared.temporal import TemporalSettings, declare_accumulate
 from .gather import Gathered
+
+STEP = 3  # pixels between neighbours of the mean over frames: 16 of them see all virtual lights
 
 
 @dataclass
@@ -32,9 +35,12 @@ def declare_temporal(
     motion: Buffer,
     gathered: Gathered,
 ) -> Accumulated:
-    """Declare the mean of irradiance over frames; coats' radiance depends on the view and is not accumulated."""
-    found = declare_accumulate(graph, settings, scene, gbuffer, motion, gathered.irradiance)
-    return Accumulated(replace(gathered, irradiance=found.averaged), found.rejected)
+    """Declare the means over frames of irradiance, and of what coats reflect."""
+    accumulate = partial(declare_accumulate, graph, settings, scene, gbuffer, motion, step=STEP)
+    found, glossy = accumulate(irradiance=gathered.irradiance), gathered.glossy
+    if glossy is not None:
+        glossy = accumulate(irradiance=glossy, name="temporal/glossy", coat=True).averaged
+    return Accumulated(replace(gathered, irradiance=found.averaged, glossy=glossy), found.rejected)
 
 
 def declare_denoise(

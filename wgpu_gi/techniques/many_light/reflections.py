@@ -9,7 +9,6 @@ from __future__ import annotations
 from ...gpu.graph import Graph
 from ...gpu.handles import Handle
 from ..shared.gbuffer import Gbuffer
-from ..shared.sampling import STILL_SEQUENCE
 from ..shared.scene_inputs import SceneInputs
 from .gather import Gathered, GatherSettings
 from .vpl import Vpls
@@ -48,5 +47,4 @@ def declare_reflections(
         writes={"glossy": gathered.glossy},
         params={"vpl_count": vpls.count, "seed": seed, "widest": settings.reflections**2},
         constants={**scene.constants(SHADER), **vpls.constants, "REFLECTS_VPLS": bounces != 1},
-        uniforms=STILL_SEQUENCE,
     )

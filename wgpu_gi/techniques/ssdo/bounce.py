@@ -62,8 +62,9 @@ def declare_bounce(
     declare_gathered_unrepresented(graph, settings, scene, sources, search, senders, light, coats, reflected=reflected)
     if reflected:
         return light
-    # What coats reflect depends on the view and is not accumulated.
     averaged = history.declare(graph, scene, gbuffer, light, name)
+    if coats is not None:
+        coats = history.declare(graph, scene, gbuffer, coats, "ssdo/coats", coat=True)
     return _declare_reflection(graph, scene, gbuffer, averaged, coats, search.lobes)
 
 

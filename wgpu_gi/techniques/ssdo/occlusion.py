@@ -24,6 +24,8 @@ from .settings import SsdoSettings
 from .sky_coat import declare_sky_coat, declare_unrepresented_sky_coat
 from .sources import Sources
 
+STEP = 7  # pixels between neighbours of the mean over frames: the blur at half resolution reaches as far
+
 
 @dataclass
 class Occlusion:
@@ -40,11 +42,18 @@ class History:
     settings: TemporalSettings
     motion: Buffer
 
-    def declare(self, graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, light: Buffer, name: str) -> Buffer:
-        """Declare the mean of light (r, g, b, w) per pixel; w above 0 marks pixels with a surface to light."""
+    def declare(
+        self, graph: Graph, scene: DeferredInputs, gbuffer: Gbuffer, light: Buffer, name: str, *, coat: bool = False
+    ) -> Buffer:
+        """Declare the mean of light (r, g, b, w) per pixel; w above 0 marks pixels with a surface to light.
+
+        coat: the light is what coats reflect.
+        """
         if self.settings.frames == 1:
             return light
-        return declare_accumulate(graph, self.settings, scene, gbuffer, self.motion, light, name).averaged
+        return declare_accumulate(
+            graph, self.settings, scene, gbuffer, self.motion, light, name, step=STEP, coat=coat
+        ).averaged
 
 
 def declare_occlusion(

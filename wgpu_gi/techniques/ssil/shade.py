@@ -26,6 +26,8 @@ from .levels import Levels, level_buffer
 # 0.082 / 0.058 / 0.048.
 BLUR = 2
 
+STEP = 5  # pixels between neighbours of the mean over frames: half resolution and levels share noise up to there
+
 
 @dataclass(frozen=True)
 class Upsampling:
@@ -98,7 +100,12 @@ def declare_shading(
         graph.skip("temporal/accumulate", "temporal.frames is 1")
         return _declare_full(graph, scene, gbuffer, levels, irradiance, "indirect", glossy, fine, {})
     full = _declare_full(graph, scene, gbuffer, levels, irradiance, "irradiance", None, fine, {"REFLECTED": False})
-    mean = declare_accumulate(graph, temporal, scene, gbuffer, motion, full).averaged
+    mean = declare_accumulate(graph, temporal, scene, gbuffer, motion, full, step=STEP).averaged
+    if glossy is not None:
+        coats = declare_accumulate(
+            graph, temporal, scene, gbuffer, motion, glossy, "temporal/glossy", step=STEP, coat=True
+        )
+        glossy = coats.averaged
     return _declare_full(graph, scene, gbuffer, levels, mean, "indirect", glossy, fine, {"UPSAMPLED": True})
 
 
