@@ -209,8 +209,7 @@ SWEEPS = (
     Sweep("ssil/voxels/voxelize.wgsl", "LARGE", "50u, 200u, 1000u", "ssil"),
     Sweep("ssil/voxels/march.wgsl", "END_CELLS", "0.0, 0.5, 1.0, 1.5", "ssil", "ssil.visibility=voxels"),
     Sweep("ssil/voxels/march.wgsl", "LIFT", "1.25, 1.5, 1.75, 2.0", "ssil", "ssil.visibility=voxels"),
-    Sweep("ssil/gather.wgsl", "BOUND_SHARE", "0.1, 0.25, 0.5, 1.0", "ssil", "ssil.form_factor=disc"),
-    Sweep("techniques/ssil/gather.py", "UNREPRESENTED_PARTS", "1, 2, 4, 8", "ssil"),
+    Sweep("ssil/gather.wgsl", "BOUND_SHARE", "0.0625, 0.125, 0.25, 0.5", "ssil", "ssil.form_factor=disc"),
 )
 
 

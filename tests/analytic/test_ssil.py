@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -18,12 +19,16 @@ from wgpu_gi.settings import assign
 SIZE = (64, 36)
 
 
-def rendered(scene, *texts, size=SIZE, frames=1, bounces=1, **fields):
+def prepared(scene, *texts, size=SIZE, frames=1, bounces=1, **fields):
     settings = make_settings("ssil", diffuse=True, bounces=bounces, **fields)
     settings.camera.frames = frames
     for text in ("ssil.start=half", *texts):
         assign(settings, text)
-    renderer = Renderer(scene, size=size, settings=settings)
+    return Renderer(scene, size=size, settings=settings)
+
+
+def rendered(scene, *texts, **fields):
+    renderer = prepared(scene, *texts, **fields)
     renderer.run(check=True)
     return renderer
 
@@ -53,32 +58,33 @@ def light(renderer, k, size):
 
 
 def pattern(renderer, samples):
-    """Return offsets and areas of the disc and of the ring, all patterns together."""
+    """Return offsets and areas of the candidates in the disc and in the ring, all patterns together."""
     entries = renderer.graph.read_back("ssil/pattern").reshape(2, 16 * samples, 2).astype(np.uint32)
-    offsets = np.ascontiguousarray(entries[..., 0]).view(np.int16).reshape(2, -1, 2)
+    offsets = np.ascontiguousarray(entries[..., 0]).view(np.float16).reshape(2, -1, 2).astype(np.float64)
     return offsets, np.ascontiguousarray(entries[..., 1]).view(np.float32) / 16
 
 
-@pytest.mark.parametrize("place", [(0, 0), (40, 22), (79, 44)])
+@pytest.mark.parametrize("place", [(0, 0), (40, 22), (79, 47)])
 def test_samples_cover_the_screen_once(place):
-    """The areas of all patterns together that lie on the screen add up to it, from any pixel."""
-    size, levels = (160, 90), 4
+    """The areas of all patterns together that lie on the screen add up to it, from any pixel, in the mean of turns."""
+    size, levels = (160, 96), 4
     renderer = rendered(SCENES["cornell-point"](), size=size)
     offsets, areas = pattern(renderer, 64)
-    covered = 0.0
-    for k in range(levels):
+    covered = []
+    for turn, k in product(np.linspace(0, 2 * np.pi, 16, endpoint=False), range(levels)):
+        turned = offsets[min(k, 1)] @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         pixels = np.array([-(-size[0] >> (k + 1)), -(-size[1] >> (k + 1))])
-        at = np.array(place) >> k
-        inside = ((at + offsets[min(k, 1)] >= 0) & (at + offsets[min(k, 1)] < pixels)).all(-1)
-        covered += areas[min(k, 1)][inside].sum() * 4**k
-    assert covered == pytest.approx(80 * 45, rel=0.05)
+        at = np.floor((np.array(place) + 0.5) / 2**k + turned)
+        inside = ((at >= 0) & (at < pixels)).all(-1)
+        covered.append(areas[min(k, 1)][inside].sum() * 4**k)
+    assert np.sum(covered) / 16 == pytest.approx(80 * 48, rel=0.02)
 
 
 def test_patterns_are_a_disc_and_a_ring():
     renderer = rendered(SCENES["cornell-point"](), "ssil.radius=40")
     offsets, areas = pattern(renderer, 64)
-    radii = np.hypot(*offsets.transpose(2, 0, 1).astype(np.float64))
-    assert radii[0].max() <= 41 and radii[1].max() <= 41 and radii[1].min() >= 19
+    radii = np.hypot(*offsets.transpose(2, 0, 1))
+    assert radii.max() <= 40.1 and radii[1].min() >= 19.9
     assert areas[0].sum() == pytest.approx(math.pi * 40**2, rel=0.01)
     assert areas[1].sum() == pytest.approx(0.75 * math.pi * 40**2, rel=1e-5)
 
@@ -231,16 +237,20 @@ def test_a_thin_sheet_seen_edge_on_occludes():
 
 
 def test_unrepresented_pixels_gather_at_full_resolution():
-    """At the edges of boxes, upsampling would mix in light of other surfaces; all other pixels keep their values."""
-    found = {}
+    """At the edges of boxes, upsampling would mix in light of other surfaces; all other pixels keep their values.
+
+    Which pixels are unrepresented changes from frame to frame.
+    """
+    found, missed = {}, np.zeros((54, 96), int)
     for text in ("ssil.unrepresented=true", "ssil.unrepresented=false", "ssil.start=full"):
         texts = ("ssil.start=quarter", "ssil.visibility=exact", text)
-        renderer = rendered(SCENES["cornell-point"](), *texts, size=(96, 54), frames=16)
+        renderer = prepared(SCENES["cornell-point"](), *texts, size=(96, 54), frames=64)
+        while renderer.step(show=("indirect",), check=True):
+            if text == "ssil.unrepresented=true":
+                count = renderer.graph.read_back("ssil/unrepresented_groups").ravel()[3]
+                missed.ravel()[renderer.graph.read_back("ssil/unrepresented").ravel()[:count]] += 1
         found[text] = renderer.read_back("indirect").mean(-1)
-        if text == "ssil.unrepresented=true":
-            count = renderer.graph.read_back("ssil/unrepresented_groups").ravel()[3]
-            missed = np.zeros((54, 96), bool)
-            missed.ravel()[renderer.graph.read_back("ssil/unrepresented").ravel()[:count]] = True
+    never, missed = missed == 0, missed >= 32
     assert 0.001 < missed.mean() < 0.2
     truth = found["ssil.start=full"]
     off = [
@@ -248,7 +258,7 @@ def test_unrepresented_pixels_gather_at_full_resolution():
         for on in ("true", "false")
     ]
     assert off[0] <= 0.6 * off[1], off
-    assert np.array_equal(found["ssil.unrepresented=true"][~missed], found["ssil.unrepresented=false"][~missed])
+    assert np.array_equal(found["ssil.unrepresented=true"][never], found["ssil.unrepresented=false"][never])
 
 
 @pytest.mark.parametrize(("metallic", "roughness"), [(1.0, 0.1), (1.0, 0.5), (0.0, 0.3), (1.0, 1.0)])
@@ -261,7 +271,7 @@ def test_coats_reflect_what_the_path_tracer_reflects(metallic, roughness):
         [Instance(floor), Instance(wall)], [DirectionalLight((0, 0, -1), 3.0, (1.0, 0.5, 0.25))], None, [camera]
     )
     found = {}
-    for gi, frames, samples in (("ssil", 16, 1), ("path", 1, 128)):
+    for gi, frames, samples in (("ssil", 64, 1), ("path", 1, 512)):
         settings = make_settings(gi, bounces=1, spp=samples)
         settings.camera.frames, settings.path.visible_only = frames, True
         assign(settings, "ssil.start=full")

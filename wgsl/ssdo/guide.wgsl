@@ -15,5 +15,5 @@ fn coarse_surface(pixel: vec2u) -> GuideSurface {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    find_guide(id.xy);
+    find_guide(id.xy, vec2f(0.0));
 }

@@ -4,6 +4,8 @@
 // `shared/upsample/guide.wgsl`.
 #import "shared/upsample/guide.wgsl"
 #import "ssil/guide_surface.wgsl"
+#import "ssil/corner.wgsl"
+#import "scene/sequence.wgsl"
 
 @group(1) @binding(14) var surfels: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(15) var coarse_surfels: texture_storage_2d<rgba32uint, read>;
@@ -18,5 +20,5 @@ fn coarse_surface(pixel: vec2u) -> GuideSurface {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    find_guide(id.xy);
+    find_guide(id.xy, vec2f(receiver_place(sequence.index, COARSE_STRIDE)));
 }

@@ -1,16 +1,17 @@
-// Interleaved sampling: each pixel uses one of 16 sample patterns, and a quarter of it.
+// Interleaved sampling: each pixel uses one of 16 sample patterns.
 //
 // Pixels 4 apart along rows and columns share a pattern, so threads of a workgroup read neighbouring texels and branch
 // alike (Segovia et al. 2006, "Non-interleaved Deferred Shading of Interleaved Sample Patterns"). Patterns move from
 // frame to frame of a still picture. Their arrangement in a 4x4 block in the first frame, x to the right:
 //
-//     pattern   0  2  8 10      quarter   0  2  2  0
-//               3  1 11  9                3  1  1  3
-//              12 14  4  6                3  1  1  3
-//              15 13  7  5                0  2  2  0
+//      0  2  8 10
+//      3  1 11  9
+//     12 14  4  6
+//     15 13  7  5
 
 const INTERLEAVE: u32 = 4u;  // pixels along the side of a block
 const PATTERNS: u32 = INTERLEAVE * INTERLEAVE;
+const CANDIDATES: u32 = 4u;  // samples of a group, from which one is drawn: 2x2 in a cell of the pattern
 const RING_SEED: u32 = 0x68bc21ebu;
 
 // Returns a pixel's number among 2x2: 0 2 / 3 1.
@@ -27,10 +28,4 @@ fn number_of_square(pixel: vec2u) -> u32 {
 // Over 8 frames adjacent pixels take different patterns, so no rows or columns show.
 fn pattern_of(pixel: vec2u, frame: u32) -> u32 {
     return ((number_of_square(pixel) ^ frame) & 3u) * 4u + ((number_in_square(pixel) ^ (frame >> 2u)) & 3u);
-}
-
-// Returns the quarter of its pattern that a pixel takes in a frame. When a pattern returns, four frames later, the 2x2
-// pixels take its quarters in the same arrangement, so a filter over 2x2 pixels leaves the same error everywhere.
-fn quarter_of(pixel: vec2u, frame: u32) -> u32 {
-    return number_in_square(pixel) ^ number_of_square(pixel) ^ (frame & 3u);
 }

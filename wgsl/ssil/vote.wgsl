@@ -3,20 +3,23 @@
 //
 // s(i) = sum_j g1(|p_i - p_j|) g2(1 - n_i . n_j) g3(d_ij) over the pixels j at most one step from i (eq. 5). Departures:
 // d_ij is the distance from the tangent plane of i in pixel widths, not a difference of depths, so that floors at a
-// glancing angle are one surface. On flat walls all scores tie, and a random pixel wins, above the receivers' level
-// another one in each frame: the mean of frames then samples all pixels alike. In: surfels. Out: surfels of the next
-// level. Errs by omitting surfaces thinner than a pixel.
+// glancing angle are one surface. On flat walls all scores tie. Among samples a random pixel then wins, another one in
+// each frame, so the mean of frames samples all pixels alike. Among receivers the pixel at the frame's corner of the
+// square wins, so they form a regular grid. In: surfels. Out: surfels of the next level. Errs by omitting surfaces
+// thinner than a pixel.
 #import "ssil/surfel.wgsl"
 #import "scene/sequence.wgsl"
 #import "common/random.wgsl"
+#import "ssil/corner.wgsl"
 
 @group(1) @binding(11) var finer: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(12) var surfels: texture_storage_2d<rgba32uint, write>;
 @group(1) @binding(19) var<uniform> params: Params;
 
 struct Params {
-    seed: u32,    // of this level
-    varies: u32,  // 1: other pixels win in other frames, 0: in all frames the same
+    seed: u32,       // of this level
+    receivers: u32,  // 1: the pixel at the frame's corner wins a tie, 0: a random one
+    coarser: u32,    // levels of receivers above this one
 }
 
 // Standard deviations of g1 (pixels), g2 (cosines) and g3 (pixel widths). tools/README.md, "Constants".
@@ -51,9 +54,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var area = 0.0;
     let facing = facing_side();
     let near = exp(-0.5 / (STEP_WIDTH * STEP_WIDTH));
-    let chance = hash2(id.x | (id.y << 16u), hash2(params.seed, params.varies * sequence.index));
+    let chance = hash2(id.x | (id.y << 16u), hash2(params.seed, sequence.index));
+    let corner = corner_of(sequence.index, params.coarser);
     for (var k = 0; k < 4; k += 1) {
-        let pixel = 2 * vec2i(id.xy) + vec2i(k & 1, k >> 1u);
+        let step = vec2u(vec2i(k & 1, k >> 1u));
+        let pixel = 2 * vec2i(id.xy) + vec2i(step);
         let own = load(pixel);
         if (is_empty(own)) {
             continue;
@@ -67,7 +72,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             + vote(position, normal, per_width, load(pixel + vec2i(1, 0)))
             + vote(position, normal, per_width, load(pixel - vec2i(0, 1)))
             + vote(position, normal, per_width, load(pixel + vec2i(0, 1)));
-        let score = 1.0 + near * sides + TIE_BREAK * unit_float(hash(chance + u32(k)));
+        let preferred = select(unit_float(hash(chance + u32(k))), f32(all(step == corner)), params.receivers != 0u);
+        let score = 1.0 + near * sides + TIE_BREAK * preferred;
         if (score > best_score) {
             best_score = score;
             best = own;

@@ -1,8 +1,9 @@
-"""One bounce of SSIL: irradiance from samples of every level, combined from the coarsest level to the finest.
+"""One bounce of SSIL: irradiance from samples of every level, gathered by the pixels of the first.
 
-Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: pixels
-of level k - 1 gather from level k, each with a quarter of the samples, so four neighbours use the full set (interleaved
-sampling); unrepresented pixels gather at full resolution; the default radius is twice the smallest that covers the
+Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures: pixels of
+the first level gather from all levels, not only from the next one, so shadows of far light are not blurred over coarse
+pixels; of each four samples one is drawn by its light and tested for visibility; blocks of pixels rotate their
+patterns; unrepresented pixels gather at full resolution; the default radius is twice the smallest that covers the
 screen.
 """
 
@@ -23,10 +24,8 @@ from .light import SentLight
 from .shade import Upsampling
 from .voxels import NO_GRID, Voxels
 
-# An unrepresented pixel uses a quarter of its samples per frame. Its neighbours use other quarters; four frames use
-# all.
-UNREPRESENTED_PARTS = 4
-_INTERLEAVE, _PATTERNS = (int(load("ssil/interleaving.wgsl").constants[name]) for name in ("INTERLEAVE", "PATTERNS"))
+_CONSTANTS = load("ssil/interleaving.wgsl").constants
+_INTERLEAVE, _PATTERNS, _CANDIDATES = (int(_CONSTANTS[name]) for name in ("INTERLEAVE", "PATTERNS", "CANDIDATES"))
 
 
 @dataclass(frozen=True)
@@ -38,6 +37,7 @@ class GatherInputs:
     """
 
     scene: SsilInputs
+    seed: int
     levels: Levels
     last: int
     pattern: Buffer
@@ -66,14 +66,16 @@ def last_level(levels: Levels, radius: float) -> int:
 
 
 def declare_pattern(graph: Graph, samples: int, radius: float, seed: int) -> Buffer:
-    """Declare the offsets and areas of samples: `samples` for each interleaved pattern, in the disc and in the ring."""
-    pattern = graph.buffer("ssil/pattern", dtype=np.dtype((np.uint32, 2)), count=2 * _PATTERNS * samples)
+    """Declare the offsets and areas of `samples` of each interleaved pattern, in the disc and in the ring."""
+    groups = samples // _CANDIDATES
+    count = 2 * _PATTERNS * _CANDIDATES * groups
+    pattern = graph.buffer("ssil/pattern", dtype=np.dtype((np.uint32, 2)), count=count)
     graph.compute(
         "ssil/pattern",
         "ssil/pattern.wgsl",
         over=pattern,
         writes={"pattern": pattern},
-        params={"radius": radius, "seed": seed, "samples": samples},
+        params={"radius": radius, "seed": seed, "groups": groups},
     )
     return pattern
 
@@ -86,46 +88,36 @@ def declare_gathering(
     Without `before` the sum is the irradiance itself. `suffix`: names the bounce in pass names.
     """
     levels = inputs.levels
-    combined: Buffer | None = None
-    total: Buffer | None = None
-    for k in reversed(range(levels.first, inputs.last)):
-        # Gather: the ring of the next level, and the disc of the first.
-        is_first = k == levels.first
-        ring = _declare_gather(graph, inputs, k + 1, k, light, suffix)
-        disc = _declare_gather(graph, inputs, k, k, light, suffix) if is_first else graph.neutral("buffer")
-        # Combine them with the coarser levels, and at the end with the previous bounces.
-        with_total = is_first and before is not None
-        finer = inputs.kept if is_first else None
-        finer = finer or level_buffer(graph, f"ssil/combined_{k}{suffix}", levels.surfels[k].size)
-        total = level_buffer(graph, f"ssil/total{suffix}", levels.size) if with_total else finer
-        graph.compute(
-            f"ssil/combine_{k}{suffix}",
-            "ssil/combine.wgsl",
-            entry="with_total" if with_total else "main",
-            over=levels.surfels[k],
-            reads={
-                "surfels": levels.surfels[k],
-                "coarse_surfels": levels.surfels[k + 1],
-                "disc": disc,
-                "ring": ring,
-                "coarse": combined or ring,
-                **({"before": before} if with_total else {}),
-            },
-            writes={"combined": finer, **({"total": total} if with_total else {})},
-            constants={"HAS_DISC": is_first, "HAS_COARSE": combined is not None, "COARSE_CENTRED": True},
-        )
-        combined = finer
-    assert combined is not None and total is not None
+    # Gather: the rings of the coarser levels, and the disc of the first.
+    ring = level_buffer(graph, f"ssil/ring{suffix}", levels.size)
+    disc = level_buffer(graph, f"ssil/disc{suffix}", levels.size)
+    for k in reversed(range(levels.first, inputs.last + 1)):
+        _declare_gather(graph, inputs, k, disc if k == levels.first else ring, light, suffix)
+    # Combine them, and with the previous bounces.
+    combined = inputs.kept or level_buffer(graph, f"ssil/combined{suffix}", levels.size)
+    total = combined if before is None else level_buffer(graph, f"ssil/total{suffix}", levels.size)
+    graph.compute(
+        f"ssil/combine{suffix}",
+        "ssil/combine.wgsl",
+        entry="main" if before is None else "with_total",
+        over=levels.receivers,
+        reads={
+            "surfels": levels.receivers,
+            "disc": disc,
+            "ring": ring,
+            **({} if before is None else {"before": before}),
+        },
+        writes={"combined": combined, **({} if before is None else {"total": total})},
+    )
     return combined, total
 
 
 def _declare_gather(
-    graph: Graph, inputs: GatherInputs, k: int, receivers: int, light: SentLight, suffix: str
-) -> Buffer:
-    """Declare the irradiance of level `receivers` from samples of level `k`, and that of unrepresented pixels."""
+    graph: Graph, inputs: GatherInputs, k: int, irradiance: Buffer, light: SentLight, suffix: str
+) -> None:
+    """Declare `irradiance` from samples of level `k`, added to that of coarser levels; also of unrepresented pixels."""
     levels, voxels, fine = inputs.levels, inputs.voxels, inputs.fine
-    width, height = levels.surfels[receivers].size
-    irradiance = level_buffer(graph, f"ssil/irradiance_{k}{suffix}", (width, height))
+    width, height = levels.size
     shader = f"ssil/gather_{inputs.visibility}.wgsl"
     reads: Mapping[str, Resource] = {
         "surfels": levels.surfels[k],
@@ -143,7 +135,9 @@ def _declare_gather(
     params = {
         **(NO_GRID if voxels is None else voxels.params(k)),
         "light_offset": levels.pixels_before(k),
+        "level": k,
         "first": 0 if k == levels.first else _PATTERNS,
+        "seed": inputs.seed,
     }
     # Each workgroup takes 8x8 pixels of one pattern, so a block of patterns is a row of workgroups.
     block = 8 * _INTERLEAVE
@@ -151,10 +145,11 @@ def _declare_gather(
         f"ssil/gather_{k}{suffix}",
         shader,
         over=(-(-width // block) * 8, -(-height // block) * _PATTERNS * 8),
-        reads={**reads, "receivers": levels.surfels[receivers]},
+        reads={**reads, "receivers": levels.receivers},
         writes={"irradiance": irradiance},
-        params={**params, "shift": k - receivers, "parts": 4 ** (k - receivers)},
+        params={**params, "stride": 1 << levels.first},
         constants=constants,
+        clear=[irradiance] if k in (levels.first, inputs.last) else [],
     )
     if fine is not None and fine.irradiance is not None:
         graph.compute(
@@ -164,8 +159,7 @@ def _declare_gather(
             indirect=fine.guide.groups,
             reads={**reads, **fine.guide.list_reads, "receivers": levels.surfels[0]},
             writes={"irradiance": fine.irradiance},
-            params={**params, "shift": k, "parts": UNREPRESENTED_PARTS},
+            params={**params, "stride": 1},
             constants=constants,
             clear=[] if suffix or k < inputs.last else [fine.irradiance],
         )
-    return irradiance

@@ -6,6 +6,7 @@ those of `wgsl/ssil/vote.wgsl`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...gpu.formats import FOUR_FLOATS
@@ -21,11 +22,17 @@ LEVEL_SEED = 0x9E3779B9  # an odd constant that sets the levels' random numbers 
 class Levels:
     """`surfels`: one texture per level k from 0 on; a pixel represents a square of 2^k x 2^k pixels of the picture.
 
-    `wgsl/ssil/surfel.wgsl` packs the texels. Levels from `first` on gather light.
+    `wgsl/ssil/surfel.wgsl` packs the texels. Levels from `first` on gather light. receivers: the surfels of `first`
+    that receive light, on a grid that moves from frame to frame.
     """
 
     surfels: list[Texture]
     first: int
+    receivers: Texture
+
+    def received_by(self, level: int) -> Texture:
+        """Return the surfels of `level` that receive light."""
+        return self.receivers if level == self.first else self.surfels[level]
 
     @property
     def gathered(self) -> range:
@@ -61,16 +68,26 @@ def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: in
         writes={"surfels": surfels[0]},
         constants=scene.constants(shader),
     )
+    receivers = surfels[0]
     for k in range(1, len(surfels)):
-        graph.compute(
-            f"ssil/vote_{k}",
-            "ssil/vote.wgsl",
-            over=surfels[k],
-            reads={"finer": surfels[k - 1]},
-            writes={"surfels": surfels[k]},
-            params={"seed": (seed ^ k * LEVEL_SEED) & 0xFFFFFFFF, "varies": int(k > first)},
+        _declare_vote(
+            graph, surfels[k - 1], surfels[k], f"ssil/vote_{k}", {"seed": (seed ^ k * LEVEL_SEED) & 0xFFFFFFFF}
         )
-    return Levels(surfels, first)
+        if k <= first:
+            finer, receivers = receivers, graph.texture(f"ssil/receivers_{k}", "rgba32uint", size=surfels[k].size)
+            _declare_vote(graph, finer, receivers, f"ssil/vote_receivers_{k}", {"receivers": 1, "coarser": first - k})
+    return Levels(surfels, first, receivers)
+
+
+def _declare_vote(graph: Graph, finer: Texture, surfels: Texture, name: str, params: Mapping[str, int]) -> None:
+    graph.compute(
+        name,
+        "ssil/vote.wgsl",
+        over=surfels,
+        reads={"finer": finer},
+        writes={"surfels": surfels},
+        params={"seed": 0, "receivers": 0, "coarser": 0, **params},
+    )
 
 
 def level_buffer(graph: Graph, name: str, size: tuple[int, int], history: bool = False) -> Buffer:

@@ -113,13 +113,12 @@ def declare_feedback(
 ) -> SentLight:
     """Declare the light `sent` from direct light plus the light from the `previous` frame's irradiance."""
     light = _light(graph, levels, "_feedback", history=True)
-    surfels = levels.surfels[levels.first]
     graph.compute(
         "ssil/feedback",
         "ssil/feedback.wgsl",
         over=_threads(levels),
         reads={
-            "surfels": surfels,
+            "surfels": levels.receivers,
             "distance": gbuffer.distance,
             "reflectors": reflectors,
             "sent": sent,

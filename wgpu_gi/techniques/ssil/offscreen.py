@@ -47,7 +47,7 @@ def declare_offscreen(
     rays = min(rays, most_rays(graph, width * height))
     cache = declare_cache(graph)
     hits = declare_hits(graph, "ssil/offscreen_hits", width * height * rays)
-    surfels = levels.surfels[levels.first]
+    surfels = levels.receivers
     shown = {"visibility": gbuffer.visibility, "distance": gbuffer.distance}
     graph.compute(
         "ssil/offscreen_rays",

@@ -48,7 +48,7 @@ def declare_guides(graph: Graph, levels: Levels, unrepresented: bool) -> Upsampl
         graph.skip("ssil/unrepresented", reason)
     if levels.first == 0:
         return None
-    reads = {"surfels": levels.surfels[0], "coarse_surfels": levels.surfels[levels.first]}
+    reads = {"surfels": levels.surfels[0], "coarse_surfels": levels.receivers}
     guide = declare_guide(graph, "ssil", reads, stride=1 << levels.first, centred=True)
     if not unrepresented:
         return Upsampling(guide, None)
@@ -70,8 +70,8 @@ def declare_denoised(
     graph.compute(
         "ssil/denoise_input",
         "ssil/denoise_input.wgsl",
-        over=levels.surfels[levels.first],
-        reads={"surfels": levels.surfels[levels.first], "irradiance": irradiance},
+        over=levels.receivers,
+        reads={"surfels": levels.receivers, "irradiance": irradiance},
         writes={"light": light, "normals": normals},
         constants={"STRIDE": stride},
     )

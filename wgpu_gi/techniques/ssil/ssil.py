@@ -29,6 +29,7 @@ from .voxels import Voxels, VoxelSettings, declare_voxels
 
 STARTS = ("full", "half", "quarter")
 MOST_BOUNCES = 16
+BOUNCE_SEED = 0x85EBCA6B  # an odd constant that sets the bounces' random numbers apart
 
 
 @dataclass(repr=False, slots=True)
@@ -41,9 +42,9 @@ class SsilSettings(KnownAttributes):
     levels: int = setting(4, "Levels that gather light, each at half the previous resolution.", "levels", range=(3, 6))
     samples: int = setting(
         64,
-        "Samples per pixel and level.",
+        "Samples per pixel and level, in groups of four; one of each group is drawn and tested for visibility.",
         "samples",
-        range=(1, 1024),
+        range=(4, 1024),
         presets={"low": 32, "high": 128},
     )
     radius: float | None = setting(
@@ -140,7 +141,7 @@ def declare_bounces(
     light, reflectors = declare_sent_light(graph, scene, gbuffer, levels, direct, count > 1, shines)
     kept: Buffer | None = None
     if is_amortised(settings, bounces):
-        kept = level_buffer(graph, f"ssil/combined_{levels.first}", levels.size, history=True)
+        kept = level_buffer(graph, "ssil/combined", levels.size, history=True)
         light = declare_feedback(graph, gbuffer, levels, light.codes, reflectors, motion, kept.previous)
         count = 1
     else:
@@ -153,7 +154,7 @@ def declare_bounces(
     for k in range(last + 1, levels.gathered.stop):
         graph.skip(f"ssil/gather_{k}", "its ring begins beyond the picture")
     bounded = settings.form_factor == "disc"
-    inputs = GatherInputs(scene, levels, last, pattern, settings.visibility, bounded, voxels, fine, kept)
+    inputs = GatherInputs(scene, seed, levels, last, pattern, settings.visibility, bounded, voxels, fine, kept)
     first = _declare_first_bounce(graph, settings, inputs, gbuffer, light, seed, one_bounce=bounces == 1)
     irradiance, before = _declare_further_bounces(graph, settings, inputs, light, reflectors, first, count)
     before = irradiance if kept is not None else before
@@ -227,6 +228,7 @@ def _declare_further_bounces(
     for bounce in range(2, count + 1):
         before = total
         suffix = f"_bounce_{bounce}"
+        inputs = replace(inputs, seed=(inputs.seed + BOUNCE_SEED) & 0xFFFFFFFF)
         light = declare_reflected_light(*common, irradiance, *limits, suffix)
         irradiance, total = declare_gathering(graph, inputs, light, suffix, total)
     return total, before

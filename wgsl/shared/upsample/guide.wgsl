@@ -23,7 +23,8 @@ fn list_pixel(index: u32) {
     atomicStore(&unrepresented_groups[2], 1u);
 }
 
-fn find_guide(pixel: vec2u) {
+// `origin`: the place of a coarse pixel's sample in its square, fine pixels.
+fn find_guide(pixel: vec2u, origin: vec2f) {
     if (any(pixel >= view.size)) {
         return;
     }
@@ -41,8 +42,10 @@ fn find_guide(pixel: vec2u) {
     for (var k = 0u; k < 4u; k += 1u) {
         let other = coarse_surface(tap_pixel(taps, k, size));
         let similar = similarity(fine, other, per_metre);
-        weights[k] = bilateral_weight(taps.bilinear[k], similar, other.exists);
-        represented += taps.bilinear[k] * similar;
+        let away = vec2f(pixel) - origin - f32(COARSE_STRIDE) * vec2f(taps.first + vec2i(vec2u(k & 1u, k >> 1u)));
+        let near = max(1.0 - abs(away) / f32(COARSE_STRIDE), vec2f(0.0));
+        weights[k] = bilateral_weight(near.x * near.y, similar, other.exists);
+        represented += near.x * near.y * similar;
     }
     guide[index] = pack4x8unorm(weights / max(dot(weights, vec4f(1.0)), 1e-30));
     if (represented < LEAST_REPRESENTED) {
