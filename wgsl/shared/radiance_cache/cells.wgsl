@@ -7,8 +7,10 @@
 #import "common/math.wgsl"
 #import "common/random.wgsl"
 
-// Side of a cell over its distance from the camera, at most.
-const CELL_ANGLE: f32 = 0.0625;
+// Side of a cell over its distance from the camera, at most. SSIL, 160x90, one bounce, 16 frames, relMSE with 1/16 and
+// 1/8: Cornell's area light 0.0105, 0.0118; room with a curtain 0.098, 0.097; corridor 0.32, 0.34; courtyard 0.030,
+// 0.030. A room whose light is nearly all out of view has 3,841 and 2,047 cells to update in a frame.
+const CELL_ANGLE: f32 = 0.125;
 // Smallest side over the radius of the scene: its cells have places of 18 bits.
 const SMALLEST_SIDE: f32 = 7.6293945e-6;
 // Cells of a bucket.
