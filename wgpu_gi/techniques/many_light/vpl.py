@@ -80,12 +80,17 @@ class LightPaths:
 class Vpls:
     """The table of VPLs, in the layout of `wgsl/many_light/vpl/table.wgsl`, and its number of slots.
 
-    constants: of shaders that load VPLs.
+    lobes: whether they have lobes.
     """
 
     table: Texture
     count: int
-    constants: dict[str, bool]
+    lobes: bool = False
+
+    @property
+    def constants(self) -> dict[str, bool]:
+        """The constants of shaders that load VPLs."""
+        return {"HAS_LOBES": self.lobes}
 
 
 @dataclass
@@ -197,7 +202,7 @@ def declare_vpls(graph: Graph, settings: VplSettings, candidates: Candidates, se
         params={"count": count, "stride": -(-count // DENSITY_VPLS)},
         constants=candidates.lobes.constants,
     )
-    return Vpls(table, count, candidates.lobes.constants)
+    return Vpls(table, count, candidates.lobes.some)
 
 
 def _table_size(candidates: Candidates, count: int) -> tuple[int, int]:
