@@ -152,7 +152,7 @@ def test_only_moving_frames_accumulate_over_time(gi):
     session.renderer.scene.lights[0].intensity *= 0.1
     session.relit()
     session.step()
-    assert not session.renderer.has_history
+    assert session.renderer.has_history
     for _ in range(2):
         moved(session, 0.01)
         session.step()

@@ -27,7 +27,9 @@ from .exposure_meter import ExposureMeter
 from .navigation import pivot_of
 
 REST_SECONDS = 0.25  # from the last move to rest: longer than a hand pauses within a drag
-SHARED_FRAMES = 8  # frames of temporal accumulation while the camera moves: a third of a second at 25 per second
+# Frames of temporal accumulation while the camera moves, and while a lamp does, whose light must follow: two thirds and
+# a third of a second at 25 per second. tests/truth/README.md, "Moving pictures".
+SHARED_FRAMES, RELIT_FRAMES = 16, 8
 TIMING_SECONDS = 0.25  # between measurements of the passes while moving: measuring costs time, and nobody reads faster
 REFINEMENT = 4  # levels by which each step at rest raises the resolution: from the coarsest to full in three steps
 WATCH_SECONDS = 0.4  # between checks of the shader files
@@ -261,11 +263,12 @@ class Session:
 
     @contextmanager
     def _smoothed(self, moving: bool) -> Iterator[None]:
-        """Accumulate over SHARED_FRAMES while the camera moves, but not while lights change, which would lag."""
+        """Accumulate over SHARED_FRAMES while the camera moves, over RELIT_FRAMES while lights change."""
         temporal = self.settings.temporal
         own = temporal.frames
-        if moving and time.monotonic() - self._relit > REST_SECONDS:
-            temporal.frames = max(own, SHARED_FRAMES)
+        if moving:
+            relit = time.monotonic() - self._relit <= REST_SECONDS
+            temporal.frames = max(own, RELIT_FRAMES if relit else SHARED_FRAMES)
         try:
             yield
         finally:
