@@ -1,4 +1,4 @@
-"""The denoiser against references (`helpers/references.py` describes them): error, energy, and patterns that are left."""
+"""The denoiser against references (`helpers/references.py` describes them): error, energy, and remaining patterns."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def rendered(name, gi, *texts, size=SIZE):
     ],
 )
 def test_the_filter_lowers_the_error_of_a_frame_and_keeps_its_energy(name, gi, least):
-    """Measured gains: 1.6, 1.1, 1.24, 1.6, 1.4. One-sided weights (Schied et al. 2017) would lose 4 % in the corridor."""
+    """Measured gains: 1.6, 1.1, 1.24, 1.6, 1.4. One-sided weights (Schied et al. 2017) lose 4 % in the corridor."""
     truth = visible_light(name) if gi == "ssil" else layers_of(name)["one"]
     blurred, filtered = (rendered(name, gi, f"denoise.levels={levels}") for levels in (0, 2))
     assert relmse(blurred, truth) > least * relmse(filtered, truth)

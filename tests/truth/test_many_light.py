@@ -36,13 +36,13 @@ BOUNDS = {
 }
 # Bounds of the default settings with 16 frames. The corridor gets all its light through doors, so few VPLs are visible.
 DEFAULT_BOUNDS = {
-    "cornell_area": [(0.004, 0.005), (0.006, 0.004)],
-    "cornell_point": [(0.006, 0.0075), (0.0125, 0.006)],
-    "cornell_spot": [(0.0035, 0.01), (0.007, 0.005)],
-    "leak_corridor_a": [(0.015, 0.1), (0.01, 0.04)],
-    "curtain": [(0.02, 0.12), (0.015, 0.033)],
-    "courtyard_sun": [(0.01, 0.009), (0.01, 0.009)],
-    "courtyard_sky": [(0.012, 0.009), (0.015, 0.009)],
+    "cornell_area": [(0.004, 0.0048), (0.006, 0.0032)],
+    "cornell_point": [(0.006, 0.0058), (0.0125, 0.0053)],
+    "cornell_spot": [(0.0035, 0.0085), (0.007, 0.0044)],
+    "leak_corridor_a": [(0.015, 0.075), (0.01, 0.026)],
+    "curtain": [(0.02, 0.075), (0.015, 0.028)],
+    "courtyard_sun": [(0.01, 0.0065), (0.01, 0.0065)],
+    "courtyard_sky": [(0.012, 0.0076), (0.015, 0.0065)],
 }
 
 ROOMS = (100, 102, 104, 106)  # seeds of random rooms that no constant was tuned on
