@@ -178,6 +178,8 @@ def test_many_unrepresented_pixels_give_the_same_picture_each_time():
         ("ssdo.directions=64", "ssdo.steps=1"),
         ("ssdo.directions=1", "ssdo.steps=64", "ssdo.radius=100", "ssdo.sampling=environment"),
         ("ssdo.radius=0.01", "ssdo.half_resolution=false", "ssdo.blur=false"),
+        ("ssdo.sampling=slices", "ssdo.directions=64", "ssdo.steps=1"),
+        ("ssdo.sampling=slices", "ssdo.layers=4", "ssdo.cameras=2", "ssdo.undecided=cameras"),
         ("ssdo.layers=4", "ssdo.cameras=4", "ssdo.camera_placement=aside", "temporal.frames=8"),
         ("ssdo.layers=3", "ssdo.cameras=2", "ssdo.half_resolution=false"),
         ("ssdo.undecided=cameras", "ssdo.layers=4", "ssdo.cameras=4", "ssdo.sampling=environment"),

@@ -11,7 +11,7 @@
 // and where glossy senders send more towards the receiver than to the camera.
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
-#import "ssdo/hit_code.wgsl"
+#import "ssdo/sender_light.wgsl"
 #import "ssdo/grid.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
@@ -21,39 +21,11 @@ override DIRECTIONS: u32 = 1u;              // N; 0: coats only
 override LOBES: u32 = 0u;                   // M
 override REFLECTED: bool = false;           // unrepresented pixels get radiance
 override SAMPLE_ENVIRONMENT: bool = false;  // stored weights are halved
-override BY_RAYS: bool = false;             // hits of the first layer face the receiver
-override SENDER_STRIDE: u32 = 2u;           // pixels between senders of sources other than the first layer
 
 @group(1) @binding(11) var<storage, read> hits: array<vec2u>;     // packed by `ssdo/hit_code.wgsl`
-@group(1) @binding(12) var<storage, read> senders: array<vec4u>;  // of each source, as `senders.wgsl` leaves them
 @group(1) @binding(13) var<storage, read_write> irradiance: array<vec4f>;
 @group(1) @binding(14) var<storage, read> occlusion: array<vec4f>;  // w: the depth of `shared/denoise/plane.wgsl`
 @group(1) @binding(15) var<storage, read_write> coat: array<vec4f>;
-
-// Returns the index of a hit's sender: all pixels of the first layer come first, then the grids of other sources.
-fn sender_index(hit: u32) -> u32 {
-    let source = hit_source(hit);
-    let pixel = hit_pixel(hit);
-    let block = select(source, source - FIRST_CAMERA + LAYERS, source >= FIRST_CAMERA);
-    let sender_grid = (view.size + SENDER_STRIDE - 1u) / SENDER_STRIDE;
-    let place = pixel / SENDER_STRIDE;
-    let first_layer = view.size.x * view.size.y;
-    let in_grid = first_layer + ((max(block, 1u) - 1u) * sender_grid.y + place.y) * sender_grid.x + place.x;
-    return select(in_grid, pixel.y * view.size.x + pixel.x, block == 0u);
-}
-
-// Returns the radiance, W/(m2 sr), that arrives from a hit.
-fn radiance_of(hit: u32, arrival: HitDirection) -> vec3f {
-    if (arrival.has_light) {
-        return unpack_radiance(hit);
-    }
-    let sender = senders[sender_index(hit)];
-    // The sender's front must face the receiver; the angle must be steep at the sender or at the receiver.
-    let sender_cosine = -dot(octahedral_decode(unpack2x16snorm(sender.w)), arrival.direction);
-    let is_facing = sender_cosine > LEAST_SINE || (sender_cosine > 0.0 && arrival.is_steep)
-        || (BY_RAYS && hit_source(hit) == 0u);
-    return bitcast<vec3f>(sender.rgb) * select(0.0, arrival.weight, is_facing);
-}
 
 // Returns the irradiance of a pixel, W/m2; `slot`: where its hits are stored.
 fn gather(pixel: vec2u, slot: u32) -> vec3f {

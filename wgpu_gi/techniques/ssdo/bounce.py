@@ -19,9 +19,11 @@ from .search import SENDER_STRIDE, grid_dispatch, grid_reads, grid_size
 from .search_request import SearchResult
 from .senders import declare_senders
 from .settings import SsdoSettings
+from .slices import declare_slices_bounce, declare_unrepresented_slices_bounce
 from .sources import Sources
 
 SHADER = "ssdo/bounce.wgsl"
+COATS = "ssdo/coats_"  # names of the passes of coats beside a search by slices
 
 
 def declare_bounce(
@@ -41,8 +43,14 @@ def declare_bounce(
     search, gbuffer = occlusion.search, sources.layers[0]
     # Gather the radiance that each source reflects, along the directions of the search.
     senders = declare_senders(graph, settings, scene, sources, direct, atlas, ambient, seed)
-    coats = coat_buffer(graph, search) if search.lobes else None
-    irradiance = declare_gathered(graph, settings, scene, sources, search, senders, coats)
+    by_coats = occlusion.coats or search
+    coats = coat_buffer(graph, by_coats) if by_coats.lobes else None
+    if search.request is None:
+        irradiance = declare_gathered(graph, settings, scene, sources, search, senders, coats)
+    else:
+        irradiance = declare_slices_bounce(search, senders)
+        if coats is not None:
+            declare_gathered(graph, settings, scene, sources, by_coats, senders, coats, prefix=COATS)
     # Upsample to all pixels: to radiance, or to irradiance if it is accumulated over frames or if coats add to it.
     name, reflected = "ssdo/bounce", history.settings.frames == 1 and coats is None
     light = declare_full_resolution(
@@ -58,14 +66,24 @@ def declare_bounce(
         reflected=reflected,
     )
     if coats is not None:
-        coats = declare_full_resolution(graph, "ssdo/coats", settings, scene, gbuffer, coats, search, lobes=True)
-    declare_gathered_unrepresented(graph, settings, scene, sources, search, senders, light, coats, reflected=reflected)
+        coats = declare_full_resolution(graph, "ssdo/coats", settings, scene, gbuffer, coats, by_coats, lobes=True)
+    if search.request is None:
+        declare_gathered_unrepresented(
+            graph, settings, scene, sources, search, senders, light, coats, reflected=reflected
+        )
+    else:
+        declare_unrepresented_slices_bounce(search, senders, light, reflected=reflected)
+        if coats is not None:
+            nothing = _nothing(graph, f"{COATS}unrepresented_irradiance")
+            declare_gathered_unrepresented(
+                graph, settings, scene, sources, by_coats, senders, nothing, coats, reflected=False, prefix=COATS
+            )
     if reflected:
         return light
     averaged = history.declare(graph, scene, gbuffer, light, name)
     if coats is not None:
         coats = history.declare(graph, scene, gbuffer, coats, "ssdo/coats", coat=True)
-    return _declare_reflection(graph, scene, gbuffer, averaged, coats, search.lobes)
+    return _declare_reflection(graph, scene, gbuffer, averaged, coats, by_coats.lobes)
 
 
 def declare_gathered(
@@ -76,15 +94,20 @@ def declare_gathered(
     search: SearchResult,
     senders: Buffer,
     coats: Buffer | None = None,
+    *,
+    prefix: str = "ssdo/",
 ) -> Buffer:
     """Declare the irradiance of the search grid from the surfaces found, W/m2, before any blur.
 
     `coats`: is written with what coats reflect, over their tint, W/(m2 sr); needed if the search has lobes.
+    `prefix`: of names.
     """
     width, height = grid_size(graph, search.stride)
-    irradiance = graph.buffer("ssdo/irradiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    irradiance = graph.buffer(
+        f"{prefix}irradiance", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
+    )
     graph.compute(
-        "ssdo/bounce",
+        f"{prefix}bounce",
         SHADER,
         **grid_dispatch(graph, sources, 0, search.stride),
         reads={
@@ -93,7 +116,7 @@ def declare_gathered(
             "hits": search.hits,
             "senders": senders,
         },
-        writes={"irradiance": irradiance, "coat": coats or _nothing(graph, "ssdo/no_coats")},
+        writes={"irradiance": irradiance, "coat": coats or _nothing(graph, f"{prefix}no_coats")},
         constants=_gather_constants(settings, scene, sources, search),
         clear=[irradiance] if coats is None else [irradiance, coats],
     )
@@ -111,6 +134,7 @@ def declare_gathered_unrepresented(
     coats: Buffer | None = None,
     *,
     reflected: bool,
+    prefix: str = "ssdo/",
 ) -> None:
     """Declare the irradiance (`reflected`: radiance) of unrepresented pixels, written into `light` of all pixels.
 
@@ -119,7 +143,7 @@ def declare_gathered_unrepresented(
     if search.guide is None or search.unrepresented_hits is None:
         return
     graph.compute(
-        "ssdo/unrepresented_bounce",
+        f"{prefix}unrepresented_bounce",
         SHADER,
         indirect=search.guide.groups,
         entry="listed",
@@ -130,7 +154,7 @@ def declare_gathered_unrepresented(
             "senders": senders,
             **search.guide.list_reads,
         },
-        writes={"irradiance": light, "coat": coats or _nothing(graph, "ssdo/no_unrepresented_coats")},
+        writes={"irradiance": light, "coat": coats or _nothing(graph, f"{prefix}no_unrepresented_coats")},
         constants={**_gather_constants(settings, scene, sources, search), "REFLECTED": reflected},
     )
 

@@ -47,16 +47,19 @@ def screen_views(
     layers = min(settings.layers, most_layers)
     skipped = [(f"gbuffer/opaque_{k}", reason) for k in range(layers, settings.layers)]
     # Cameras: one suffices without a sky; with a sky, occluders above and behind count, too.
-    automatic = (3 if has_sky else 1) if settings.undecided == "cameras" else 0
+    # Rays need none, but slices go on in the wide one, which saves most rays.
+    automatic = (3 if has_sky else 1) if settings.undecided == "cameras" else int(settings.sampling == "slices")
     count = settings.cameras if settings.cameras is not None else automatic
     cameras: list[Camera] = []
+    names: list[str] = []
     for name in PLACEMENTS[settings.camera_placement][:count]:
         reason = _redundancy(name, camera, box, size)
         if reason:
             skipped.append((f"camera_{name}/opaque", reason))
         else:
             cameras.append(_place(name, camera, box, size))
-    return ScreenInputs(layers, len(cameras), tuple(skipped)), cameras
+            names.append(name)
+    return ScreenInputs(layers, len(cameras), tuple(skipped), names[:1] == ["wide"]), cameras
 
 
 def _redundancy(name: str, camera: Camera, box: NDArray[np.float64], size: tuple[int, int]) -> str:

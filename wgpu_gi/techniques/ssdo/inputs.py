@@ -9,11 +9,15 @@ from ..deferred.inputs import DeferredInputs
 
 @dataclass(frozen=True)
 class ScreenInputs:
-    """Numbers of depth layers and further cameras; `skipped`: names of the passes left out, and the reasons."""
+    """Numbers of depth layers and further cameras; `skipped`: names of the passes left out, and the reasons.
+
+    widens: the first further camera stands at the main one, with a wider lens.
+    """
 
     layers: int
     cameras: int
     skipped: tuple[tuple[str, str], ...]
+    widens: bool = False
 
 
 @dataclass

@@ -6,7 +6,7 @@ Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space"
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
@@ -22,6 +22,7 @@ from .search import declare_search, declare_unrepresented
 from .search_request import INTERLEAVE, SearchRequest, SearchResult
 from .settings import SsdoSettings
 from .sky_coat import declare_sky_coat, declare_unrepresented_sky_coat
+from .slices import declare_slices, declare_unrepresented_slices
 from .sources import Sources
 
 STEP = 7  # pixels between neighbours of the mean over frames: the blur at half resolution reaches as far
@@ -29,10 +30,14 @@ STEP = 7  # pixels between neighbours of the mean over frames: the blur at half 
 
 @dataclass
 class Occlusion:
-    """sky: the environment's light, occluded, (r, g, b, 1) per pixel, W/(m2 sr); None: no environment."""
+    """sky: the environment's light, occluded, (r, g, b, 1) per pixel, W/(m2 sr); None: no environment.
+
+    coats: the search along directions drawn from coats, if it is not part of `search`; None: there are no coats.
+    """
 
     sky: Buffer | None
     search: SearchResult
+    coats: SearchResult | None = None
 
 
 @dataclass
@@ -90,12 +95,15 @@ def declare_occlusion(
         reflects=reflects,
         cache=_declare_cache(graph, settings, needed=rays and reflects),
         one_bounce=one_bounce,
+        sliced=settings.sampling == "slices",
     )
-    search = declare_search(request)
+    search = declare_slices(request) if request.sliced else declare_search(request)
+    coats = _declare_coats(request, search)
+    finish = declare_unrepresented_slices if request.sliced else declare_unrepresented
     if not ambient.features["HAS_ENVIRONMENT"]:
         graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")
-        declare_unrepresented(request, search, None)
-        return Occlusion(None, search)
+        finish(request, search, None)
+        return Occlusion(None, search, coats)
     # Shadows of an importance-sampled environment have edges, so guide the blur along them.
     guided_frames = frames if search.unoccluded is not None else 1
     share = declare_full_resolution(
@@ -109,9 +117,10 @@ def declare_occlusion(
         frames=guided_frames,
         divisor=search.unoccluded,
     )
-    declare_unrepresented(request, search, share)
+    finish(request, search, share)
     averaged = history.declare(graph, scene, gbuffer, share, "ssdo/share")
-    return Occlusion(_declare_sky(graph, settings, scene, sources, ambient, search, averaged), search)
+    sky = _declare_sky(graph, settings, scene, sources, ambient, coats or search, averaged)
+    return Occlusion(sky, search, coats)
 
 
 def _declare_cache(graph: Graph, settings: SsdoSettings, *, needed: bool) -> RadianceCache | None:
@@ -132,7 +141,10 @@ def _declare_sky(
     search: SearchResult,
     share: Buffer,
 ) -> Buffer:
-    """Declare the environment's light, occluded, (r, g, b, 1) per pixel, W/(m2 sr); `share`: of the base's light."""
+    """Declare the environment's light, occluded, (r, g, b, 1) per pixel, W/(m2 sr).
+
+    search: along directions drawn from coats. share: of the base's light.
+    """
     gbuffer = sources.layers[0]
     if not (search.by_rays and search.lobes):
         # Coats take the base's share.
@@ -144,6 +156,16 @@ def _declare_sky(
     )
     declare_unrepresented_sky_coat(graph, scene, sources, ambient, search, coat)
     return declare_sky_light(graph, scene, gbuffer, ambient, share, coat, coat_light=whole is None)
+
+
+def _declare_coats(request: SearchRequest, search: SearchResult) -> SearchResult | None:
+    """Declare the search along directions drawn from coats, beside a search by slices."""
+    if not (request.sliced and request.coats and request.scene.features["HAS_COATS"]):
+        return None
+    coats = replace(request, sliced=False, base=False, prefix="ssdo/coats_")
+    result = declare_search(coats, search.guide)
+    declare_unrepresented(coats, result, None)
+    return result
 
 
 def declare_full_resolution(

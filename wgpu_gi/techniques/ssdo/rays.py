@@ -21,7 +21,6 @@ from .search_request import SearchRequest, SearchResult
 SHADER, CACHED = "ssdo/rays.wgsl", "ssdo/offscreen/rays.wgsl"
 ESCAPED = "ssdo/escaped.wgsl"
 UNDECIDED_WORD, SEARCHED_WORD = 3, 4  # of the list: numbers of undecided and of all directions
-UNREPRESENTED = "ssdo/unrepresented"  # name of the search from unrepresented pixels
 LIST_START = int(load("ssdo/undecided_list.wgsl").constants["LIST_START"])
 
 
@@ -38,19 +37,22 @@ def declare_rays(
     hits: Buffer,
     share: Buffer | None,
     unoccluded: Buffer | None = None,
+    *,
+    unrepresented: bool = False,
 ) -> None:
     """Declare the rays of the directions in `undecided`, into `hits`, and the light of those that escape, into `share`.
 
     share: of the search's grid; of unrepresented pixels, of all pixels, and then `unoccluded` has their light without
-    occlusion if the search samples the environment. None: there is no environment.
+    occlusion if the search samples the environment. None: there is no environment. unrepresented: the directions leave
+    unrepresented pixels.
     """
     graph, scene, ambient = request.graph, request.scene, request.ambient
-    reads: dict[str, Resource] = {"undecided": undecided, **_pixels(request, search, name)}
+    reads: dict[str, Resource] = {"undecided": undecided, **_pixels(request, search, unrepresented)}
     constants: dict[str, float] = {
         "DIRECTIONS": request.directions,
         "LOBES": request.lobes,
         "STRIDE": search.stride,
-        "UNREPRESENTED": name == UNREPRESENTED,
+        "UNREPRESENTED": unrepresented,
         "SAMPLE_ENVIRONMENT": request.samples_environment,
         "DIRECTIONAL": request.directional,
     }
@@ -112,10 +114,10 @@ def _declare_escaped(
     )
 
 
-def _pixels(request: SearchRequest, search: SearchResult, name: str) -> Mapping[str, Resource]:
+def _pixels(request: SearchRequest, search: SearchResult, unrepresented: bool) -> Mapping[str, Resource]:
     """Return the bindings of the pixels that the directions leave."""
     reads: dict[str, Resource] = {"surfaces": request.sources.gbuffer(request.number).surfaces}
-    if name != UNREPRESENTED:
+    if not unrepresented:
         neutral = request.graph.neutral("buffer")
         return {**reads, "unrepresented": neutral, "unrepresented_groups": neutral}
     assert search.guide is not None

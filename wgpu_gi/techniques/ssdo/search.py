@@ -16,7 +16,7 @@ from ...gpu.formats import FOUR_FLOATS, TWO_WORDS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..shared.upsample import Guide, declare_guide
-from .rays import UNREPRESENTED, declare_rays, undecided_list
+from .rays import declare_rays, undecided_list
 from .search_request import SearchRequest, SearchResult
 from .settings import SsdoSettings
 from .sources import Sources
@@ -27,11 +27,14 @@ SENDER_STRIDE = 2
 SKY_STRIDE = 8
 
 
-def declare_search(request: SearchRequest) -> SearchResult:
-    """Declare the share of the environment that reaches a source; for the first layer, also the surfaces found."""
+def declare_search(request: SearchRequest, guide: Guide | None = None) -> SearchResult:
+    """Declare the share of the environment that reaches a source; for the first layer, also the surfaces found.
+
+    guide: for upsampling the first layer; None: declared here, if needed.
+    """
     graph, sources, number = request.graph, request.sources, request.number
     stride = SKY_STRIDE if number else stride_of(request.settings)
-    name = f"ssdo/occlusion_{number}" if number else "ssdo/occlusion"
+    name = request.name
     result = _allocate(request, name, stride)
     unoccluded = result.unoccluded or graph.buffer(f"{name}_no_unoccluded", dtype=FOUR_FLOATS, count=1)
     arguments = request.arguments(stride)
@@ -54,10 +57,9 @@ def declare_search(request: SearchRequest) -> SearchResult:
         lit = request.ambient.features["HAS_ENVIRONMENT"]
         declare_rays(request, result, name, undecided, result.hits, result.light if lit else None)
     if number == 0 and stride > 1:
-        guide = _declare_guide(request, stride)
-        count = guide.room * (request.directions + request.lobes)
-        result.guide = guide
-        result.unrepresented_hits = graph.buffer("ssdo/unrepresented_hits", dtype=TWO_WORDS, count=count)
+        result.guide = guide or declare_search_guide(request, stride)
+        count = result.guide.room * (request.directions + request.lobes)
+        result.unrepresented_hits = graph.buffer(f"{request.prefix}unrepresented_hits", dtype=TWO_WORDS, count=count)
     return result
 
 
@@ -66,7 +68,7 @@ def declare_unrepresented(request: SearchRequest, result: SearchResult, share: B
     guide, graph = result.guide, request.graph
     if guide is None or result.unrepresented_hits is None:
         return
-    name, hits = UNREPRESENTED, result.unrepresented_hits
+    name, hits = f"{request.prefix}unrepresented", result.unrepresented_hits
     unused = {
         key: graph.buffer(f"{name}_{key}", dtype=dtype, count=1)
         for key, dtype in (("occlusion", FOUR_FLOATS), ("normals", np.uint32))
@@ -88,7 +90,7 @@ def declare_unrepresented(request: SearchRequest, result: SearchResult, share: B
         clear=[undecided],
     )
     if request.rays:
-        declare_rays(request, result, name, undecided, hits, share, unoccluded)
+        declare_rays(request, result, name, undecided, hits, share, unoccluded, unrepresented=True)
 
 
 def stride_of(settings: SsdoSettings) -> int:
@@ -115,7 +117,8 @@ def grid_reads(sources: Sources, number: int, stride: int) -> dict[str, Any]:
     return {**tiles, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance}
 
 
-def _declare_guide(request: SearchRequest, stride: int) -> Guide:
+def declare_search_guide(request: SearchRequest, stride: int) -> Guide:
+    """Declare the guide for upsampling the grid of the first layer."""
     gbuffer, constants = request.sources.gbuffer(0), request.scene.constants("ssdo/guide.wgsl")
     reads = {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance}
     return declare_guide(request.graph, "ssdo", reads, stride=stride, centred=False, constants=constants)

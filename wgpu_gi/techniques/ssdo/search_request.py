@@ -25,6 +25,7 @@ SHADER = "ssdo/search.wgsl"
 # tools/README.md, "Constants".
 SKY_STEP_SHARE = 2
 INTERLEAVE = 4  # side of the squares of pixels that share a set of directions. tools/README.md, "Constants"
+SLICE_LOOKUPS = int(load("ssdo/slices.wgsl").constants["LOOKUPS"])
 LAST_MAP = int(load("deferred/environment/maps.wgsl").constants["LAST_MAP"])
 
 
@@ -37,7 +38,7 @@ class SearchResult:
     light without occlusion; after the blur of both the share is light / unoccluded. None: `light` is already the share.
     guide: for upsampling the grid. unrepresented_hits: hits of the directions from unrepresented pixels. directions,
     lobes: numbers of directions per pixel, drawn by the cosine and, after them, from the coat. by_rays: rays have
-    decided what the pictures do not show.
+    decided what the pictures do not show. request: that of a search by slices, else None.
     """
 
     stride: int
@@ -50,6 +51,7 @@ class SearchResult:
     directions: int = 0
     lobes: int = 0
     by_rays: bool = False
+    request: SearchRequest | None = None
 
 
 @dataclass
@@ -58,9 +60,10 @@ class SearchRequest:
 
     radius: largest r_max, in heights of the picture at the pixel; None: from the settings. directional: True: the share
     depends on the environment's colour by direction; False: ambient occlusion. coats: coated pixels also draw as many
-    directions from their coat. rays: True: trace the directions that no picture decides; reflects: find the light that
-    their hits reflect. cache: has that light; None: a sample of the lights per hit. one_bounce: the cache has the light
-    of sources only.
+    directions from their coat. base: False: only these. rays: True: trace the directions that no picture decides;
+    reflects: find the light that their hits reflect. cache: has that light; None: a sample of the lights per hit.
+    one_bounce: the cache has the light of sources only. sliced: by slices of the hemisphere (`slices.py`); its
+    directions are then those of undecided sectors. prefix: of the names of passes.
     """
 
     graph: Graph
@@ -73,26 +76,50 @@ class SearchRequest:
     radius: float | None = None
     directional: bool = True
     coats: bool = False
+    base: bool = True
     rays: bool = False
     reflects: bool = True
     cache: RadianceCache | None = None
     one_bounce: bool = False
+    sliced: bool = False
+    prefix: str = "ssdo/"
 
     @property
     def lobes(self) -> int:
         """Directions per pixel that are drawn from its coat."""
-        return self.settings.directions if self.coats and self.number == 0 and self.scene.features["HAS_COATS"] else 0
+        is_coated = self.coats and self.number == 0 and self.scene.features["HAS_COATS"]
+        return self.settings.directions if is_coated and not self.sliced else 0
 
     @property
     def directions(self) -> int:
         """Directions per pixel."""
+        if not self.base:
+            return 0
+        if self.sliced:
+            return self.slices * self.rays_per_slice
         return self.settings.directions if self.number == 0 else 1
+
+    @property
+    def slices(self) -> int:
+        """Slices per pixel; each has two sides."""
+        return -(-self.settings.directions // 2)
+
+    @property
+    def rays_per_slice(self) -> int:
+        """Rays of a slice whose sectors are all undecided."""
+        return min(2 * self.settings.directions, 4) if self.rays else 1
+
+    @property
+    def name(self) -> str:
+        """The name of the pass."""
+        return f"{self.prefix}occlusion_{self.number}" if self.number else f"{self.prefix}occlusion"
 
     @property
     def samples_environment(self) -> bool:
         """Whether every other direction is drawn by importance sampling of the environment."""
         pictured = self.ambient.features["HAS_ENVIRONMENT"] and self.ambient.features["HAS_PICTURED_ENVIRONMENT"]
-        return self.number == 0 and pictured and self.directional and self.settings.sampling == "environment"
+        by_importance = self.settings.sampling == "environment" and not self.sliced
+        return self.number == 0 and pictured and self.directional and by_importance
 
     @property
     def needs_light(self) -> bool:
@@ -102,7 +129,7 @@ class SearchRequest:
     @property
     def lobe(self) -> int:
         """The prefiltered map of the environment that is its radiance by direction."""
-        return _lobe_of(max(self.directions, 1))
+        return _lobe_of(self.slices * SLICE_LOOKUPS if self.sliced else max(self.directions, 1))
 
     def arguments(self, stride: int) -> dict[str, Any]:
         """Return the arguments common to all passes of SHADER; `reads` lacks the G-buffer."""

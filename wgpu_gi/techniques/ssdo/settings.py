@@ -35,9 +35,9 @@ class SsdoSettings(KnownAttributes):
     bounce: bool = setting(True, "Add the light that the occluders reflect.")
     sampling: str = setting(
         "cosine",
-        "Sampling of directions: by the cosine, with a filtered environment (cosine), or half of them by importance"
-        " sampling of the sharp environment (environment).",
-        choices=("cosine", "environment"),
+        "Sampling of directions: slices of the hemisphere, one for two directions (slices), or by the cosine (cosine),"
+        " both with a filtered environment; or half by importance sampling of the sharp environment (environment).",
+        choices=("slices", "cosine", "environment"),
     )
     layers: int = setting(1, "Layers of depth peeling.", "layers", range=(1, MAX_LAYERS), presets={"high": 2})
     cameras: int | None = setting(

@@ -20,6 +20,7 @@ class Sources:
 
     layers: list[Gbuffer]
     cameras: list[Gbuffer]
+    widens: bool = False  # the first camera stands at the main one, with a wider lens
 
     @property
     def count(self) -> int:
@@ -68,4 +69,5 @@ def declare_sources(graph: Graph, scene: SsdoInputs) -> Sources:
     return Sources(
         declare_gbuffer(graph, scene, layers=scene.screen.layers),
         [declare_gbuffer(graph, scene, name=f"camera_{k}", view=view_name(k))[0] for k in numbers],
+        scene.screen.widens,
     )
