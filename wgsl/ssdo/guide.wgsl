@@ -5,6 +5,9 @@
 #import "shared/upsample/guide.wgsl"
 #import "shared/upsample/gbuffer_surface.wgsl"
 
+// It is below 1 / 16, the least bilinear weight at a stride of 2, so one coarse pixel of the same surface suffices.
+const LEAST_REPRESENTED: f32 = 0.05;
+
 fn fine_surface(pixel: vec2u) -> GuideSurface {
     return gbuffer_guide_surface(pixel, false);
 }
@@ -15,5 +18,5 @@ fn coarse_surface(pixel: vec2u) -> GuideSurface {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    find_guide(id.xy, vec2f(0.0));
+    find_guide(id.xy, vec2f(0.0), LEAST_REPRESENTED);
 }

@@ -10,6 +10,11 @@
 @group(1) @binding(14) var surfels: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(15) var coarse_surfels: texture_storage_2d<rgba32uint, read>;
 
+// A pixel gathers by itself where less of its weights, of a sum of 1, is on its own surface. Beside an edge the only
+// receiver on it, a pixel away, is 0.25 to 0.5; there light changes too much from pixel to pixel. tools/README.md,
+// "Constants".
+const LEAST_REPRESENTED: f32 = 0.3;
+
 fn fine_surface(pixel: vec2u) -> GuideSurface {
     return surfel_guide_surface(textureLoad(surfels, pixel));
 }
@@ -20,5 +25,5 @@ fn coarse_surface(pixel: vec2u) -> GuideSurface {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    find_guide(id.xy, vec2f(receiver_place(sequence.index, COARSE_STRIDE)));
+    find_guide(id.xy, vec2f(receiver_place(sequence.index, COARSE_STRIDE)), LEAST_REPRESENTED);
 }

@@ -11,7 +11,7 @@
 
 const INTERLEAVE: u32 = 4u;  // pixels along the side of a block
 const PATTERNS: u32 = INTERLEAVE * INTERLEAVE;
-const CANDIDATES: u32 = 4u;  // samples of a group, from which one is drawn: 2x2 in a cell of the pattern
+const CANDIDATES: u32 = 4u;  // samples of a group, from which one is drawn; a power of two
 const RING_SEED: u32 = 0x68bc21ebu;
 
 // Returns a pixel's number among 2x2: 0 2 / 3 1.

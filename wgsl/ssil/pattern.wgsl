@@ -2,8 +2,8 @@
 //
 // The first level samples the disc of radius r, the others the ring from r/2 to r (section 4). Departure: in the disc
 // the radius, not its square, is uniform, so that near samples, which matter most, represent small areas. The 16
-// patterns together form one Sobol sequence of groups. A group's four candidates lie in the quadrants of one of the
-// cells that share the unit square among the groups of a pattern, each at the same place of its quadrant. Out: offsets,
+// patterns together form one Sobol sequence of groups. The groups of a pattern share the unit square among them, and
+// the four candidates of a group its cell: each lies at the same place of its quarter. Out: offsets,
 // pixels of the level, as two 16-bit floats; areas, pixels.
 #import "scene/sequence.wgsl"
 #import "ssil/interleaving.wgsl"
@@ -19,6 +19,12 @@ struct Params {
 @group(1) @binding(11) var<storage, read_write> pattern: array<vec2u>;
 @group(1) @binding(19) var<uniform> params: Params;
 
+// Returns the columns and rows of a grid of `count` cells, or of the power of two below it.
+fn grid_of(count: u32) -> vec2f {
+    let bits = firstLeadingBit(count);
+    return vec2f(vec2u(1u) << vec2u((bits + 1u) / 2u, bits / 2u));
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let per_shape = PATTERNS * CANDIDATES * params.groups;
@@ -27,12 +33,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let is_ring = id.x >= per_shape;
     let number = (id.x % per_shape) / CANDIDATES + sequence.index / PATTERNS * (per_shape / CANDIDATES);
-    // Place the candidate in its quadrant of the group's cell.
-    let bits = firstLeadingBit(params.groups);
-    let cells = vec2f(vec2u(1u) << vec2u((bits + 1u) / 2u, bits / 2u));
+    // Place the candidate in its part of the group's cell.
+    let cells = grid_of(params.groups);
+    let parts = grid_of(CANDIDATES);
     let in_cells = sobol_2d(number, params.seed ^ select(0u, RING_SEED, is_ring)) * cells;
-    let quadrant = vec2f(vec2u(id.x & 1u, (id.x >> 1u) & 1u));
-    let u = (floor(in_cells) + 0.5 * (quadrant + fract(in_cells))) / cells;
+    let candidate = f32(id.x % CANDIDATES);
+    let part = vec2f(candidate % parts.x, floor(candidate / parts.x));
+    let u = (floor(in_cells) + (part + fract(in_cells)) / parts) / cells;
     // Map the unit square to the disc or the ring.
     let r = params.radius;
     let radius = r * select(u.x, sqrt(0.25 + 0.75 * u.x), is_ring);

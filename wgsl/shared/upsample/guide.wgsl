@@ -11,10 +11,6 @@
 @group(1) @binding(12) var<storage, read_write> unrepresented: array<u32>;
 @group(1) @binding(13) var<storage, read_write> unrepresented_groups: array<atomic<u32>>;
 
-// Coarse pixels represent a fine one if their bilinear weights times similarities sum to at least this. It is below 1 /
-// 16, the least bilinear weight at a stride of 2, so one coarse pixel of the same surface suffices.
-const LEAST_REPRESENTED: f32 = 0.05;
-
 fn list_pixel(index: u32) {
     let slot = atomicAdd(&unrepresented_groups[3], 1u);
     unrepresented[slot] = index;
@@ -23,8 +19,9 @@ fn list_pixel(index: u32) {
     atomicStore(&unrepresented_groups[2], 1u);
 }
 
-// `origin`: the place of a coarse pixel's sample in its square, fine pixels.
-fn find_guide(pixel: vec2u, origin: vec2f) {
+// `origin`: the place of a coarse pixel's sample in its square, fine pixels. Coarse pixels represent a fine one if their
+// bilinear weights times similarities sum to at least `least`.
+fn find_guide(pixel: vec2u, origin: vec2f, least: f32) {
     if (any(pixel >= view.size)) {
         return;
     }
@@ -48,7 +45,7 @@ fn find_guide(pixel: vec2u, origin: vec2f) {
         represented += near.x * near.y * similar;
     }
     guide[index] = pack4x8unorm(weights / max(dot(weights, vec4f(1.0)), 1e-30));
-    if (represented < LEAST_REPRESENTED) {
+    if (represented < least) {
         list_pixel(index);
     }
 }
