@@ -46,10 +46,10 @@ class RadianceCache:
     cells: Buffer
 
 
-def note_changes(graph: Graph, kept: Kept, upload: SceneUpload, bounces: int | None, lag: int) -> None:
+def note_changes(graph: Graph, kept: Kept, upload: SceneUpload, bounces: int | None) -> None:
     """Tell the cache which scene its means are of, once per frame after the scene's upload.
 
-    After a change of the scene or of `bounces`, means of earlier frames count at most `lag` updates; 0 forgets them.
+    A change of the scene, or of `bounces` from or to one, makes it forget its means.
     """
     state = kept(_CacheState)
     names = (*SURFACE_INPUTS, *LIGHT_INPUTS)
@@ -57,7 +57,7 @@ def note_changes(graph: Graph, kept: Kept, upload: SceneUpload, bounces: int | N
     if key != state.key:
         state.key, state.version = key, (state.version + 1) % _VERSIONS
     scene = np.zeros((), _SCENE)
-    scene["version"], scene["updates_kept"] = state.version, lag
+    scene["version"] = state.version
     graph.uniform("cache_scene", scene)
 
 

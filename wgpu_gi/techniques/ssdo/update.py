@@ -33,7 +33,7 @@ class SsdoOptions(OcclusionOptions, Protocol):
 def ssdo_inputs(shot: Shot, settings: SsdoOptions) -> SsdoInputs:
     """Do what `occlusion_inputs` does, and tell the radiance cache of changes of the scene."""
     found = occlusion_inputs(shot, settings)
-    note_changes(shot.graph, shot.kept, shot.upload, settings.bounces, settings.temporal.frames - 1)
+    note_changes(shot.graph, shot.kept, shot.upload, settings.bounces)
     return found
 
 

@@ -31,6 +31,6 @@ def ssil_inputs(shot: Shot, settings: SsilOptions) -> SsilInputs:
     upload = shot.upload
     upload.update_solids(settings.voxels.solids)
     triangles = shot.graph.share("scene/solid_triangles", *upload.resources["solid_triangles"])
-    note_changes(shot.graph, shot.kept, upload, settings.bounces, settings.temporal.frames - 1)
+    note_changes(shot.graph, shot.kept, upload, settings.bounces)
     solids = SolidInputs(triangles, upload.solids.has_solids, upload.solids.has_shells)
     return SsilInputs(**vars(deferred), solids=solids)

@@ -17,7 +17,7 @@ const SMALLEST_SIDE: f32 = 7.6293945e-6;
 const BUCKET: u32 = 8u;
 // A cell that no ray has hit for this number of frames is free again.
 const OLDEST: u32 = 60u;
-// A mean counts at most this number of updates, so that it follows changes of light.
+// A mean counts at most this number of updates, since the points that update a cell drift as the camera moves.
 const MOST_UPDATES: u32 = 32u;
 const NO_CELL: u32 = 0xffffffffu;
 
@@ -35,16 +35,14 @@ struct CellKey {
 
 // The scene that the cache is of.
 struct CacheScene {
-    version: u32,       // 16 bits, another one after each change
-    updates_kept: u32,  // means of earlier versions count at most this number of updates
+    version: u32,  // 16 bits, another one after each change
 }
 
 @group(0) @binding(9) var<uniform> cache_scene: CacheScene;
 
-// Returns the number of updates that a cell's mean counts.
+// Returns the number of updates that a cell's mean counts: none of those of an earlier version of the scene.
 fn updates_of(state: u32) -> u32 {
-    let updates = state & 255u;
-    return select(min(updates, cache_scene.updates_kept), updates, (state >> 16u) == cache_scene.version);
+    return select(0u, state & 255u, (state >> 16u) == cache_scene.version);
 }
 
 // Returns the side of the cells around a position, metres.

@@ -2,7 +2,7 @@
 // long.
 //
 // E += (x - E) / k, k = min(updates + 1, MOST_UPDATES). In: updates, W/m2, votes. Out: means, W/m2; the votes are 0
-// again. Lags where light changes, by at most MOST_UPDATES frames, or `updates_kept` after a change of the scene.
+// again. A change of the scene starts all means anew, so they do not lag.
 #import "shared/radiance_cache/cells.wgsl"
 
 @group(1) @binding(22) var<storage, read_write> table: array<u32>;  // per cell: check, 0 if free; vote
