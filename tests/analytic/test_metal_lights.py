@@ -101,3 +101,22 @@ def test_a_metal_lights_the_corner_that_it_makes_with_a_wall():
     found = np.asarray(render(scene, gi="many-light", **common), np.float64)
     for rows in (slice(0, 10), slice(10, 16)):  # the metal meets the wall in row 16
         assert abs(found[rows].mean() / truth[rows].mean() - 1) < 0.04
+
+
+def test_reflections_have_the_bounces_that_are_asked_for():
+    """A mirror-like floor in a white box: a third bounce would add a third."""
+    floor = Material(base_color=(0.9, 0.9, 0.9, 1.0), metallic=1.0, roughness=0.1)
+    sides = [
+        quad((-1, 0, -1), (0, 0, 2), (2, 0, 0), floor),
+        quad((-1, 2, -1), (2, 0, 0), (0, 0, 2), matte(0.8)),
+        quad((-1, 0, -1), (2, 0, 0), (0, 2, 0), matte(0.8)),
+        quad((-1, 0, 1), (0, 2, 0), (2, 0, 0), matte(0.8)),
+        quad((-1, 0, -1), (0, 2, 0), (0, 0, 2), matte(0.8)),
+        quad((1, 0, -1), (0, 0, 2), (0, 2, 0), matte(0.8)),
+    ]
+    scene = Scene([Instance(mesh) for mesh in sides], [PointLight((0.2, 1.2, 0.3), 5.0)])
+    camera = Camera.look_at((0, 1.0, 0.9), (0, 0, -0.2), yfov_deg=40)
+    common = {"bounces": 2, "size": (32, 18), "camera": camera, "show": "indirect"}
+    truth = np.asarray(render(scene, gi="path", spp=512, **common), np.float64)
+    found = np.asarray(render(scene, gi="many-light", **common), np.float64)
+    assert abs(found.mean() / truth.mean() - 1) < 0.02

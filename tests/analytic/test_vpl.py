@@ -27,7 +27,8 @@ def resampled(scene, bounces, **fields):
     renderer.run(show=("indirect",), check=True)
     table = renderer.graph.read_back("vpl/table").reshape(-1, 2, 4)[: settings.vpl.count].copy()
     values = table.view(np.float32).astype(np.float64)
-    return values[:, 0, :3], values[:, 1, :3], values[:, 1, 3]
+    # The sign of the area marks the last bounce.
+    return values[:, 0, :3], values[:, 1, :3], np.abs(values[:, 1, 3])
 
 
 def closed_box(albedo=0.5, lights=(), emission=0.0):

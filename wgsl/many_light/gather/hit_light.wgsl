@@ -43,7 +43,7 @@ fn vpls_at_point(p: PathPoint, squared_distance: f32, reach: f32, u: vec2f) -> V
         let counts = select(0.0, near_weight, dot(p.side, vpl.normal) > SIMILAR_NORMALS);
         removed += counts * bound / max(squared_distance + bound, 1e-37);
         weights += counts;
-        if (!REFLECTS_VPLS) {
+        if (!REFLECTS_VPLS || vpl.last) {
             continue;
         }
         let leaving = max(-dot(way, vpl.normal), 0.0);

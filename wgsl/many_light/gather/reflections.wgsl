@@ -3,7 +3,7 @@
 //
 // L / tint = f_r cos / density L(y) / tint, the ray's direction drawn from the coat; L(y) of `hit_light.wgsl`. The base's
 // light stays that of the VPLs. In: G-buffer, scene, VPLs. Out: the coat's radiance over `coat_tint`, W/(m2 sr), instead of
-// that by VPLs. Errs by what `hit_light.wgsl` leaves out; with a limited number of bounces, bright by one bounce more.
+// that by VPLs. Errs by what `hit_light.wgsl` leaves out.
 #import "scene/sequence.wgsl"
 #import "deferred/environment/reflectance.wgsl"
 #import "many_light/gather/hit_light.wgsl"

@@ -33,7 +33,9 @@ const FIRST_BOUNCE_PAIR: u32 = 3u;
 const MAX_SURVIVAL: f32 = 0.95;
 
 fn store(path: u32, vertex: u32, v: Vpl) {
-    let packed = pack_vpl(v);
+    var stored = v;
+    stored.last = vertex + 1u >= params.bounces;
+    let packed = pack_vpl(stored);
     let first = vpl_words() * (vertex * params.paths + path);
     light_paths[first] = packed.place;
     light_paths[first + 1u] = packed.light;
@@ -80,7 +82,7 @@ fn sky_vertex(point: SurfacePoint, area: f32, u: vec2f, choice: vec2f) -> Vpl {
     }
     let cosine = dot(normal, direction);
     let density = mix(cosine * INV_PI, environment_pdf(direction) / max(scene.environment_pdf, 1e-9), picture_share);
-    var v = Vpl(point.position, normal, vec3f(0.0), area, no_lobe());
+    var v = Vpl(point.position, normal, vec3f(0.0), area, no_lobe(), false);
     let radiance = environment_radiance(direction);
     if (cosine <= 0.0 || density <= 0.0 || max3(radiance) <= 0.0) {
         return v;
@@ -103,7 +105,7 @@ fn light_vertex(light: Light, count: f32, choice: f32, u_point: vec2f, u_directi
     let sent = sample_ray_of(light, choice, u_point, u_direction);
     let hit = trace(sent.ray, FLOAT_MAX);
     if (hit.triangle == NONE || max3(sent.flux) <= 0.0) {
-        return Vpl(vec3f(0.0), vec3f(0.0, 0.0, 1.0), vec3f(0.0), 0.0, no_lobe());
+        return Vpl(vec3f(0.0), vec3f(0.0, 0.0, 1.0), vec3f(0.0), 0.0, no_lobe(), false);
     }
     // The area is the inverse density of such rays on the surface, of all cells of a textured triangle together.
     let s = surface_at(hit, sent.ray.direction);

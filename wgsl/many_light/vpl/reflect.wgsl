@@ -38,7 +38,7 @@ fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32, nearness: 
         let lobe = fresnel_schlick(b.f0, entry.y) * entry.x * arriving;
         return Vpl(
             s.position, normal, arriving * wide_reflectance(b, shading), area,
-            VplLobe(sqrt(b.alpha), arriving, -direction, nearness, s.unbent_normal, b.f0, lobe));
+            VplLobe(sqrt(b.alpha), arriving, -direction, nearness, s.unbent_normal, b.f0, lobe), false);
     }
-    return Vpl(s.position, normal, arriving * directional_reflectance(b, shading), area, no_lobe());
+    return Vpl(s.position, normal, arriving * directional_reflectance(b, shading), area, no_lobe(), false);
 }

@@ -10,6 +10,7 @@ struct Vpl {
     flux: vec3f,      // W, without that of the lobe: intensity in a direction w is flux / pi * max(dot(normal, w), 0)
     area: f32,        // m2, of the surface that it represents
     lobe: VplLobe,
+    last: bool,       // its light has had all bounces but one: it lights pixels, but no surface that a pixel reflects
 }
 
 // A GGX lobe: what a coat scatters once.
@@ -22,6 +23,8 @@ struct VplLobe {
     f0: vec3f,        // reflectance at normal incidence
     flux: vec3f,      // W, reflected by the lobe
 }
+
+const LAST: u32 = 0x80000000u;  // the sign of the area
 
 // A VPL in memory: position and normal, flux and area; in scenes with lobes also the lobe.
 struct PackedVpl {
@@ -43,7 +46,7 @@ fn no_lobe() -> VplLobe {
 fn unpack_vpl(p: PackedVpl) -> Vpl {
     var v = Vpl(
         bitcast<vec3f>(p.place.xyz), octahedral_decode(unpack2x16snorm(p.place.w)), bitcast<vec3f>(p.light.xyz),
-        bitcast<f32>(p.light.w), no_lobe());
+        bitcast<f32>(p.light.w & ~LAST), no_lobe(), (p.light.w & LAST) != 0u);
     if (HAS_LOBES) {
         let reflectance = unpack4x8unorm(p.lobe.x);
         let arriving = bitcast<vec3f>(p.arriving.xyz);
@@ -58,7 +61,7 @@ fn unpack_vpl(p: PackedVpl) -> Vpl {
 fn pack_vpl(v: Vpl) -> PackedVpl {
     var p = PackedVpl(
         vec4u(bitcast<vec3u>(v.position), pack2x16snorm(octahedral_encode(v.normal))),
-        vec4u(bitcast<vec3u>(v.flux), bitcast<u32>(v.area)), vec4u(0u), vec4u(0u));
+        vec4u(bitcast<vec3u>(v.flux), bitcast<u32>(v.area) | select(0u, LAST, v.last)), vec4u(0u), vec4u(0u));
     if (HAS_LOBES && v.lobe.roughness > 0.0) {
         let l = v.lobe;
         p.arriving = vec4u(bitcast<vec3u>(l.arriving), pack2x16snorm(octahedral_encode(l.to_light)));
