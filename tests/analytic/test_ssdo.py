@@ -162,3 +162,30 @@ def test_coats_reflect_what_the_path_tracer_reflects(metallic, roughness, texts)
     off = got["indirect"][away].mean(0) / truth.read_back("indirect")[away].mean(0) - 1
     assert away.sum() > 100
     assert np.abs(off).max() <= 0.03
+
+
+@pytest.mark.parametrize(
+    ("metallic", "roughness", "pictured"),
+    [
+        (1.0, 0.2, False),
+        pytest.param(0.0, 0.4, True, marks=pytest.mark.slow),
+        (1.0, 0.8, True),
+        pytest.param(1.0, 0.8, False, marks=pytest.mark.slow),
+    ],
+)
+def test_coats_see_the_sky_past_a_wall(metallic, roughness, pictured):
+    """The sky that a coated floor reflects before a dark wall, which hides the mirror direction of most pixels."""
+    rows = np.linspace(2.0, 0.5, 16, dtype=np.float32)[:, None, None] * np.float32([1.0, 0.7, 0.4])
+    picture = np.broadcast_to(rows, (16, 32, 3)).copy() if pictured else None
+    scene = corner(sky=Environment((1.0, 1.0, 1.0), picture), wall=0.0)
+    scene.instances[0].mesh.materials[0] = Material("", (0.9, 0.6, 0.3, 1.0), metallic, roughness)
+    scene.cameras[0].yfov = math.radians(75)
+    # The blur would smear the wall's edge over the few rows of pixels.
+    texts = ("ssdo.blur=false", "ssdo.bounce=false", "ssdo.directions=16")
+    got = render(scene, *texts, diffuse=False, size=(32, 24), frames=16)
+    settings = Settings(gi="path", bounces=0, spp=256, camera=CameraSettings(jitter=False))
+    truth = Renderer(scene, size=(32, 24), settings=settings)
+    truth.run()
+    on_floor = floor_and_form_factor(got)[0]
+    off = got["direct"][on_floor].mean(0) / truth.read_back("direct")[on_floor].mean(0) - 1
+    assert on_floor.sum() > 50 and np.abs(off).max() <= 0.03

@@ -20,8 +20,8 @@ from wgpu_gi.settings import apply_quality, assign
 
 # Bounds of bias and relMSE of direct light, of the bounce and of both: just above the measured values.
 BOUNDS = {
-    "cornell_point": [(0.001, 0.0005), (0.245, 0.085), (0.06, 0.02)],
-    "courtyard_sky": [(0.005, 0.008), (0.08, 0.035), (0.015, 0.007)],
+    "cornell_point": [(0.001, 0.0005), (0.02, 0.075), (0.005, 0.019)],
+    "courtyard_sky": [(0.003, 0.0045), (0.02, 0.012), (0.005, 0.0022)],
 }
 SMALL = (64, 36)
 BY_CAMERAS = "ssdo.undecided=cameras"  # the system of the paper
@@ -44,7 +44,7 @@ def full(layers):
 
 @pytest.mark.parametrize("name", BOUNDS)
 def test_one_bounce_agrees_with_mitsuba(name):
-    """At the defaults; the light that the bounce lacks comes from surfaces outside every view."""
+    """At the defaults, with light from surfaces outside the picture."""
     got, truth = render(scene_of(name), size=SIZE), layers_of(name)
     pairs = [
         (got["direct"], truth["direct"]),
@@ -104,7 +104,7 @@ def test_a_closed_room_in_the_sun_stays_dark():
     camera = Camera.look_at((0.3, 1.5, 4.5), (0, 1.4, -4))
     sun = DirectionalLight((0.4, -1.0, 0.2), 30.0)
     scene = Scene([Instance(wall) for wall in walls], [sun], Environment((1.0, 1.0, 1.0)), [camera])
-    assert render(scene, size=(96, 54), frames=4)["direct"].mean() <= 0.003
+    assert render(scene, size=(96, 54), frames=4)["direct"].mean() <= 1e-4
 
 
 def sky_lit(lamp=0.0):
@@ -120,7 +120,7 @@ def truth_of(lamp):
 
 
 @pytest.mark.parametrize(
-    ("lamp", "most"), [(0.0, 0.06), (3.0, 0.065), pytest.param(40.0, 0.14, marks=pytest.mark.slow)]
+    ("lamp", "most"), [(0.0, 0.045), (3.0, 0.05), pytest.param(40.0, 0.11, marks=pytest.mark.slow)]
 )
 def test_less_error_than_ambient_light_and_ambient_occlusion(lamp, most):
     """Under a sky alone, with a weak and with a strong lamp: relMSE as a share of that of unoccluded ambient light."""
@@ -192,15 +192,15 @@ def test_layers_and_cameras_find_missing_occluders(scene, base, better):
     assert after <= 0.7 * before, (before, after)
 
 
-@pytest.mark.parametrize(("scene", "most"), [(thin_board, 0.6), (wall_beside, 0.05), (roof_above, 0.05)])
-def test_rays_decide_what_no_picture_shows(scene, most):
-    """relMSE with rays as a share of that of the picture alone; the mean is that of the truth."""
+@pytest.mark.parametrize("scene", [thin_board, wall_beside, roof_above])
+def test_rays_decide_what_no_picture_shows(scene):
+    """At most 1 % of the error of the picture alone, and the mean of the truth."""
     truth = full(render(scene(), gi="path"))
     by_rays, alone = (
         full(render(scene(), f"ssdo.undecided={undecided}", "ssdo.half_resolution=false"))
         for undecided in ("rays", "sky")
     )
-    assert relmse(by_rays, truth) <= most * relmse(alone, truth)
+    assert relmse(by_rays, truth) <= 0.01 * relmse(alone, truth)
     assert abs(bias(by_rays, truth)) <= 0.005
 
 

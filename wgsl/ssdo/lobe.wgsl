@@ -6,7 +6,8 @@
 const LOBE_SEED: u32 = 0x9e3779b9u;  // sets the sequence apart from that of other directions
 const CHOICE_SEED: u32 = 0x85ebca6bu;
 
-// GGX alpha from which on directions drawn by the cosine serve the coat, too.
+// GGX alpha from which on directions drawn by the cosine serve the coat, too. Rooms glossy 102 and room 3, one bounce, 24
+// frames of 48x27, relMSE: 0.32 and 0.104 with 0.25, 0.36 and 0.102 with 0.5, 0.42 and 0.097 if coats always draw their own.
 const WIDE: f32 = 0.25;
 
 // Returns whether directions are drawn from a coat. `others`: there are directions drawn by the cosine.

@@ -65,9 +65,9 @@ fn gather_sky(pixel: vec2u, slot: u32) -> SkyCoat {
         let hit = hits[first + min(k, count - 1u)];
         let is_free = hit.x == NO_HIT;
         if (k < count && (is_free || !HAS_PICTURED_ENVIRONMENT)) {
-            // Hits keep their direction in fewer bits.
+            // Hits that have light keep their direction in fewer bits.
             var direction = unpack_hit_direction(hit.y).direction;
-            if (is_free) {
+            if (hit.x >= DARK_HIT) {
                 direction = octahedral_decode(unpack2x16snorm(hit.y));
             }
             let light = reflected_from(brdf, surface.normal, to_eye, direction, by_lobe, count);
