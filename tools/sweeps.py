@@ -129,7 +129,7 @@ SWEEPS = (
     Sweep("shared/denoise/guide.wgsl", "PER_NORMAL", "5.0, 10.0, 20.0", "many-light"),
     Sweep("shared/denoise/guide.wgsl", "GUIDED_FROM", "2u, 4u, 8u", "many-light"),
     Sweep("shared/denoise/guide.wgsl", "INDEPENDENT_PIXELS", "4.0, 9.0, 18.0", "many-light", "camera.frames=1"),
-    Sweep("shared/denoise/blur.wgsl", "STANDARD_ERRORS", "2.0, 2.5, 3.0", "many-light"),
+    Sweep("shared/denoise/blur.wgsl", "STANDARD_ERRORS", "2.0, 3.0, 5.0", "many-light"),
     Sweep("shared/denoise/blur.wgsl", "STANDARD_ERRORS_AROUND", "1.5, 2.5, 4.0", "many-light"),
     Sweep("shared/denoise/atrous.wgsl", "STANDARD_ERRORS", "1.0, 1.5, 2.0", "many-light"),
     Sweep("techniques/shared/denoise.py", "FIRST_STEP", "2, 3, 4", "many-light"),

@@ -69,6 +69,6 @@ def test_noise_and_patterns_have_known_shares():
 
 
 def test_still_pictures_keep_little_of_the_interleaving():
-    """The tall box, 24 frames: 27 %, at a lower amplitude than the 37 % that a guide of single pixels keeps."""
+    """The tall box, 24 frames: 21 %; a guide of single pixels only keeps 37 %."""
     picture = rendered("cornell_point", "many-light", "camera.frames=24", size=(160, 90))
-    assert share_of_period(picture[40:80, 62:78, 1].astype(np.float64), 4) < 0.32
+    assert share_of_period(picture[40:80, 62:78, 1].astype(np.float64), 4) < 0.27

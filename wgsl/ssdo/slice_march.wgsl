@@ -4,11 +4,10 @@
 // sectors from the front to the back of its surface; those that no nearer tap covers see it. Departures: sectors have
 // equal shares of the measure, and their borders shift at random, so that few suffice; matter ends at the next depth
 // layer, and nowhere with a single one; the surface that a newly covered arc sees is looked up where a random direction
-// of the arc meets the line to the tap before; beyond the picture, taps continue in the wide camera at the same place;
-// other cameras are not searched. With KNOWN, an arc counts as covered if that surface lies in the arc, or a layer
-// bounds the matter; the arc behind the edge of a surface is undecided. The importing pass defines
-// `see(hit, direction, share)`, called for each arc. Errs blurry by the distance of taps, and misses thin things
-// between taps.
+// of the arc meets the line to the tap before; beyond the picture, taps continue in the wide camera at the same place.
+// With KNOWN, an arc counts as covered if that surface lies in the arc, or a layer bounds the matter; the arc behind
+// the edge of a surface is undecided. The importing pass defines `see(hit, direction, share)`, called for each arc.
+// Errs blurry by the distance of taps; thin things between taps are missed.
 #import "ssdo/slice_receiver.wgsl"
 #import "ssdo/slice_taps.wgsl"
 #import "common/matte.wgsl"
@@ -112,7 +111,8 @@ fn take_tap(
     // Find the surface. It fades towards r_max: it counts with that probability.
     let tap = tap_at(v, place + step * at, at);
     var front = shown_at(v, tap, textureLoad(depths, tap.pixel, 0));
-    // A pixel of a surface seen edge-on may lie on the other side of the axis: turn it around, along the surface.
+    // A pixel beside a surface seen edge-on may lie on the other side of the axis: turn it around, which keeps it on the
+    // surface.
     front.point *= select(-1.0, 1.0, front.point.y * (*o).turn >= 0.0);
     let is_kept = front.is_known && distance_fade(radius, length(front.point)) > number;
     let near = normalize(front.point);

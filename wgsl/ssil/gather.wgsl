@@ -1,5 +1,6 @@
 // The irradiance of a pixel from samples of one level. The importing shader defines fn prepare(start: Endpoint), called
-// once per pixel, and fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32, from 0 to 1.
+// once per pixel, fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32, from 0 to 1, and DRAWS_PER_TEST, the
+// number of drawn samples per test.
 //
 // E = sum_i Phi_i cos_i cos'_i V_i / (d_i^2 + R_i^2), R_i^2 = BOUND_SHARE cos'_i A_i / pi: eq. 3 with the point-to-disc
 // form factor of eq. 4, times the factor of pi that eq. 4 lacks (without it, both form factors differ for small areas).
@@ -7,7 +8,8 @@
 //
 // Departure: resampling (Talbot et al. 2005, "Importance Resampling for Global Illumination"). Of each CANDIDATES
 // neighbouring samples one is drawn with a probability in proportion to p_i, its unshadowed term's brightest channel;
-// it counts sum(p) / p_i times. Only drawn samples are tested for visibility. The mean is that of all samples.
+// it counts sum(p) / p_i times. Of DRAWS_PER_TEST drawn samples one is drawn again and tested for visibility. The mean is
+// that of all samples.
 //
 // In: surfels and light of the level, samples, surfels of the receivers. Out: irradiance, W/m2. Errs dark in corners,
 // where the disc bounds more than the true form factor.
@@ -107,11 +109,23 @@ fn draw(start: Endpoint, first: u32, lit: u32, width: u32, side: vec4f) -> Drawn
     return drawn;
 }
 
+// Returns the colour of a sample's light, its brightest channel 1, or 0 if it is hidden.
+fn tested(start: Endpoint, at: vec2i, width: u32, number: u32) -> vec3f {
+    let texel = textureLoad(surfels, vec2u(at));
+    let end = Endpoint(at, surfel_position(texel), surfel_normal(texel));
+    let colour = unpack_light(light[params.light_offset + u32(at.y) * width + u32(at.x)]);
+    return colour * (visibility(start, end, number) / max3(colour));
+}
+
 // Returns the irradiance from `count` candidates, from `first` on.
 fn irradiance_by(start: Endpoint, first: u32, count: u32) -> vec3f {
     let size = textureDimensions(surfels);
     let side = facing_side();
     var sum = vec3f(0.0);
+    var total = 0.0;
+    var draws = 0u;
+    var kept = vec2i(0);
+    var number = 0u;
     // Lanes run in lockstep, so a branch saves time only if all take it. Do the cheap tests for all candidates first;
     // then each lane loops over its own drawn ones.
     for (var k = 0u; k < count; k += BATCH) {
@@ -121,13 +135,25 @@ fn irradiance_by(start: Endpoint, first: u32, count: u32) -> vec3f {
             let bit = firstTrailingBit(drawn.bits);
             drawn.bits &= drawn.bits - 1u;
             let at = sample_pixel(pattern[first + k + bit]);
-            let texel = textureLoad(surfels, vec2u(at));
-            let end = Endpoint(at, surfel_position(texel), surfel_normal(texel));
-            let colour = unpack_light(light[params.light_offset + u32(at.y) * size.x + u32(at.x)]);
             let group = bit / CANDIDATES;
-            let shown = visibility(start, end, k / CANDIDATES + group);
-            sum += colour * (drawn.sums[group] / max3(colour) * shown);
+            // Draw again, one of each DRAWS_PER_TEST: it stands for all of them.
+            let sent = drawn.sums[group];
+            total += sent;
+            if (unit_float(hash(chance ^ (first + k + bit))) * total < sent) {
+                kept = at;
+                number = k / CANDIDATES + group;
+            }
+            draws += 1u;
+            if (draws == DRAWS_PER_TEST || (drawn.bits == 0u && k + BATCH >= count)) {
+                sum += tested(start, kept, size.x, number) * total;
+                total = 0.0;
+                draws = 0u;
+            }
         }
+    }
+    // Draws left over from a batch without an end of its own.
+    if (draws > 0u) {
+        sum += tested(start, kept, size.x, number) * total;
     }
     return sum;
 }

@@ -13,6 +13,8 @@ const BEHIND: f32 = 0.02;
 // Pixels skipped at each end: rounding may hit the end itself, 0.5, and its neighbour, 1.
 const END_PIXELS: f32 = 1.5;
 
+const DRAWS_PER_TEST: u32 = 1u;
+
 fn prepare(start: Endpoint) {}
 
 fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {

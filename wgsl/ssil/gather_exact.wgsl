@@ -3,6 +3,10 @@
 #import "scene/surface.wgsl"
 #import "scene/trace.wgsl"
 
+// A ray costs as much as 2 to 3 marches. 160x90, 16 frames, relMSE with 1 and 4: Cornell point .0124, .0128, area .0090,
+// .0092, Sponza (a) .58, .58; one frame: .079, .096; .044, .049; 1.37, 1.47.
+const DRAWS_PER_TEST: u32 = 4u;
+
 fn prepare(start: Endpoint) {}
 
 fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {

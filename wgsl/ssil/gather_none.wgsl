@@ -1,6 +1,8 @@
 // One invocation gathers light without visibility. Errs bright behind occluders.
 #import "ssil/gather.wgsl"
 
+const DRAWS_PER_TEST: u32 = 1u;
+
 fn prepare(start: Endpoint) {}
 
 fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {

@@ -2,6 +2,8 @@
 #import "ssil/gather.wgsl"
 #import "ssil/voxel_visibility.wgsl"
 
+const DRAWS_PER_TEST: u32 = 1u;
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
     gather(group, thread);

@@ -23,7 +23,33 @@ fn coarse_surface(pixel: vec2u) -> GuideSurface {
     return surfel_guide_surface(textureLoad(coarse_surfels, pixel));
 }
 
+// A neighbour that rises above a pixel's surface at more than the angle of this sine, by more than this number of coarse
+// pixels, and no farther than that number, hides light that the coarse pixels around it get.
+const CONTACT_SINE: f32 = 0.5;
+const CONTACT_RISE: f32 = 0.25;
+const CONTACT_REACH: f32 = 4.0;
+const ALWAYS: f32 = 2.0;  // no weights sum to as much
+
+// Returns whether a pixel touches a surface that rises above its own: its light changes within a coarse pixel.
+fn is_contact(pixel: vec2u) -> bool {
+    let inside = min(pixel, view.size - 1u);
+    let own = fine_surface(inside);
+    let per_metre = pixels_per_metre(own.position) / f32(COARSE_STRIDE);
+    var found = false;
+    for (var k = 0; k < 9; k += 1) {
+        let at = clamp(vec2i(inside) + vec2i(k % 3, k / 3) - 1, vec2i(0), vec2i(view.size) - 1);
+        let other = fine_surface(vec2u(at));
+        let way = other.position - own.position;
+        let reach = length(way);
+        let rise = dot(own.normal, way);
+        let hides = rise > CONTACT_SINE * reach && rise * per_metre > CONTACT_RISE && reach * per_metre < CONTACT_REACH;
+        found = found || (hides && own.exists && other.exists);
+    }
+    return found;
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    find_guide(id.xy, vec2f(receiver_place(sequence.index, COARSE_STRIDE)), LEAST_REPRESENTED);
+    let least = select(LEAST_REPRESENTED, ALWAYS, is_contact(id.xy));
+    find_guide(id.xy, vec2f(receiver_place(sequence.index, COARSE_STRIDE)), least);
 }

@@ -64,9 +64,7 @@ def declare_guide(
 ) -> Guide:
     """Declare the guide of a technique: its shader `guide.wgsl` reads the surfaces of fine and of coarse pixels."""
     width, height = graph.size
-    coarse = -(-width // stride) * -(-height // stride)
-    # Each coarse pixel represents itself, so the list is shorter than the picture by their number.
-    room = max(width * height - coarse, 1)
+    room = width * height
     guide = Guide(
         stride,
         centred,

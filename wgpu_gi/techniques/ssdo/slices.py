@@ -165,9 +165,7 @@ def _declare_listed_march(
 def _arguments(request: SearchRequest, result: SearchResult, senders: Buffer | None, *, lists: bool) -> dict[str, Any]:
     """Return the arguments of passes of SHADER; `reads` lacks the G-buffer. senders: None: for the share."""
     settings, sources, graph = request.settings, request.sources, request.graph
-    # Of 8, 12 and 32 taps to each side, 12 cost 1.1 times a frame of 8; relMSE of one bounce after 16 frames in a
-    # Cornell box (area light, 160x90) was 0.042, 0.035 and 0.017.
-    taps = -(-3 * settings.steps // 4)
+    taps = -(-3 * settings.steps // 4)  # tools/README.md, "Constants"
     depths = {name: depth for name, depth in sources.reads(graph).items() if name in {f"depth_{k}" for k in range(5)}}
     return {
         "shader": SHADER,

@@ -1,4 +1,4 @@
-"""SSIL (`--gi ssil`): light from all visible surfaces, gathered at several scales, with visibility by voxels.
+"""SSIL (`--gi ssil`): light from all visible surfaces, gathered at several scales, with visibility by rays or voxels.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination".
 """
@@ -21,7 +21,7 @@ def _warm_up(settings: SsilOptions) -> int:
 
 
 TECHNIQUE = Technique(
-    sentence="light from visible surfaces, at several scales, with visibility by voxels",
+    sentence="light from visible surfaces, at several scales, with visibility by rays or voxels",
     bounces=None,
     most_bounces=MOST_BOUNCES,
     is_random=True,

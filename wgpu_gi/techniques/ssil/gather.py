@@ -16,11 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer, Resource
+from ...gpu.handles import Buffer, Resource, Texture
 from ...gpu.wgsl.load import load
 from .inputs import SsilInputs
 from .levels import Levels, level_buffer
 from .light import SentLight
+from .senders import declare_coarser_senders
 from .shade import Upsampling
 from .voxels import NO_GRID, Voxels
 
@@ -91,8 +92,9 @@ def declare_gathering(
     # Gather: the rings of the coarser levels, and the disc of the first.
     ring = level_buffer(graph, f"ssil/ring{suffix}", levels.size)
     disc = level_buffer(graph, f"ssil/disc{suffix}", levels.size)
+    senders = declare_coarser_senders(graph, levels, light.senders, light.codes, inputs.last, inputs.seed, suffix)
     for k in reversed(range(levels.first, inputs.last + 1)):
-        _declare_gather(graph, inputs, k, disc if k == levels.first else ring, light, suffix)
+        _declare_gather(graph, inputs, k, disc if k == levels.first else ring, light, senders[k], suffix)
     # Combine them, and with the previous bounces.
     combined = inputs.kept or level_buffer(graph, f"ssil/combined{suffix}", levels.size)
     total = combined if before is None else level_buffer(graph, f"ssil/total{suffix}", levels.size)
@@ -113,14 +115,14 @@ def declare_gathering(
 
 
 def _declare_gather(
-    graph: Graph, inputs: GatherInputs, k: int, irradiance: Buffer, light: SentLight, suffix: str
+    graph: Graph, inputs: GatherInputs, k: int, irradiance: Buffer, light: SentLight, senders: Texture, suffix: str
 ) -> None:
     """Declare `irradiance` from samples of level `k`, added to that of coarser levels; also of unrepresented pixels."""
     levels, voxels, fine = inputs.levels, inputs.voxels, inputs.fine
     width, height = levels.size
     shader = f"ssil/gather_{inputs.visibility}.wgsl"
     reads: Mapping[str, Resource] = {
-        "surfels": levels.surfels[k],
+        "surfels": senders,
         "light": light.codes,
         "pattern": inputs.pattern,
         "peak": light.peak,

@@ -6,6 +6,7 @@ those of `wgsl/ssil/vote.wgsl`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -20,33 +21,36 @@ LEVEL_SEED = 0x9E3779B9  # an odd constant that sets the levels' random numbers 
 
 @dataclass
 class Levels:
-    """`surfels`: one texture per level k from 0 on; a pixel represents a square of 2^k x 2^k pixels of the picture.
+    """A pixel of level k represents a square of 2^k x 2^k pixels of the `picture`, given by its (width, height).
 
-    `wgsl/ssil/surfel.wgsl` packs the texels. Levels from `first` on gather light. receivers: the surfels of `first`
-    that receive light, on a grid that moves from frame to frame.
+    `count` levels from `first` on gather light. surfels: one texture per level from 0 to `first`;
+    `wgsl/ssil/surfel.wgsl` packs the texels. receivers: the surfels of `first` that receive light, on a grid that moves
+    from frame to frame.
     """
 
+    picture: tuple[int, int]
     surfels: list[Texture]
     first: int
+    count: int
     receivers: Texture
-
-    def received_by(self, level: int) -> Texture:
-        """Return the surfels of `level` that receive light."""
-        return self.receivers if level == self.first else self.surfels[level]
 
     @property
     def gathered(self) -> range:
         """The levels that gather."""
-        return range(self.first, len(self.surfels))
+        return range(self.first, self.first + self.count)
 
     @property
     def size(self) -> tuple[int, int]:
         """The (width, height) of the first level that gathers."""
-        return self.surfels[self.first].size
+        return self.size_of(self.first)
+
+    def size_of(self, level: int) -> tuple[int, int]:
+        """Return (width, height) of a level."""
+        return level_size(self.picture, level)
 
     def pixels_before(self, level: int) -> int:
         """Return the start of `level` in a buffer of all levels from `first` on: the number of pixels before it."""
-        return sum(texture.size[0] * texture.size[1] for texture in self.surfels[self.first : level])
+        return sum(math.prod(self.size_of(k)) for k in range(self.first, level))
 
 
 def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
@@ -55,9 +59,9 @@ def level_size(size: tuple[int, int], level: int) -> tuple[int, int]:
 
 
 def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: int, count: int, seed: int) -> Levels:
-    """Declare the surfels of levels 0 to first + count - 1."""
+    """Declare the surfels of levels 0 to `first`; `count` levels from `first` on gather light."""
     surfels = [
-        graph.texture(f"ssil/surfels_{k}", "rgba32uint", size=level_size(graph.size, k)) for k in range(first + count)
+        graph.texture(f"ssil/surfels_{k}", "rgba32uint", size=level_size(graph.size, k)) for k in range(first + 1)
     ]
     shader = "ssil/make_surfels.wgsl"
     graph.compute(
@@ -69,14 +73,13 @@ def declare_levels(graph: Graph, scene: SceneInputs, gbuffer: Gbuffer, first: in
         constants=scene.constants(shader),
     )
     receivers = surfels[0]
-    for k in range(1, len(surfels)):
+    for k in range(1, first + 1):
         _declare_vote(
             graph, surfels[k - 1], surfels[k], f"ssil/vote_{k}", {"seed": (seed ^ k * LEVEL_SEED) & 0xFFFFFFFF}
         )
-        if k <= first:
-            finer, receivers = receivers, graph.texture(f"ssil/receivers_{k}", "rgba32uint", size=surfels[k].size)
-            _declare_vote(graph, finer, receivers, f"ssil/vote_receivers_{k}", {"receivers": 1, "coarser": first - k})
-    return Levels(surfels, first, receivers)
+        finer, receivers = receivers, graph.texture(f"ssil/receivers_{k}", "rgba32uint", size=surfels[k].size)
+        _declare_vote(graph, finer, receivers, f"ssil/vote_receivers_{k}", {"receivers": 1, "coarser": first - k})
+    return Levels(graph.size, surfels, first, count, receivers)
 
 
 def _declare_vote(graph: Graph, finer: Texture, surfels: Texture, name: str, params: Mapping[str, int]) -> None:

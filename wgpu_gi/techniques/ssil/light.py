@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer, View
+from ...gpu.handles import Buffer, Texture, View
 from ...gpu.wgsl.load import load
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from .levels import Levels
+from .senders import declare_first_senders
 
 LIGHT = np.dtype((np.uint32, 2))  # codes of wgsl/common/light_code.wgsl
 TILE_THREADS = int(load("ssil/light_levels.wgsl").constants["TILE_THREADS"])
@@ -24,13 +25,14 @@ TILE_THREADS = int(load("ssil/light_levels.wgsl").constants["TILE_THREADS"])
 
 @dataclass(frozen=True)
 class SentLight:
-    """codes: light of all levels, W/sr, from the first on.
+    """codes: light of all levels, W/sr, from the first on. senders: surfels of the first level that send it.
 
     peak: two floats, the brightest light of the bounce and the value below which the bounce is skipped.
     """
 
     codes: Buffer
     peak: Buffer
+    senders: Texture
 
 
 def declare_sent_light(
@@ -41,6 +43,7 @@ def declare_sent_light(
     direct: Buffer,
     has_reflectors: bool,
     shines: Buffer | None,
+    seed: int,
 ) -> tuple[SentLight, Buffer]:
     """Declare the light that surfaces send from `direct` light, and the reflectors.
 
@@ -50,7 +53,9 @@ def declare_sent_light(
 
     Without `has_reflectors` the reflectors are empty.
     """
-    light = _light(graph, levels, "", history=False)
+    split = shines is not None
+    senders = declare_first_senders(graph, scene, gbuffer, levels, direct, seed, split=split)
+    light = _light(graph, levels, senders, "", history=False)
     width, height = levels.size
     reflectors = graph.buffer("ssil/reflectors", dtype=LIGHT, count=width * height if has_reflectors else 1)
     shader = "ssil/light.wgsl"
@@ -70,7 +75,7 @@ def declare_sent_light(
             **_constants(levels),
             "SQUARE": 1 << levels.first,
             "HAS_REFLECTORS": has_reflectors,
-            "SPLIT": shines is not None,
+            "SPLIT": split,
         },
         clear=[light.peak] if shines is None else [light.peak, shines],
     )
@@ -90,7 +95,7 @@ def declare_reflected_light(
 
     The bounce counts as dark if its brightest light is at most `bounce_threshold` times the first bounce's.
     """
-    light = _light(graph, levels, suffix, history=False)
+    light = _light(graph, levels, levels.surfels[levels.first], suffix, history=False)
     graph.compute(
         f"ssil/reflect{suffix}",
         "ssil/reflect.wgsl",
@@ -109,10 +114,10 @@ def declare_reflected_light(
 
 
 def declare_feedback(
-    graph: Graph, gbuffer: Gbuffer, levels: Levels, sent: Buffer, reflectors: Buffer, motion: Buffer, previous: View
+    graph: Graph, gbuffer: Gbuffer, levels: Levels, sent: SentLight, reflectors: Buffer, motion: Buffer, previous: View
 ) -> SentLight:
     """Declare the light `sent` from direct light plus the light from the `previous` frame's irradiance."""
-    light = _light(graph, levels, "_feedback", history=True)
+    light = _light(graph, levels, sent.senders, "_feedback", history=True)
     graph.compute(
         "ssil/feedback",
         "ssil/feedback.wgsl",
@@ -121,7 +126,7 @@ def declare_feedback(
             "surfels": levels.receivers,
             "distance": gbuffer.distance,
             "reflectors": reflectors,
-            "sent": sent,
+            "sent": sent.codes,
             "motion": motion,
             "previous": previous,
             "previous_peak": light.peak.previous,
@@ -133,9 +138,10 @@ def declare_feedback(
     return light
 
 
-def _light(graph: Graph, levels: Levels, suffix: str, history: bool) -> SentLight:
+def _light(graph: Graph, levels: Levels, senders: Texture, suffix: str, history: bool) -> SentLight:
     codes = graph.buffer(f"ssil/light{suffix}", dtype=LIGHT, count=levels.pixels_before(levels.gathered.stop))
-    return SentLight(codes, graph.buffer(f"ssil/light_peak{suffix}", dtype=np.uint32, count=2, history=history))
+    peak = graph.buffer(f"ssil/light_peak{suffix}", dtype=np.uint32, count=2, history=history)
+    return SentLight(codes, peak, senders)
 
 
 def _threads(levels: Levels) -> tuple[int, int]:

@@ -55,9 +55,9 @@ class SsilSettings(KnownAttributes):
         range=(1, 8192),
     )
     visibility: str = setting(
-        "voxels",
-        "Visibility of samples: by voxels, by the picture's depths, by rays (exact), or none.",
-        choices=("voxels", "depth", "exact", "none"),
+        "exact",
+        "Visibility of samples: by rays (exact), by voxels, by the picture's depths, or none.",
+        choices=("exact", "voxels", "depth", "none"),
     )
     visibility_bounces: str = setting(
         "first",
@@ -138,11 +138,11 @@ def declare_bounces(
     # Declare the light of the first bounce, plus the previous frame's light if amortised.
     count = settings.bounces if bounces is None else min(bounces, MOST_BOUNCES)
     shines = declare_shines(graph, scene, settings.glossy_samples)
-    light, reflectors = declare_sent_light(graph, scene, gbuffer, levels, direct, count > 1, shines)
+    light, reflectors = declare_sent_light(graph, scene, gbuffer, levels, direct, count > 1, shines, seed)
     kept: Buffer | None = None
     if is_amortised(settings, bounces):
         kept = level_buffer(graph, "ssil/combined", levels.size, history=True)
-        light = declare_feedback(graph, gbuffer, levels, light.codes, reflectors, motion, kept.previous)
+        light = declare_feedback(graph, gbuffer, levels, light, reflectors, motion, kept.previous)
         count = 1
     else:
         given = "one bounce" if count == 1 else "a number of bounces is given"

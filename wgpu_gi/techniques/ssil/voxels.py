@@ -92,12 +92,12 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SsilInputs, lev
     solids, draws = scene.solids, scene.draws
     assert draws is not None
     # Choose the finest grid.
-    few = levels.surfels[levels.first + 1].size[0] < LEAST_CELLS
+    few = levels.size_of(levels.first + 1)[0] < LEAST_CELLS
     coarser = settings.coarser if settings.coarser is not None else int(not few)
     finest = levels.first + coarser
-    first = levels.surfels[finest]
+    size = levels.size_of(finest)
     slices = -(-settings.slices // 32) * 32
-    words = first.size[0] * first.size[1] * slices // 32
+    words = size[0] * size[1] * slices // 32
 
     # Find the depths that the slices span.
     range_ = graph.buffer("voxels/range", dtype=np.uint32, count=2)
@@ -116,7 +116,7 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SsilInputs, lev
     cells = graph.buffer("voxels/cells", dtype=np.uint32, count=words * max(sum(kinds.values()), 1))
     constants: dict[str, float] = {"SLICES": slices, **kinds}
     shells = words if solids.has_solids else 0
-    grid_params = {"size": first.size, "cell": float(1 << finest), "shells": shells}
+    grid_params = {"size": size, "cell": float(1 << finest), "shells": shells}
     _declare_surfaces(graph, scene, range_, cells, grid_params, constants)
 
     # Fill the solids.
@@ -124,13 +124,13 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SsilInputs, lev
     graph.compute(
         "voxels/fill",
         "ssil/voxels/fill.wgsl",
-        over=(CELL_ROW, -(-first.size[0] * first.size[1] // CELL_ROW)),
+        over=(CELL_ROW, -(-size[0] * size[1] // CELL_ROW)),
         reads={"cells": cells if drawn else graph.neutral("buffer")},
         writes={"voxels": grid},
         constants=constants,
     )
-    grids = _declare_coarser(graph, levels, {finest: grid}, slices, len(levels.surfels) - settings.finer)
-    sizes = {k: levels.surfels[k].size for k in grids}
+    grids = _declare_coarser(graph, levels, {finest: grid}, slices, levels.gathered.stop - settings.finer)
+    sizes = {k: levels.size_of(k) for k in grids}
     return Voxels(grids, range_, sizes, slices, settings.step, settings.finer)
 
 
@@ -139,7 +139,7 @@ def _declare_coarser(
 ) -> dict[int, Buffer]:
     """Declare the grids of the levels after the one in `grids`, before `stop`; return all grids."""
     for k in range(max(grids) + 1, stop):
-        width, height = levels.surfels[k].size
+        width, height = levels.size_of(k)
         grids[k] = graph.buffer(f"voxels/grid_{k}", dtype=np.uint32, count=width * height * slices // 32)
         graph.compute(
             f"voxels/downsample_{k}",
@@ -147,7 +147,7 @@ def _declare_coarser(
             over=(width, height),
             reads={"finer": grids[k - 1]},
             writes={"voxels": grids[k]},
-            params={"finer_size": levels.surfels[k - 1].size, "size": (width, height)},
+            params={"finer_size": levels.size_of(k - 1), "size": (width, height)},
             constants={"SLICES": slices},
         )
     return grids

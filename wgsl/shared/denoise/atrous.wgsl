@@ -41,26 +41,24 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 
     var sum = vec4f(0.0);
     var variance = 0.0;
-    for (var y = -1; y < 2; y += 1) {
-        for (var x = -1; x < 2; x += 1) {
-            let offset = vec2i(x, y);
-            let place = vec2i(id.xy) + offset * i32(STEP);
-            let inside = all(place >= vec2i(0)) & all(place < vec2i(grid_size()));
-            let tap_place = select(id.xy, vec2u(place), inside);
-            let tap_index = tap_place.y * grid_size().x + tap_place.x;
-            let tap = light[tap_index];
-            let tap_guide = guide[tap_index];
-            let off_plane = scale * (plane.at + dot(across, vec2f(offset)) - plane.factor * tap.w);
-            let off_normal = PER_NORMAL - dot(normal, unpack_view_normal(normals[tap_index]));
-            let apart = own_guide.x - tap_guide.x;
-            let noise = (STANDARD_ERRORS * STANDARD_ERRORS) * (own_guide.y + tap_guide.y);
-            let same_surface = max(1.0 - off_plane * off_plane - off_normal * off_normal, 0.0);
-            let same_light = max(1.0 - apart * apart / max(noise, 1e-37), 0.0);
-            let share = f32((2 - abs(x)) * (2 - abs(y)));
-            let weight = select(0.0, share * same_surface * same_light, inside & (min(tap.w, own.w) > 0.0));
-            sum += weight * vec4f(tap.rgb, 1.0);
-            variance += weight * weight * tap_guide.y;
-        }
+    for (var k = 0; k < 9; k += 1) {
+        let offset = vec2i(k % 3, k / 3) - 1;
+        let place = vec2i(id.xy) + offset * i32(STEP);
+        let inside = all(place >= vec2i(0)) && all(place < vec2i(grid_size()));
+        let tap_place = select(id.xy, vec2u(place), inside);
+        let tap_index = tap_place.y * grid_size().x + tap_place.x;
+        let tap = light[tap_index];
+        let tap_guide = guide[tap_index];
+        let off_plane = scale * (plane.at + dot(across, vec2f(offset)) - plane.factor * tap.w);
+        let off_normal = PER_NORMAL - dot(normal, unpack_view_normal(normals[tap_index]));
+        let apart = own_guide.x - tap_guide.x;
+        let noise = (STANDARD_ERRORS * STANDARD_ERRORS) * (own_guide.y + tap_guide.y);
+        let same_surface = max(1.0 - off_plane * off_plane - off_normal * off_normal, 0.0);
+        let same_light = max(1.0 - apart * apart / max(noise, 1e-37), 0.0);
+        let share = f32((2 - abs(offset.x)) * (2 - abs(offset.y)));
+        let weight = select(0.0, share * same_surface * same_light, inside && min(tap.w, own.w) > 0.0);
+        sum += weight * vec4f(tap.rgb, 1.0);
+        variance += weight * weight * tap_guide.y;
     }
     // The pixel's own weight is close to 4 if there is something to light.
     let inverse = 1.0 / max(sum.w, 2.0);

@@ -31,7 +31,7 @@ override COAT_LOBES: bool = false; // blur the coats' light, not the other light
 
 // With a guide, neighbours also have weight 0 if their mean light differs by more than this many standard errors of
 // both: of the pixels themselves, or of the 3x3 pixels around them. tools/README.md, "Constants".
-const STANDARD_ERRORS: f32 = 2.5;
+const STANDARD_ERRORS: f32 = 3.0;
 const STANDARD_ERRORS_AROUND: f32 = 2.5;
 
 struct Center {
