@@ -199,7 +199,7 @@ SWEEPS = (
         "ssdo",
         "ssdo.undecided=cameras",
     ),
-    Sweep("ssdo/guide.wgsl", "LEAST_REPRESENTED", "0.001, 0.05, 0.3", "ssdo"),
+    Sweep("ssdo/guide.wgsl", "LEAST_REPRESENTED", "0.05, 0.15, 0.3", "ssdo"),
     Sweep("ssil/guide.wgsl", "LEAST_REPRESENTED", "0.05, 0.3, 0.6", "ssil"),
     Sweep("ssil/vote.wgsl", "STEP_WIDTH", "0.5, 1.0, 2.0", "ssil", "ssil.start=quarter"),
     Sweep("ssil/vote.wgsl", "NORMAL_WIDTH", "0.03, 0.1, 0.3", "ssil", "ssil.start=quarter"),

@@ -12,7 +12,7 @@
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
 #import "ssdo/sender_light.wgsl"
-#import "ssdo/grid.wgsl"
+#import "ssdo/grid_pixel.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
 #import "ssdo/lobe.wgsl"
@@ -90,10 +90,10 @@ fn gather_of_grid(grid: vec2u) {
     let depth = occlusion[index].w;
     if (depth > 0.0) {
         if (DIRECTIONS > 0u) {
-            irradiance[index] = vec4f(gather(grid * STRIDE, index), depth);
+            irradiance[index] = vec4f(gather(grid_pixel(grid), index), depth);
         }
         if (LOBES > 0u) {
-            coat[index] = gather_coat(grid * STRIDE, index, depth);
+            coat[index] = gather_coat(grid_pixel(grid), index, depth);
         }
     }
 }

@@ -18,7 +18,7 @@
 #import "ssdo/directions.wgsl"
 #import "ssdo/undecided.wgsl"
 #import "ssdo/lobe.wgsl"
-#import "ssdo/grid.wgsl"
+#import "ssdo/grid_pixel.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 
 override DIRECTIONS: u32 = 1u;             // N
@@ -188,7 +188,7 @@ fn find_occlusion(pixel: vec2u, slot: u32, pattern: u32) {
 
 fn find_occlusion_of_grid(grid: vec2u) {
     let pattern = (grid.y % INTERLEAVE) * INTERLEAVE + grid.x % INTERLEAVE;
-    find_occlusion(grid * STRIDE, grid.y * grid_size().x + grid.x, pattern);
+    find_occlusion(grid_pixel(grid), grid.y * grid_size().x + grid.x, pattern);
 }
 
 // Runs per pixel of a tile that shows a surface.

@@ -12,7 +12,7 @@
 #import "deferred/environment/ambient.wgsl"
 #import "common/coat.wgsl"
 #import "shared/denoise/plane.wgsl"
-#import "ssdo/grid.wgsl"
+#import "ssdo/grid_pixel.wgsl"
 #import "ssdo/hit_code.wgsl"
 #import "ssdo/lobe.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
@@ -81,7 +81,7 @@ fn gather_sky(pixel: vec2u, slot: u32) -> SkyCoat {
 
 fn gather_of_grid(grid: vec2u) {
     let index = grid.y * grid_size().x + grid.x;
-    let found = gather_sky(grid * STRIDE, index);
+    let found = gather_sky(grid_pixel(grid), index);
     coat[index] = vec4f(found.visible, found.depth);
     if (!HAS_PICTURED_ENVIRONMENT) {
         unoccluded[index] = vec4f(found.whole, 1.0);

@@ -17,7 +17,7 @@
 #import "ssdo/slice_march.wgsl"
 #import "ssdo/undecided.wgsl"
 #import "ssdo/sender_light.wgsl"
-#import "ssdo/grid.wgsl"
+#import "ssdo/grid_pixel.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
 
@@ -175,7 +175,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
 @compute @workgroup_size(8, 8)
 fn coarse(@builtin(global_invocation_id) id: vec3u) {
     if (all(id.xy < grid_size())) {
-        march_pixel(id.xy * STRIDE, id.y * grid_size().x + id.x, id.xy);
+        march_pixel(grid_pixel(id.xy), id.y * grid_size().x + id.x, id.xy);
     }
 }
 

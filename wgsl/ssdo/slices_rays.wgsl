@@ -5,7 +5,7 @@
 // but for radiance_of().
 #import "shared/gbuffer/load.wgsl"
 #import "ssdo/sender_light.wgsl"
-#import "ssdo/grid.wgsl"
+#import "ssdo/grid_pixel.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
 
@@ -42,7 +42,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (all(id.xy < grid_size())) {
         let slot = id.y * grid_size().x + id.x;
         if (result[slot].w > 0.0) {
-            result[slot] += vec4f(light_of_rays(id.xy * STRIDE, slot), 0.0);
+            result[slot] += vec4f(light_of_rays(grid_pixel(id.xy), slot), 0.0);
         }
     }
 }

@@ -1,5 +1,5 @@
 // Read access to the list of undecided directions, and the pixels that they leave.
-#import "ssdo/grid.wgsl"
+#import "ssdo/grid_pixel.wgsl"
 #import "ssdo/hit_code.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 
@@ -31,5 +31,5 @@ fn pixel_of_slot(slot: u32) -> vec2u {
         let index = unrepresented[slot];
         return vec2u(index % view.size.x, index / view.size.x);
     }
-    return vec2u(slot % grid_size().x, slot / grid_size().x) * STRIDE;
+    return grid_pixel(vec2u(slot % grid_size().x, slot / grid_size().x));
 }

@@ -16,7 +16,7 @@ from ..shared.denoise import DenoiseSettings
 from ..shared.gbuffer import Gbuffer
 from .occlusion import History, Occlusion, declare_full_resolution
 from .search import SENDER_STRIDE, grid_dispatch, grid_reads, grid_size
-from .search_request import SearchResult
+from .search_request import SearchResult, moves
 from .senders import declare_senders
 from .settings import SsdoSettings
 from .slices import declare_slices_bounce, declare_unrepresented_slices_bounce
@@ -169,6 +169,7 @@ def _gather_constants(
         "DIRECTIONS": search.directions,
         "LOBES": search.lobes,
         "STRIDE": search.stride,
+        "MOVES": moves(search.stride),
         "SENDER_STRIDE": SENDER_STRIDE,
         "SAMPLE_ENVIRONMENT": search.unoccluded is not None,
         "BY_RAYS": search.by_rays,

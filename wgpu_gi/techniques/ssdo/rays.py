@@ -16,7 +16,7 @@ from ...gpu.handles import Buffer, Resource
 from ...gpu.wgsl.load import load
 from ..shared.radiance_cache import declare_hits
 from .offscreen import declare_cached_light
-from .search_request import SearchRequest, SearchResult
+from .search_request import SearchRequest, SearchResult, moves
 
 SHADER, CACHED = "ssdo/rays.wgsl", "ssdo/offscreen/rays.wgsl"
 ESCAPED = "ssdo/escaped.wgsl"
@@ -52,12 +52,12 @@ def declare_rays(
         "DIRECTIONS": request.directions,
         "LOBES": request.lobes,
         "STRIDE": search.stride,
+        "MOVES": moves(search.stride, request.number),
         "UNREPRESENTED": unrepresented,
         "SAMPLE_ENVIRONMENT": request.samples_environment,
         "DIRECTIONAL": request.directional,
     }
     uniforms = {"view": request.sources.view_of(request.number)}
-    distance = request.sources.gbuffer(request.number).distance
     cached = request.cache is not None and request.needs_light
     shader = CACHED if cached else SHADER
     found = declare_hits(graph, f"{name}_cache_hits", hits.count) if cached else None
@@ -70,7 +70,7 @@ def declare_rays(
             **({"environment_cdf": scene.lights["environment_cdf"]} if cached else scene.lights),
             **ambient.reads,
             **reads,
-            "distance": distance,
+            "distance": request.sources.gbuffer(request.number).distance,
         },
         writes={"hits": hits, **({} if found is None else {"cache_hits": found})},
         params=None if cached else {"seed": request.seed},

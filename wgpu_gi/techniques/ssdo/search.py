@@ -3,7 +3,8 @@
 Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", section 3. Departures: each direction
 has several points instead of one, and the first hidden point counts; directions are drawn by the cosine; squares of
 pixels share a set of directions (interleaved sampling, Keller and Heidrich 2001), which the blur averages; coated
-pixels also search along directions drawn from their coat; rays decide what no picture shows (`rays.py`).
+pixels also search along directions drawn from their coat; rays decide what no picture shows (`rays.py`);
+at half resolution other pixels start the search in each frame (`wgsl/ssdo/grid_pixel.wgsl`).
 """
 
 from __future__ import annotations
@@ -121,7 +122,7 @@ def declare_search_guide(request: SearchRequest, stride: int) -> Guide:
     """Declare the guide for upsampling the grid of the first layer."""
     gbuffer, constants = request.sources.gbuffer(0), request.scene.constants("ssdo/guide.wgsl")
     reads = {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance}
-    return declare_guide(request.graph, "ssdo", reads, stride=stride, centred=False, constants=constants)
+    return declare_guide(request.graph, "ssdo", reads, stride=stride, centred=True, constants=constants)
 
 
 def _allocate(request: SearchRequest, name: str, stride: int) -> SearchResult:

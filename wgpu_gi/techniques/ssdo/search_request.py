@@ -154,6 +154,7 @@ class SearchRequest:
                 "DIRECTIONS": self.directions,
                 "LOBES": self.lobes,
                 "STRIDE": stride,
+                "MOVES": moves(stride, number),
                 "INTERLEAVE": INTERLEAVE,
                 "DIRECTIONAL": self.directional,
                 "OUTWARD": sources.is_outward(number),
@@ -164,6 +165,11 @@ class SearchRequest:
             },
             "uniforms": {**sources.uniforms(), "view": sources.view_of(number)},
         }
+
+
+def moves(stride: int, number: int = 0) -> bool:
+    """Return whether the grid of source `number` moves from frame to frame: `wgsl/ssdo/grid_pixel.wgsl`."""
+    return number == 0 and stride == 2
 
 
 def _lobe_of(directions: int) -> int:

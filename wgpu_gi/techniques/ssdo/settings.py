@@ -61,7 +61,7 @@ class SsdoSettings(KnownAttributes):
         range=(0.01, 100.0),
     )
     half_resolution: bool = setting(
-        True, "Search from every second pixel of every second row, and upsample.", presets={"high": False}
+        True, "Search from one pixel of each 2x2, another one in each frame, and upsample.", presets={"high": False}
     )
     near_field: bool = setting(
         False,

@@ -12,7 +12,7 @@ from ...gpu.handles import Buffer
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
 from .search import grid_dispatch, grid_reads, grid_size
-from .search_request import INTERLEAVE, SearchResult
+from .search_request import INTERLEAVE, SearchResult, moves
 from .sources import Sources
 
 SHADER = "ssdo/sky_coat.wgsl"
@@ -73,5 +73,6 @@ def _constants(scene: DeferredInputs, ambient: Ambient, search: SearchResult) ->
         "DIRECTIONS": search.directions,
         "LOBES": search.lobes,
         "STRIDE": search.stride,
+        "MOVES": moves(search.stride),
         "INTERLEAVE": INTERLEAVE,
     }

@@ -16,7 +16,7 @@ from ...gpu.formats import FOUR_FLOATS, TWO_WORDS
 from ...gpu.handles import Buffer
 from .rays import declare_rays, undecided_list
 from .search import SENDER_STRIDE, declare_search_guide, grid_dispatch, grid_reads, grid_size, stride_of
-from .search_request import INTERLEAVE, SearchRequest, SearchResult
+from .search_request import INTERLEAVE, SearchRequest, SearchResult, moves
 
 SHADER = "ssdo/slices.wgsl"
 RAYS_SHADER = "ssdo/slices_rays.wgsl"
@@ -189,6 +189,7 @@ def _arguments(request: SearchRequest, result: SearchResult, senders: Buffer | N
             "WIDE_TAPS": -(-taps // 2) if sources.widens else 0,
             "INTERLEAVE": INTERLEAVE,
             "STRIDE": result.stride,
+            "MOVES": moves(result.stride),
             "DIRECTIONAL": request.directional,
             "KNOWN": request.rays,
             "RAYS": request.rays_per_slice,
@@ -216,6 +217,7 @@ def _ray_light_arguments(request: SearchRequest, result: SearchResult, senders: 
             **request.sources.constants,
             "ENTRIES": request.directions,
             "STRIDE": result.stride,
+            "MOVES": moves(result.stride),
             "SENDER_STRIDE": SENDER_STRIDE,
             "BY_RAYS": True,
         },
