@@ -191,13 +191,13 @@ fn gather(group: vec3u, thread: vec3u) {
     irradiance[index] = vec4f(irradiance[index].rgb + irradiance_at(pixel, own), 1.0);
 }
 
-// Adds this level's irradiance to that of unrepresented pixels.
+// Adds this level's irradiance to that of unrepresented pixels; theirs is an entry per pixel of the picture.
 fn gather_unrepresented(thread: u32, threads: u32) {
     let count = select(unrepresented_count(), 0u, peak[0] <= peak[1]);
     for (var slot = thread; slot < count; slot += threads) {
         let index = unrepresented[slot];
         let pixel = vec2u(index % view.size.x, index / view.size.x);
         let got = irradiance_at(pixel, textureLoad(receivers, pixel, 0));
-        irradiance[slot] = vec4f(irradiance[slot].rgb + got, 1.0);
+        irradiance[index] = vec4f(irradiance[index].rgb + got, 1.0);
     }
 }

@@ -68,7 +68,7 @@ fn listed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
         let pixel = vec2u(index % view.size.x, index / view.size.x);
         let surface = load_surface(pixel);
         if ((surface.flags & GBUFFER_UNLIT) == 0u) {
-            full[index] = lit(pixel, surface, unrepresented_irradiance[slot].rgb);
+            full[index] = lit(pixel, surface, unrepresented_irradiance[index].rgb);
         }
     }
 }

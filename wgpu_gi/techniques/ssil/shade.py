@@ -1,8 +1,8 @@
 """The indirect radiance of the picture: irradiance of the first level, denoised, upsampled, averaged, and reflected.
 
 Soler et al. 2010, "A Deferred Shading Algorithm for Real-Time Indirect Illumination", section 4. Departures:
-unrepresented pixels have their own irradiance; coats' reflections depend on the view and are not averaged over frames
-(a = 0 in eq. 6).
+unrepresented pixels have their own irradiance, averaged over such pixels nearby; coats' reflections depend on the view
+and are not averaged over frames (a = 0 in eq. 6).
 """
 
 from __future__ import annotations
@@ -13,13 +13,15 @@ import numpy as np
 
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer
-from ..shared.denoise import DenoiseSettings, declare_filter
+from ...gpu.handles import Buffer, Handle
+from ..shared.denoise import GUIDED_FROM, DenoiseSettings, declare_filter
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from ..shared.temporal import TemporalSettings, declare_accumulate
 from ..shared.upsample import Guide, declare_guide
 from .levels import Levels, level_buffer
+
+UNREPRESENTED = "ssil/denoise_unrepresented.wgsl"
 
 # Radius of the denoiser's blur, pixels of the first level. Single frames, 160x90, one bounce, against the light of
 # visible surfaces, relMSE without / 2 / 4: Cornell, point light 0.32 / 0.21 / 0.11, spot 0.25 / 0.27 / 0.54, area light
@@ -33,8 +35,8 @@ STEP = 5  # pixels between neighbours of the mean over frames: half resolution a
 class Upsampling:
     """Upsampling of the first level's light to pixels of the picture.
 
-    irradiance: gathered by unrepresented pixels at full resolution, W/m2, in the order of their list; None: they keep
-    the upsampled light.
+    irradiance: gathered by unrepresented pixels at full resolution, W/m2, and 1, of the pixels of the picture; 0 of all
+    others; None: unrepresented pixels keep the upsampled light.
     """
 
     guide: Guide
@@ -52,8 +54,13 @@ def declare_guides(graph: Graph, levels: Levels, unrepresented: bool) -> Upsampl
     guide = declare_guide(graph, "ssil", reads, stride=1 << levels.first, centred=True)
     if not unrepresented:
         return Upsampling(guide, None)
-    irradiance = graph.buffer("ssil/unrepresented_irradiance", dtype=FOUR_FLOATS, count=guide.room, nonnegative=True)
-    return Upsampling(guide, irradiance)
+    return Upsampling(guide, _picture_buffer(graph, "ssil/unrepresented_irradiance"))
+
+
+def _picture_buffer(graph: Graph, name: str) -> Buffer:
+    """Declare (r, g, b, 1) per pixel of the picture."""
+    width, height = graph.size
+    return graph.buffer(name, dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
 
 
 def declare_denoised(
@@ -78,6 +85,47 @@ def declare_denoised(
     return declare_filter(
         graph, "ssil/denoise", gbuffer, light, normals, BLUR, settings.levels, frames=frames, stride=stride
     ).light
+
+
+def declare_denoised_unrepresented(
+    graph: Graph, settings: DenoiseSettings, levels: Levels, fine: Upsampling | None, frames: int
+) -> Upsampling | None:
+    """Declare the denoised irradiance of unrepresented pixels; `frames`: number per still picture."""
+    if fine is None or fine.irradiance is None:
+        return fine
+    if not settings.levels:
+        graph.skip("ssil/denoise_unrepresented", "denoise.levels is 0")
+        return fine
+    guided = frames > GUIDED_FROM
+    moments: Handle = graph.neutral("buffer")
+    if guided:
+        moments = _picture_buffer(graph, "ssil/unrepresented_moments")
+        graph.compute(
+            "ssil/unrepresented_moments",
+            UNREPRESENTED,
+            entry="find_moments",
+            over=graph.size,
+            reads={"irradiance": fine.irradiance},
+            writes={"moments": moments},
+        )
+    else:
+        graph.skip("ssil/unrepresented_moments", "the picture has too few frames")
+    denoised = _picture_buffer(graph, "ssil/denoised_unrepresented")
+    graph.compute(
+        "ssil/denoise_unrepresented",
+        UNREPRESENTED,
+        entry="listed",
+        indirect=fine.guide.groups,
+        reads={
+            **fine.guide.list_reads,
+            "surfels": levels.surfels[0],
+            "irradiance": fine.irradiance,
+            "known_moments": moments,
+        },
+        writes={"denoised": denoised},
+        constants={"GUIDED": guided},
+    )
+    return Upsampling(fine.guide, denoised)
 
 
 def declare_shading(
@@ -122,7 +170,7 @@ def _declare_full(
 ) -> Buffer:
     """Declare the irradiance or the radiance of the picture from `coarse` irradiance; `variant`: constants."""
     width, height = graph.size
-    full = graph.buffer(f"ssil/{name}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    full = _picture_buffer(graph, f"ssil/{name}")
     shader = "ssil/shade.wgsl"
     reads = {
         "surfaces": gbuffer.surfaces,

@@ -23,7 +23,7 @@ from .inputs import SsilInputs
 from .levels import declare_levels, level_buffer
 from .light import SentLight, declare_feedback, declare_reflected_light, declare_sent_light
 from .offscreen import declare_offscreen
-from .shade import Upsampling, declare_denoised, declare_guides, declare_shading
+from .shade import Upsampling, declare_denoised, declare_denoised_unrepresented, declare_guides, declare_shading
 from .shiny import declare_shines, declare_shiny
 from .voxels import Voxels, VoxelSettings, declare_voxels
 
@@ -162,6 +162,7 @@ def declare_bounces(
     # Shade the picture.
     glossy = _declare_coats(graph, settings, scene, gbuffer, before, fine, seed)
     denoised = declare_denoised(graph, denoise, gbuffer, levels, irradiance, scene.frames)
+    fine = declare_denoised_unrepresented(graph, denoise, levels, fine, scene.frames)
     indirect = declare_shading(graph, temporal, scene, gbuffer, motion, levels, denoised, glossy, fine)
     if shines is not None:
         declare_shiny(graph, scene, gbuffer, shines, settings.glossy_samples, seed, indirect, denoise.levels)

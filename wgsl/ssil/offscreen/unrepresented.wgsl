@@ -52,6 +52,6 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
                 sum += found.reflectance * irradiance_at(found, index, seed);
             }
         }
-        irradiance[slot] += vec4f(sum / f32(RAYS), 0.0);
+        irradiance[pixel] = vec4f(irradiance[pixel].rgb + sum / f32(RAYS), 1.0);
     }
 }
