@@ -26,7 +26,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let size = textureDimensions(finer);
     let facing = facing_side();
-    let chance = hash2(id.x | (id.y << 16u), hash2(params.seed, sequence.index));
+    let chance = hash2(id.x | (id.y << 16u), hash2(hash2(params.seed, sequence.ahead), sequence.index));
     var best = vec4u(0u);
     var sum = 0.0;
     var area = 0.0;
