@@ -104,8 +104,7 @@ def declare_occlusion(
         graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")
         finish(request, search, None)
         return Occlusion(None, search, coats)
-    # Shadows of an importance-sampled environment have edges, so guide the blur along them.
-    guided_frames = frames if search.unoccluded is not None else 1
+    # Shadows of the sky have edges beside walls, so guide the blur along them.
     share = declare_full_resolution(
         graph,
         "ssdo/share",
@@ -114,7 +113,7 @@ def declare_occlusion(
         gbuffer,
         search.light,
         search,
-        frames=guided_frames,
+        frames=frames,
         divisor=search.unoccluded,
     )
     finish(request, search, share)
