@@ -4,6 +4,7 @@
     python tools/readme_pictures.py error NAME           # one of ERRORS
     python tools/readme_pictures.py sponza sponza.glb truth.npz
     python tools/readme_pictures.py sky sponza.glb truth.npz
+    python tools/readme_pictures.py sheets sponza.glb    # single frame, still picture, truth, difference: tests/truth
 
 Mitsuba 3 renders Sponza's truth, with the same camera, sky and sun:
 
@@ -15,6 +16,7 @@ with {"position": [5.5, 2.95, -0.35], "target": [4.38, 3, -0.35]} in view.json.
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -34,9 +36,12 @@ from wgpu_gi.scene.scene import DirectionalLight, Environment, Scene
 from wgpu_gi.settings import apply_quality
 
 SCENES = Path(__file__).parents[1] / "scenes"
+TRUTH = Path(__file__).parents[1] / "tests" / "truth" / "pictures"
 CAPTION = 22  # pixels
 GAP = 4
 TRUTH_SPP = 512
+SHEET_SPP = 1024
+SHEETS = {"ssdo": "SSDO", "ssil": "SSIL", "many-light": "many-light"}
 TECHNIQUES = {"many-light": "many-light", "ssil": "SSIL", "ssdo": "SSDO", "none": "direct light only"}
 
 Array = NDArray[np.float32]
@@ -57,6 +62,48 @@ def techniques() -> None:
             grey = np.clip(5 * relative, 0, 1)[..., None].repeat(3, -1)
             cells.append(("five times the relative error of many-light", grey))
     sheet(SCENES / "cornell" / "techniques.png", cells, 3)
+
+
+def sheets(model: str) -> None:
+    """Draw a sheet per technique: one bounce in four scenes as single frame, still picture, truth and difference."""
+    lit_side, gallery = load("curtain"), sponza_scene(model)
+    lit_side.cameras = [Camera.look_at((-2.7, 1.6, -1.5), (-0.2, 1.1, 0.5), yfov_deg=65.0)]
+    gallery.cameras = [Camera.look_at((-9.0, 6.3, 4.0), (0.0, 4.6, -0.6), yfov_deg=60.0)]
+    scenes = {
+        "Cornell": load("cornell-point"),
+        "curtain, lit side": lit_side,
+        "courtyard": load("courtyard"),
+        "Sponza, gallery": gallery,
+    }
+    size = (240, 135)
+    for gi, title in SHEETS.items():
+        cells: list[Cell] = []
+        for name, scene in scenes.items():
+            # SSIL finds light of visible surfaces only, so its truth is restricted to them.
+            exact = Settings(gi="path", diffuse=True, bounces=1, spp=SHEET_SPP)
+            exact.path.visible_only = gi == "ssil"
+            exact.camera.jitter = False
+            truth = render(scene, size, exact)
+            frames = [_one_bounce(scene, size, gi, count) for count in (1, 24)]
+            exposure = math.log2(0.4 / float(truth.mean()))
+            difference = np.clip(0.5 + (frames[1] - truth) / (4 * truth.mean()), 0, 1)
+            cells += [
+                (f"{title}: {name}, one frame, {relmse(frames[0], truth):.2g}", shown(frames[0], exposure)),
+                (
+                    f"24 frames, {relmse(frames[1], truth):.2g}, {bias(frames[1], truth):+.1%}",
+                    shown(frames[1], exposure),
+                ),
+                (f"path tracer, {SHEET_SPP} samples", shown(truth, exposure)),
+                ("difference of 24 frames; grey: none", difference.astype(np.float32)),
+            ]
+        sheet(TRUTH / f"{gi}.webp", cells, 4)
+
+
+def _one_bounce(scene: Scene, size: tuple[int, int], gi: str, frames: int) -> Array:
+    """Return the radiance of one bounce at pixel centres, the mean of `frames` frames."""
+    settings = Settings(gi=gi, diffuse=True, bounces=1)
+    settings.camera.jitter, settings.camera.frames = False, frames
+    return render(scene, size, settings)
 
 
 def error(name: str) -> None:
@@ -169,7 +216,7 @@ def sheet(path: Path, cells: Sequence[Cell], columns: int) -> None:
         draw.text((x + 2, y + 2), caption, fill="black", font=font)
         image.paste(Image.fromarray((255 * pixels + 0.5).astype(np.uint8)), (x, y + CAPTION))
     path.parent.mkdir(exist_ok=True)
-    image.save(path, optimize=True)
+    image.save(path, **({"quality": 85} if path.suffix == ".webp" else {"optimize": True}))
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -181,6 +228,8 @@ def main(arguments: Sequence[str]) -> int:
             error(name)
         case ["sponza", model, truth_file]:
             sponza(model, truth_file)
+        case ["sheets", model]:
+            sheets(model)
         case ["sky", model, truth_file]:
             sky(model, truth_file)
         case _:
