@@ -3,7 +3,6 @@
     python tools/readme_pictures.py techniques
     python tools/readme_pictures.py error NAME           # one of ERRORS
     python tools/readme_pictures.py sponza sponza.glb truth.npz
-    python tools/readme_pictures.py sky sponza.glb truth.npz
     python tools/readme_pictures.py sheets sponza.glb    # single frame, still picture, truth, difference: tests/truth
 
 Mitsuba 3 renders Sponza's truth, with the same camera, sky and sun:
@@ -33,7 +32,6 @@ from wgpu_gi.pictures.display import display_layer
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.load import load
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Scene
-from wgpu_gi.settings import apply_quality
 
 SCENES = Path(__file__).parents[1] / "scenes"
 TRUTH = Path(__file__).parents[1] / "tests" / "truth" / "pictures"
@@ -128,15 +126,6 @@ def sponza(model: str, truth_file: str) -> None:
     sheet(SCENES / "sponza" / "sponza.png", [(caption, smaller(cell, 480)) for caption, cell in cells], 2)
 
 
-def sky(model: str, truth_file: str) -> None:
-    """Draw Sponza by SSDO at low quality beside its truth, as one more kind of error."""
-    truth = stored_truth(truth_file)
-    picture = render(sponza_scene(model), (truth.shape[1], truth.shape[0]), low("ssdo"))
-    print(f"sky: relMSE {relmse(picture, truth):.2g}, bias {bias(picture, truth):+.1%}", flush=True)
-    cells = [("ssdo, low quality", shown(picture, 0.0)), ("truth", shown(truth, 0.0))]
-    sheet(SCENES / "errors" / "sky.png", [(caption, smaller(cell, 216)) for caption, cell in cells], 2)
-
-
 def sponza_scene(model: str) -> Scene:
     """Return Sponza with sun, sky and camera."""
     scene = load(
@@ -170,13 +159,6 @@ def moving(gi: str) -> Settings:
     return settings
 
 
-def low(gi: str) -> Settings:
-    """Return the settings of low quality."""
-    settings = Settings(gi=gi)
-    apply_quality(settings, "low")
-    return settings
-
-
 def corridor() -> Scene:
     """Return the corridor, which gets its light through doors."""
     scene = load("corridor")
@@ -189,6 +171,7 @@ ERRORS: dict[str, tuple[Callable[[], Scene], float, int, Settings]] = {
     "noise": (lambda: load("cornell"), 1.0, 256, Settings(gi="path", spp=4)),
     "direct_only": (lambda: load("cornell"), 1.0, 256, Settings(gi="none")),
     "moving": (corridor, -2.5, 512, moving("many-light")),
+    "blotches": (lambda: load("cornell-point"), 0.0, 256, moving("ssdo")),
     "out_of_view": (lambda: load("cornell"), 1.0, 256, Settings(gi="ssil")),
 }
 
@@ -230,8 +213,6 @@ def main(arguments: Sequence[str]) -> int:
             sponza(model, truth_file)
         case ["sheets", model]:
             sheets(model)
-        case ["sky", model, truth_file]:
-            sky(model, truth_file)
         case _:
             print(__doc__, file=sys.stderr)
             return 2
