@@ -38,7 +38,7 @@ TRUTH = Path(__file__).parents[1] / "tests" / "truth" / "pictures"
 CAPTION = 22  # pixels
 GAP = 4
 TRUTH_SPP = 512
-SHEET_SPP = 1024
+SHEET_SPP = 256
 SHEETS = {"ssdo": "SSDO", "ssil": "SSIL", "many-light": "many-light"}
 TECHNIQUES = {"many-light": "many-light", "ssil": "SSIL", "ssdo": "SSDO", "none": "direct light only"}
 
@@ -74,14 +74,18 @@ def sheets(model: str) -> None:
         "Sponza, gallery": gallery,
     }
     size = (240, 135)
+    truths: dict[tuple[str, bool], Array] = {}
     for gi, title in SHEETS.items():
         cells: list[Cell] = []
         for name, scene in scenes.items():
             # SSIL finds light of visible surfaces only, so its truth is restricted to them.
-            exact = Settings(gi="path", diffuse=True, bounces=1, spp=SHEET_SPP)
-            exact.path.visible_only = gi == "ssil"
-            exact.camera.jitter = False
-            truth = render(scene, size, exact)
+            key = name, gi == "ssil"
+            if key not in truths:
+                exact = Settings(gi="path", diffuse=True, bounces=1, spp=SHEET_SPP)
+                exact.path.visible_only = gi == "ssil"
+                exact.camera.jitter = False
+                truths[key] = render(scene, size, exact)
+            truth = truths[key]
             frames = [_one_bounce(scene, size, gi, count) for count in (1, 24)]
             exposure = math.log2(0.4 / float(truth.mean()))
             difference = np.clip(0.5 + (frames[1] - truth) / (4 * truth.mean()), 0, 1)
