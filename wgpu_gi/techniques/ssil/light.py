@@ -117,7 +117,7 @@ def declare_feedback(
     graph: Graph, gbuffer: Gbuffer, levels: Levels, sent: SentLight, reflectors: Buffer, motion: Buffer, previous: View
 ) -> SentLight:
     """Declare the light `sent` from direct light plus the light from the `previous` frame's irradiance."""
-    # A pixel whose direct light comes from one surface reflects earlier light from others, too: the vote chooses its sender.
+    # A pixel lit on one of its surfaces reflects earlier light from others, too: the vote chooses its sender.
     light = _light(graph, levels, levels.surfels[levels.first], "_feedback", history=True)
     graph.compute(
         "ssil/feedback",
