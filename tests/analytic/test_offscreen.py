@@ -1,4 +1,4 @@
-"""Light that no picture shows: with it, SSIL has the energy of the path tracer; scenes that are gone leave none."""
+"""Off-screen light: with it, SSIL has the energy of the path tracer; a removed scene leaves none."""
 
 from __future__ import annotations
 

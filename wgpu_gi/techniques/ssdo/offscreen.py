@@ -1,4 +1,4 @@
-"""The light of surfaces that no picture shows, from a radiance cache in world space.
+"""Off-screen light from a radiance cache in world space.
 
 A departure from Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space", whose light comes
 from the pictures. Rays of undecided directions (`rays.py`) request the cells of their hits, which then have the light

@@ -28,7 +28,7 @@ class SsdoSettings(KnownAttributes):
     )
     offscreen: str = setting(
         "none",
-        "With undecided=rays, light of surfaces that no picture shows: a sample of their direct light (none), or all of"
+        "With undecided=rays, light of off-screen surfaces: a sample of their direct light (none), or all of"
         " it by a radiance cache in world space (cache).",
         choices=("none", "cache"),
     )

@@ -2,7 +2,7 @@
 
 Therrien, Levesque and Gilet 2023, "Screen Space Indirect Lighting with Visibility Bitmask". A slice shows as a line of
 the picture; each pixel on it covers an arc of the slice's sectors. One slice thus stands for many directions, and only
-its azimuth is random. Departures: those of `wgsl/ssdo/slice_march.wgsl`; rays decide the sectors that no picture shows.
+its azimuth is random. Departures: those of `wgsl/ssdo/slice_march.wgsl`; rays trace off-screen sectors.
 With an environment the march runs twice, since what surfaces reflect depends on their share of it.
 """
 
