@@ -17,7 +17,8 @@ fn seen_normal(s: Surface, side: vec3f) -> vec3f {
     if (!s.bumped) {
         return s.unbent_normal;
     }
-    let code = bitcast<vec3u>(s.position);
+    // Mantissas alone: a scene of twice the size draws the same direction.
+    let code = bitcast<vec3u>(s.position) & vec3u(0x7fffffu);
     let seed = hash2(code.x, hash2(code.y, code.z));
     let u = vec2f(unit_float(seed), unit_float(hash(seed)));
     return facing_normal(s.unbent_normal, side, frame_from_normal(side) * sample_cosine_hemisphere(u), true);
