@@ -1,6 +1,6 @@
 // The surface that a direction hits, packed into two words. The first holds the pixel that shows the surface and its
 // source: layers of depth peeling are sources 0 to 3, further cameras are sources 4 to 7. The second holds the
-// direction from the receiver to it and its weight. Of hits by rays that no picture shows, the first word holds the
+// direction from the receiver to it and its weight. Of off-screen hits by rays, the first word holds the
 // radiance that arrives; of directions without a hit, or with a dark one, the second holds the direction alone, in 32
 // bits.
 #import "common/math.wgsl"

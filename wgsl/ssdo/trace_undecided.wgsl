@@ -10,7 +10,7 @@ override NEEDS_LIGHT: bool = true;  // false: only whether it hits
 
 @group(1) @binding(13) var<storage, read_write> hits: array<vec2u>;  // packed by `ssdo/hit_code.wgsl`
 
-// A hit whose light the picture does not show.
+// An off-screen hit: no picture has its light.
 struct HitEntry {
     index: u32,         // of the direction in `hits`
     pixel: vec2u,       // that it leaves

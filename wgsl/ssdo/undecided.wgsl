@@ -1,4 +1,4 @@
-// The list of directions that the pictures do not decide: each may hit something that no picture shows. A pass over it
+// The list of directions that the pictures do not decide: each may hit something off-screen. A pass over it
 // traces them.
 //
 // A search stores UNKNOWN_HIT and the packed direction in `hits`, and lists the index of that entry. Entries of one pixel

@@ -1,4 +1,4 @@
-// One invocation looks up the radiance that arrives along an undecided direction from a hit that no picture shows:
+// One invocation looks up the radiance that arrives along an undecided direction from an off-screen hit:
 // L = rho E_cell / pi.
 //
 // In: hits, cells of the radiance cache, the list of undecided directions. Out: L in the entries of `hits`, W/(m2 sr),

@@ -1,4 +1,4 @@
-// One invocation traces an undecided direction, as `ssdo/rays.wgsl` does, and stores a hit that no picture shows for the
+// One invocation traces an undecided direction, as `ssdo/rays.wgsl` does, and stores an off-screen hit for the
 // radiance cache.
 //
 // In: G-buffer, scene, the list of undecided directions. Out: their entries in `hits`, black for these hits; the hits by

@@ -1,4 +1,4 @@
-// One invocation requests the cell of the radiance cache for a hit of an undecided direction that no picture shows.
+// One invocation requests the cell of the radiance cache for an off-screen hit of an undecided direction.
 //
 // In: hits, the list of undecided directions, scene. Out: the cells of the hits.
 #import "scene/sequence.wgsl"
