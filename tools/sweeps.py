@@ -28,11 +28,11 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
-from helpers.references import FOLDER, SIZE, layers_of, scene_of
 from helpers.skies import gradient_sky
 from numpy.typing import NDArray
 
 from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.measure.references import SIZE, layers_of, scene_of
 from wgpu_gi.options import Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.shapes import sphere
@@ -54,7 +54,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FRAMES = 8
 SEED = 0
 TIMED_FRAMES = 3
-VISIBLE = FOLDER.parent / "visible"
+VISIBLE = Path(__file__).parents[1] / "tests" / "truth" / "visible"
 
 
 @dataclass(frozen=True)

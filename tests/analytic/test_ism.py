@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import wgpu
-from helpers.wgsl_harness import Evaluator
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import quad
 from wgpu_gi.scene.scene import Instance, Scene

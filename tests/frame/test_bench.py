@@ -9,7 +9,7 @@ import pytest
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.measure import moving_bench
-from wgpu_gi.measure.report import load_json
+from wgpu_gi.measure.bench_report import load_json
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
 

@@ -8,7 +8,8 @@ from fit_coat_albedo import coat_losses
 from fit_coat_albedo import hemisphere as cosines_and_weights
 from helpers.gltf_brdf import gltf_brdf, losses, mean_losses
 from helpers.statistics import chi_square_z
-from helpers.wgsl_harness import Evaluator
+
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 
 BRDF = "common/brdf.wgsl"
 MIN_ALPHA = 0.001

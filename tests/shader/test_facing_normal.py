@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.wgsl_harness import Evaluator
+
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 
 LIBRARY = "scene/facing_normal.wgsl"
 N = 100_000

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.wgsl_harness import Evaluator
 
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 from wgpu_gi.scene.built_in import scenes as builtin
 from wgpu_gi.scene.built_in.shapes import box, sphere
 from wgpu_gi.scene.scene import Instance, Mesh, Scene

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.statistics import chi_square_z
-from helpers.wgsl_harness import Evaluator
 
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import quad, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, PointLight, Scene, SpotLight

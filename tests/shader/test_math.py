@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.wgsl_harness import Evaluator
 
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 from wgpu_gi.upload.mesh_data import octahedral_encode
 
 MATH = "common/math.wgsl"

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.statistics import chi_square_z
-from helpers.wgsl_harness import Evaluator
+
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 
 RANDOM = "common/random.wgsl"
 U32 = 0xFFFFFFFF

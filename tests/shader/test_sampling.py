@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.statistics import chi_square_z
-from helpers.wgsl_harness import Evaluator
+
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 
 SAMPLING = "common/sampling.wgsl"
 COUNT = 100_000

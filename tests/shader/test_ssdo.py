@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.wgsl_harness import Evaluator
+
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 
 HIT_CODE = "ssdo/hit_code.wgsl"
 

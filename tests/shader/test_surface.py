@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.scene_dtypes import DTYPES
-from helpers.wgsl_harness import Evaluator
 
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 from wgpu_gi.scene.built_in.shapes import quad, sphere
 from wgpu_gi.scene.scene import Instance, Scene
 from wgpu_gi.upload.two_level_bvh import TwoLevelBvh

@@ -1,11 +1,11 @@
-"""Deferred direct light against references by Mitsuba 3, at each quality (`helpers/references.py` describes them)."""
+"""Deferred direct light against references by Mitsuba 3, at each quality (`wgpu_gi.measure.references`)."""
 
 from __future__ import annotations
 
 import pytest
-from helpers.references import SIZE, layers_of, scene_of
 
 from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.measure.references import SIZE, layers_of, scene_of
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.settings import apply_quality
 

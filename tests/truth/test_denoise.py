@@ -1,12 +1,14 @@
-"""The denoiser against references (`helpers/references.py` describes them): error, energy, and remaining patterns."""
+"""The denoiser against references (`wgpu_gi.measure.references`): error, energy, and remaining patterns."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from helpers.references import FOLDER, SIZE, layers_of, scene_of
 
 from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.measure.references import SIZE, layers_of, scene_of
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.settings import assign
 
@@ -42,7 +44,7 @@ def test_the_filter_lowers_the_error_of_a_frame_and_keeps_its_energy(name, gi, l
 
 def visible_light(name):
     """Return one bounce of the light of visible surfaces."""
-    with np.load(FOLDER.parent / "visible" / f"{name}_{SIZE[0]}x{SIZE[1]}.npz") as file:
+    with np.load(Path(__file__).parent / "visible" / f"{name}_{SIZE[0]}x{SIZE[1]}.npz") as file:
         return file["one"].astype(np.float32)
 
 

@@ -1,14 +1,14 @@
-"""Indirect light of many-light against references by Mitsuba 3 (`helpers/references.py` describes them)."""
+"""Indirect light of many-light against references by Mitsuba 3 (`wgpu_gi.measure.references`)."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from helpers.marks import slow_but
-from helpers.references import SIZE, layers_of, scene_of
 from mitsuba_scene import camera_rays, pixel_centres
 
 from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.measure.references import SIZE, layers_of, scene_of
 from wgpu_gi.measure.scenes import make_scene
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.scene.load import load

@@ -1,4 +1,4 @@
-"""SSDO against references by Mitsuba 3 (`helpers/references.py`) and by our path tracer."""
+"""SSDO against references by Mitsuba 3 (`wgpu_gi.measure.references`) and by our path tracer."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from functools import cache
 
 import pytest
 from helpers.marks import slow_but
-from helpers.references import SIZE, layers_of, scene_of
 from helpers.skies import gradient_sky
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.measure.references import SIZE, layers_of, scene_of
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.scene.built_in import scenes as builtin
 from wgpu_gi.scene.built_in.scenes import matte

@@ -1,7 +1,7 @@
 """SSIL against path-traced light that comes from visible surfaces only (`path.visible_only`).
 
-`visible/` holds one bounce of it for the scenes and cameras of `helpers/references.py`, 128x72, 1024 samples per pixel,
-diffuse, pixel centres. Where all lit surfaces are in view, the references by Mitsuba 3 hold the same light.
+`visible/` holds one bounce of it for the scenes and cameras of `wgpu_gi.measure.references`, 128x72, 1024 samples per
+pixel, diffuse, pixel centres. Where all lit surfaces are in view, the references by Mitsuba 3 hold the same light.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.references import SIZE, layers_of, scene_of
 
 from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.measure.references import SIZE, layers_of, scene_of
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.settings import assign
 

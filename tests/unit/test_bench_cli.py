@@ -11,7 +11,7 @@ from unit.bench_data import MACHINE, measurement, report, scene_report
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.cli import bench as cli_bench
-from wgpu_gi.measure.report import load_json, save_json
+from wgpu_gi.measure.bench_report import load_json, save_json
 from wgpu_gi.pictures.image import save_image
 
 

@@ -14,8 +14,8 @@ from unit.bench_data import MACHINE, measurement, moving, report, scene_report
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.measure import plot as bench_plot
+from wgpu_gi.measure.bench_report import different_machine, load_json, ratio_table, ratios, save_json, tables
 from wgpu_gi.measure.plot import frontier, save_plot
-from wgpu_gi.measure.report import different_machine, load_json, ratio_table, ratios, save_json, tables
 from wgpu_gi.pictures.image import load_image
 
 needs_matplotlib = pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="needs matplotlib")

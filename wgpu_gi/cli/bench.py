@@ -15,8 +15,8 @@ from rich.table import Table
 from ..camera import Camera
 from ..errors import GiError
 from ..measure.bench import WARM_UP_FRAMES, Candidate, machine, measure_scene
+from ..measure.bench_report import different_machine, load_json, ratio_table, ratios, save_json, tables
 from ..measure.plot import PLOT_FORMATS, require_matplotlib, save_plot
-from ..measure.report import different_machine, load_json, ratio_table, ratios, save_json, tables
 from ..measure.results import PRESET, Report, SceneReport
 from ..measure.truth import Progress, Truth, truth_by_path, truth_from_file
 from ..options import TECHNIQUES, Settings, check_size
