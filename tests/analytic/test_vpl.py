@@ -6,9 +6,13 @@ import math
 
 import numpy as np
 import pytest
+import wgpu
 from helpers.skies import gradient_sky
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.gpu.capabilities import GPU
+from wgpu_gi.gpu.device import open_device
+from wgpu_gi.gpu.graph import Graph
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.scene.built_in.scenes import cornell_point, matte
 from wgpu_gi.scene.built_in.shapes import box, quad
@@ -60,6 +64,38 @@ def test_the_last_candidate_of_a_path_stands_for_all_further_bounces():
     scene = closed_box(0.9, [PointLight((0.3, -0.2, 0.1), 3.0)])
     _, flux, _ = resampled(scene, None, paths=16384)
     assert flux.sum(0) == pytest.approx([4 * math.pi * 3.0 * 9] * 3, rel=0.03)
+
+
+def test_a_gpu_traces_more_paths_of_the_same_light(monkeypatch):
+    """The threads of a GPU trace at least `least_walks` paths, however few are asked for; their flux is the same."""
+    scene = closed_box(0.5, [PointLight((0.3, -0.2, 0.1), 3.0)])
+    device = open_device(large_buffers=True)
+    monkeypatch.setattr(device, "capabilities", GPU)
+    _, flux, _ = resampled(scene, 3, paths=64)
+    assert flux.sum(0) == pytest.approx([4 * math.pi * 3.0 * 0.875] * 3, rel=0.02)
+
+
+@pytest.mark.parametrize("blocks", [1, 255, 257, 5000])
+def test_blocks_are_summed_in_order(blocks):
+    """Cumulative sums match those of numpy within rounding, never fall, and repeat bit by bit."""
+    device = open_device(large_buffers=True)
+    weights = np.random.default_rng(blocks).random(blocks).astype(np.float32) ** 8
+    weights[::3] = 0.0
+    shared = device.gpu.create_buffer_with_data(data=weights, usage=wgpu.BufferUsage.STORAGE)
+    graph = Graph(device)
+    graph.begin()
+    totals = graph.buffer("totals", count=blocks)
+    reads = {"block_sums": graph.share("block_sums", shared)}
+    graph.compute("sum", "many_light/vpl/prefix_sum.wgsl", over=1, reads=reads, writes={"totals": totals})
+    graph.compile([totals])
+    runs = []
+    for _ in range(2):
+        graph.run(force=True)
+        runs.append(graph.read_back(totals).ravel().copy())
+    graph.release()
+    assert np.array_equal(runs[0], runs[1])
+    assert runs[0] == pytest.approx(np.cumsum(weights.astype(np.float64)), rel=1e-5)
+    assert (np.diff(runs[0]) >= 0).all()
 
 
 @pytest.mark.parametrize("lamps, bounces, most", [(1, 3, 1.6), (40, 1, 2.6), (40, 3, 2.8)])

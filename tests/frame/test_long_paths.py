@@ -1,9 +1,13 @@
 """Pictures do not depend on how the path tracer divides its work, however many steps its paths take."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import wgpu_gi as gi
+from wgpu_gi.gpu.capabilities import GPU
+from wgpu_gi.gpu.device import open_device
 from wgpu_gi.options import Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.shapes import sphere
@@ -37,6 +41,19 @@ def test_every_sample_is_taken_once(samples_per_run):
         renderer.run(show=("radiance",))
     expected, got = (renderer.read_back() for renderer in renderers)
     assert got == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_way_of_a_gpu_gives_the_same_picture(monkeypatch):
+    """Two chunks in flight, of few workgroups each, and another budget of steps."""
+    settings = Settings(gi="path", spp=24, path=PathSettings(samples_per_run=12))
+    pictures = []
+    device = open_device(large_buffers=True)  # a renderer's
+    for capabilities in (device.capabilities, replace(GPU, path_steps=500, chunk_seconds=(1e-6, 2e-6, 3e-6))):
+        monkeypatch.setattr(device, "capabilities", capabilities)
+        with Renderer(bright_cave(), size=(40, 20), settings=settings) as renderer:
+            renderer.run(show=("radiance",))
+            pictures.append(renderer.read_back())
+    assert pictures[1] == pytest.approx(pictures[0], rel=1e-4)
 
 
 def test_forced_frames_repeat_their_work():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from wgpu_gi.gpu.capabilities import CPU
 from wgpu_gi.gpu.pipelines import Pipelines
 
 
@@ -153,5 +154,7 @@ def fake_device():
         is_cpu=True,
         compute_timestamps=False,
         render_timestamps=False,
-        wait=lambda: None,
+        capabilities=CPU,
+        submit=lambda commands: gpu.queue.submit([commands]),
+        wait=lambda submission=None: None,
     )

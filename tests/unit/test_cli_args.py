@@ -367,7 +367,8 @@ def test_info_names_what_will_be_used(monkeypatch, capsys):
     assert "this is a CPU" in printed
     assert "it is too old" in printed
     assert "max-buffer-size 7" in printed
-    assert "timestamp-query" in printed
+    assert "timestamp-query" in printed and "timestamp-query: absent" not in printed
+    assert "float32-filterable: absent; 32-bit float textures cannot be filtered" in " ".join(printed.split())
     assert "numpy " in printed
 
 

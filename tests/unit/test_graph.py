@@ -13,6 +13,7 @@ import wgpu
 from unit.fake_device import FakePass, fake_device
 
 from wgpu_gi.errors import GiError
+from wgpu_gi.gpu.capabilities import CPU, GPU
 from wgpu_gi.gpu.describe import table
 from wgpu_gi.gpu.execute import next_chunk
 from wgpu_gi.gpu.graph import Graph
@@ -721,7 +722,7 @@ def split(g, threads, chunk=64):
 
 
 def test_split_covers_all_workgroups_once_each_with_its_own_submit(graph, monkeypatch):
-    monkeypatch.setattr("wgpu_gi.gpu.execute.next_chunk", lambda chunk, count, seconds: chunk)
+    monkeypatch.setattr("wgpu_gi.gpu.execute.next_chunk", lambda chunk, *_: chunk)
     split(graph, 64 * 150 + 1)
     done = []
     graph.run(on_chunk=done.append)
@@ -738,6 +739,24 @@ def test_split_may_be_wider_than_a_dispatch(graph):
     graph.run()
     groups = [e[2][0] for e in graph.device.gpu.log if e[0] == "dispatch"]
     assert sum(groups) == 100_000 and max(groups) <= 65535
+
+
+def test_chunks_of_a_gpu_are_awaited_while_the_next_is_queued(graph, monkeypatch):
+    device, submissions, events = graph.device, iter(range(100)), []
+    device.capabilities = GPU
+
+    def submit(_commands):
+        events.append(f"submit {(number := next(submissions))}")
+        return number
+
+    monkeypatch.setattr(device, "submit", submit)
+    monkeypatch.setattr(device, "wait", lambda submission: events.append(f"wait {submission}"))
+    monkeypatch.setattr("wgpu_gi.gpu.execute.next_chunk", lambda chunk, *_: chunk)
+    split(graph, 64 * 64 * 3)
+    graph.run()
+    assert events == ["submit 0", "submit 1", "wait 0", "submit 2", "wait 1"]
+    graph.run(force=True)
+    assert events[5:] == ["submit 3", "wait 2", "submit 4", "wait 3", "submit 5", "wait 4"]
 
 
 def test_interrupted_split_starts_again(graph):
@@ -766,7 +785,7 @@ def test_interrupted_split_starts_again(graph):
     ],
 )
 def test_chunks_adapt(chunk, count, seconds, expected):
-    assert next_chunk(chunk, count, seconds) == expected
+    assert next_chunk(chunk, count, seconds, CPU.chunk_seconds) == expected
 
 
 def test_clear_and_indirect(graph):

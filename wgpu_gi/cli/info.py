@@ -9,6 +9,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING
 
 from ..extras import EXTRAS
+from ..gpu.capabilities import costs_of
 from ..gpu.device import list_adapters
 from ..resources import resource_dir
 from ..version import __version__
@@ -60,6 +61,7 @@ def describe_adapter(adapter: AdapterInfo, will_be_used: bool) -> str:
     limits = ", ".join(f"{name} {adapter.limits[name]}" for name in SHOWN_LIMITS if name in adapter.limits)
     lines.append(_wrapped(f"features: {', '.join(adapter.features)}", indent=6))
     lines.append(_wrapped(f"limits: {limits}", indent=6))
+    lines += [_wrapped(cost, indent=6) for cost in costs_of(adapter.features)]
     return "\n".join(lines)
 
 

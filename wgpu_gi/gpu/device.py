@@ -20,16 +20,18 @@ from typing import Any
 
 import wgpu
 from wgpu.backends.wgpu_native import ffi, lib
+from wgpu.backends.wgpu_native._api import libf
 from wgpu.backends.wgpu_native.extras import set_instance_extras
 
 from ..errors import GiError
 from ..webgpu_limits import MAX_TEXTURE_SIDE
+from .capabilities import COSTS, capabilities_of
 from .messages import reason
 from .pipelines import Pipelines
 from .quick_types import read_types_quickly
 
 BACKENDS = ("Vulkan", "Metal", "D3D12")
-WANTED_FEATURES = {"timestamp-query", "float32-filterable", "rg11b10ufloat-renderable"}
+WANTED_FEATURES = set(COSTS)
 # The kinds of adapter, best first; all others come last.
 PREFERENCE = ("DiscreteGPU", "IntegratedGPU", "CPU")
 LARGE_BUFFER = 2**31 - 4  # the largest multiple of 4 that drivers with 32-bit signed sizes accept
@@ -112,6 +114,7 @@ class Device:
             raise GiError(f"adapter {self.adapter_name!r} refused a device: {reason(error)}") from error
         self.pipelines = Pipelines(self.gpu)
         self.features = set(self.gpu.features)
+        self.capabilities = capabilities_of(info["adapter_type"])
         self.limits: dict[str, int] = dict(self.gpu.limits)
         self.render_timestamps = "timestamp-query" in self.features
         self.compute_timestamps = self.render_timestamps and not _compute_timestamps_lie(self.driver, self.is_cpu)
@@ -186,8 +189,18 @@ class Device:
             )
         return GiError(f"the GPU refused the frame: {reason(error)}")
 
-    def wait(self) -> None:
-        """Block until all submitted work is done."""
+    def submit(self, commands: Any) -> Any:
+        """Submit a command buffer; return its submission, for `wait`."""
+        # `queue.submit` drops the index of the submission.
+        return libf.wgpuQueueSubmitForIndex(
+            self.gpu.queue._internal, 1, ffi.new("WGPUCommandBuffer[]", [commands._internal])
+        )
+
+    def wait(self, submission: Any = None) -> None:
+        """Block until a submission and all before it are done; without one, until all submitted work is done."""
+        if submission is not None:
+            libf.wgpuDevicePoll(self.gpu._internal, True, ffi.new("WGPUSubmissionIndex *", submission))
+            return
         # queue.on_submitted_work_done_* raises TypeError in wgpu 0.32.0 (wgpu-py issue 834).
         poll = getattr(self.gpu, "_poll_wait", None)
         if poll is not None:

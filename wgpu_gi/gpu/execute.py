@@ -15,14 +15,11 @@ from .bindings import MAX_GROUPS
 from .device import Device
 from .handles import Resource
 from .messages import reason
-from .passes import Pass, RasterState
+from .passes import Chunk, Pass, PassState, RasterState
 from .schedule import Stale
 from .timing import Timing
 from .watch import check_written
 
-# A chunk of a split pass takes 0.1 to 0.3 s: far below the hang detection of drivers (2 s and up) and short enough for
-# a prompt Ctrl-C, but long enough that submit and wait (0.1 ms) do not matter.
-CHUNK_SECONDS = (0.1, 0.2, 0.3)
 CHUNK_STEP = (0.25, 8.0)  # bounds on the change from chunk to chunk; the first run includes compilation by the driver
 
 _stamps = itertools.count(1)
@@ -89,7 +86,7 @@ class _Frame:
             return
         # A split pass, and a pass measured without timestamps, waits for the passes before it.
         by_wait = timing is not None and not timing.has_timestamps(p)
-        if by_wait or p.split:
+        if by_wait or (p.split and (timing is not None or self.device.capabilities.chunks_in_flight == 1)):
             self.submit()
             self.device.wait()
         started = time.perf_counter()
@@ -127,13 +124,13 @@ class _Frame:
         for resource in resources:
             self.begin().clear_buffer(resource.object())
 
-    def submit(self) -> None:
-        """Submit the recorded commands. Raises GiError for an error that only the driver detects."""
+    def submit(self) -> Any:
+        """Submit the recorded commands; return the submission. Raises GiError for an error that the driver detects."""
         if self.encoder is None:
-            return
+            return None
         encoder, self.encoder = self.begin(), None
         try:
-            self.gpu.queue.submit([encoder.finish()])
+            return self.device.submit(encoder.finish())
         except (wgpu.GPUError, RuntimeError) as error:
             raise GiError(f"the GPU refused the frame: {reason(error)}") from error
 
@@ -199,26 +196,45 @@ class _Frame:
         encoder.end()
 
     def run_split(self, p: Pass) -> None:
-        """Dispatch consecutive ranges of workgroups along x; submit and await each one."""
+        """Dispatch consecutive ranges of workgroups along x, several in flight; the last are awaited by the next run.
+
+        With `timing`, all are awaited.
+        """
         assert p.groups is not None
         total, y, z = p.groups
+        state, most = p.state, self.device.capabilities.chunks_in_flight
         first = 0
         while first < total:
-            count = min(p.state.chunk, total - first, MAX_GROUPS)
+            count = min(state.chunk, total - first, MAX_GROUPS)
             write_params(self.device, p, first)
-            started = time.perf_counter()
+            submitted = time.perf_counter()
             self.record_compute(p, (count, y, z))
-            self.submit()
-            self.device.wait()
-            p.state.chunk = next_chunk(p.state.chunk, count, time.perf_counter() - started)
+            state.in_flight.append(Chunk(self.submit(), state.chunk, count, submitted))
             first += count
+            self.await_chunks(state, most - 1)
             if self.on_chunk is not None:
                 self.on_chunk(first / total)
+        if self.timing is not None:
+            self.await_chunks(state, 0)
+
+    def await_chunks(self, state: PassState, most: int) -> None:
+        """Wait until at most `most` chunks are in flight; choose the size of the next one by their time."""
+        while len(state.in_flight) > most:
+            chunk = state.in_flight.popleft()
+            self.device.wait(chunk.submission)
+            now = time.perf_counter()
+            # It began when it was submitted, or when the one before it ended.
+            seconds = now - max(chunk.submitted, state.last_end)
+            state.last_end = now
+            state.chunk = next_chunk(chunk.size, chunk.groups, seconds, self.device.capabilities.chunk_seconds)
 
 
-def next_chunk(chunk: int, count: int, seconds: float) -> int:
-    """Return how many workgroups to dispatch next, after `count` (at most `chunk`) took `seconds`."""
-    low, aim, high = CHUNK_SECONDS
+def next_chunk(chunk: int, count: int, seconds: float, wanted: tuple[float, float, float]) -> int:
+    """Return how many workgroups to dispatch next, after `count` (at most `chunk`) took `seconds`.
+
+    wanted: the least, best and greatest seconds.
+    """
+    low, aim, high = wanted
     if seconds > high or (seconds < low and count == chunk):
         change = min(max(aim / max(seconds, 1e-6), CHUNK_STEP[0]), CHUNK_STEP[1])
         return min(max(int(count * change), 1), MAX_GROUPS)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,6 +56,15 @@ class RasterState:
     index: Use | None = None
 
 
+class Chunk(NamedTuple):
+    """A dispatched range of workgroups of a split pass."""
+
+    submission: Any  # for `Device.wait`
+    size: int  # workgroups that it should have
+    groups: int  # and has: fewer at the end of the pass
+    submitted: float  # seconds
+
+
 @dataclass(eq=False)
 class PassState:
     """The state of a pass from frame to frame. A redeclaration that changes only its params keeps it."""
@@ -67,6 +77,8 @@ class PassState:
     params_on_gpu: tuple = ()  # bytes of the params, settle index and first workgroup
     bind_groups: dict[tuple, tuple] = field(default_factory=dict)  # groups 0 and 1 by the `bound` of the resources
     chunk: int = 64  # workgroups along x of the next chunk of a split pass
+    in_flight: deque[Chunk] = field(default_factory=deque)  # submitted, not awaited; oldest first
+    last_end: float = 0.0  # when the last awaited chunk had ended, seconds
 
     def restart(self) -> None:
         """Start over: the next run counts as the first."""

@@ -6,6 +6,7 @@ chapter 9; Owen-scrambled Sobol points after Burley 2020.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -135,11 +136,12 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
             "spp": settings.spp,
             "bounces": UNLIMITED if settings.bounces is None else settings.bounces,
             "seed": settings.seed,
+            "row_stride": _row_stride(-(-height // 8)),
         },
         constants={
             **scene.constants("reference/path.wgsl"),
             "VISIBLE_ONLY": settings.path.visible_only,
-            "CUTS_LOOPS": graph.device.is_cpu,
+            "STEP_BUDGET": graph.device.capabilities.path_steps,
         },
         settle=scene.runs,
         split=True,
@@ -155,6 +157,11 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
     )
     views = {"standard_error": results["standard_error"]}
     return Light(layers["emission"], layers["direct"], layers["indirect"], results["radiance"], views)
+
+
+def _row_stride(rows: int) -> int:
+    """Return a stride whose multiples, modulo `rows`, visit all rows and spread evenly: near the golden section."""
+    return next(k for k in range(max(round(0.618 * rows), 1), rows + 2) if math.gcd(k, rows) == 1)
 
 
 def _keep_full_runs(trace: Pass, spp: int) -> None:

@@ -183,10 +183,10 @@ def _declare_edges(
     edge_groups: Buffer,
     direct: Buffer,
 ) -> None:
-    """Declare the passes that light listed pixels by rays: one pass, or on a CPU one per EDGE_LIGHTS lights."""
+    """Declare the passes that light listed pixels by rays: one per EDGE_LIGHTS lights if the driver cuts loops."""
     shader = "deferred/direct/edges.wgsl"
-    is_cpu = graph.device.is_cpu
-    per_pass = EDGE_LIGHTS if is_cpu else scene.direct.count
+    cuts_loops = graph.device.capabilities.cuts_loops
+    per_pass = EDGE_LIGHTS if cuts_loops else scene.direct.count
     for first in range(0, scene.direct.count, per_pass):
         graph.compute(
             f"direct/edges_{first}" if first else "direct/edges",
@@ -195,5 +195,5 @@ def _declare_edges(
             reads={**scene.surfaces, **inputs, "edge_groups": edge_groups},
             writes={"direct": direct},
             params={"first": first, "end": first + per_pass},
-            constants={**scene.constants(shader), **ambient, "CUTS_LOOPS": is_cpu},
+            constants={**scene.constants(shader), **ambient, "CUTS_LOOPS": cuts_loops},
         )

@@ -47,7 +47,8 @@ class VplSettings(KnownAttributes):
     )
     paths: int = setting(
         8192,
-        "Light paths, for emitters, the environment and more than one bounce.",
+        "Light paths, for emitters, the environment and more than one bounce; at least 32,768 on a GPU, whose threads"
+        " fewer would leave idle.",
         "paths",
         range=(64, 1 << 16),
         presets={"low": 2048, "high": 32768},
@@ -133,19 +134,20 @@ def declare_light_paths(
         return None
     # Half of the paths carry the environment's light, or all paths if there is no other light.
     others = has_emitters or (scene.vpl.rsm_texels > 0 and vertices > 1)
-    sky_paths = (settings.paths // 2 if others else settings.paths) if has_sky else 0
-    count = settings.paths * vertices
+    paths = max(settings.paths, graph.device.capabilities.least_walks)
+    sky_paths = (paths // 2 if others else paths) if has_sky else 0
+    count = paths * vertices
     points = declare_sky_points(graph, scene, sky_paths, albedo, seed).buffer if sky_paths else graph.neutral("buffer")
     light_paths = graph.buffer("vpl/light_paths", dtype=CANDIDATE, count=lobes.words * count)
     shader = "many_light/vpl/light_paths.wgsl"
     graph.compute(
         "vpl/light_paths",
         shader,
-        over=settings.paths,
+        over=paths,
         reads={**scene.surfaces, **scene.lights, "points": points, "ambient_albedo": albedo},
         writes={"light_paths": light_paths},
         params={
-            "paths": settings.paths,
+            "paths": paths,
             "sky_paths": sky_paths,
             "bounces": most,
             "seed": seed,
