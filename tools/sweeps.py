@@ -206,7 +206,6 @@ SWEEPS = (
     Sweep("ssil/vote.wgsl", "PLANE_WIDTH", "0.5, 1.0, 2.0", "ssil", "ssil.start=quarter"),
     Sweep("ssil/gather_depth.wgsl", "THICKNESS", "0.03, 0.1, 0.3, 1.0", "ssil", "ssil.visibility=depth"),
     Sweep("ssil/gather_depth.wgsl", "BEHIND", "0.005, 0.02, 0.05", "ssil", "ssil.visibility=depth"),
-    Sweep("ssil/voxels/voxelize.wgsl", "LARGE", "50u, 200u, 1000u", "ssil"),
     Sweep("ssil/voxels/march.wgsl", "END_CELLS", "0.0, 0.5, 1.0, 1.5", "ssil", "ssil.visibility=voxels"),
     Sweep("ssil/voxels/march.wgsl", "LIFT", "1.25, 1.5, 1.75, 2.0", "ssil", "ssil.visibility=voxels"),
     Sweep("ssil/gather.wgsl", "BOUND_SHARE", "0.0625, 0.125, 0.25, 0.5", "ssil", "ssil.form_factor=disc"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -10,11 +11,13 @@ import pytest
 from helpers.techniques import SCENES, make_settings
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.gpu.device import open_device
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import box, grid, quad
 from wgpu_gi.scene.scene import DirectionalLight, Instance, Material, PointLight, Scene
 from wgpu_gi.settings import assign
+from wgpu_gi.techniques.ssil import voxels
 
 SIZE = (64, 36)
 
@@ -192,6 +195,22 @@ def test_a_coarse_voxel_is_set_where_its_four_finer_ones_are():
     padded = np.pad(fine, ((0, 0), (0, 1), (0, 0)), mode="edge")
     expected = padded[::2, ::2] & padded[1::2, ::2] & padded[::2, 1::2] & padded[1::2, 1::2]
     assert fine.any() and np.array_equal(coarse, expected)
+
+
+@pytest.mark.parametrize("name", ["cornell", pytest.param("medley", marks=pytest.mark.slow)])
+def test_tiles_of_large_triangles_set_the_same_voxels(name, monkeypatch):
+    """However few cells make a triangle large, and if the list has room for a few tiles only."""
+    device = open_device(large_buffers=True)
+    grids, listed = [], []
+    for serial_cells, most_tiles in ((1 << 20, 65535), (32, 65535), (1, 7)):
+        monkeypatch.setattr(device, "capabilities", replace(device.capabilities, serial_cells=serial_cells))
+        monkeypatch.setattr(voxels, "MOST_TILES", most_tiles)
+        renderer = prepared(SCENES[name](), "voxels.coarser=0", size=(160, 90))
+        renderer.run()
+        grids.append(renderer.graph.read_back("voxels/grid_1").ravel())
+        listed.append(int(renderer.graph.read_back("voxels/tile_groups").ravel()[0]))
+    assert grids[0].any() and all(np.array_equal(grid, grids[0]) for grid in grids[1:])
+    assert listed[0] == 0 and listed[1] > 7 and listed[2] == 7
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.6, 1.1, 1.5])

@@ -22,6 +22,7 @@ class Capabilities:
     chunks_in_flight: int
     chunk_seconds: tuple[float, float, float]
     least_walks: int  # walks of light that occupy all threads
+    serial_cells: int  # voxels that one invocation sets for a triangle, while its neighbours may have few
 
 
 # llvmpipe (Mesa 22) ends loops after 65,535 iterations, counted over all loops of a SIMD group of 8, which in Sponza
@@ -33,6 +34,7 @@ CPU = Capabilities(
     chunks_in_flight=1,
     chunk_seconds=(0.1, 0.2, 0.3),
     least_walks=1,
+    serial_cells=200,  # Sponza, 640x360: 24 ms; with 64 or 32 voxels, 30 and 35 ms
 )
 # A step waits for memory, about 1 us in a divergent group of threads, so one invocation takes up to 0.2 s. Two chunks
 # take less than one of a CPU: the next is queued while one runs, so the GPU never waits for the CPU.
@@ -42,6 +44,7 @@ GPU = Capabilities(
     chunks_in_flight=2,
     chunk_seconds=(0.04, 0.08, 0.12),
     least_walks=32_768,
+    serial_cells=32,
 )
 
 # Optional features that are used where they are present, and what happens without them.

@@ -31,7 +31,7 @@ from .pipelines import Pipelines
 from .quick_types import read_types_quickly
 
 BACKENDS = ("Vulkan", "Metal", "D3D12")
-WANTED_FEATURES = set(COSTS)
+WANTED_FEATURES = {*COSTS, "rg11b10ufloat-renderable"}
 # The kinds of adapter, best first; all others come last.
 PREFERENCE = ("DiscreteGPU", "IntegratedGPU", "CPU")
 LARGE_BUFFER = 2**31 - 4  # the largest multiple of 4 that drivers with 32-bit signed sizes accept

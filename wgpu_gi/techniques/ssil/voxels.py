@@ -1,9 +1,9 @@
 """A grid of voxels over the view frustum, one bit each, for visibility between visible surfaces.
 
 Eisemann and Decoret 2008, "Single-Pass GPU Solid Voxelization for Real-Time Applications", as used by Soler et al. 2010
-(section 4, "Visibility computation"). Departures: atomics on a buffer replace blending with XOR; slices grow with depth
-and span only the visible depths; meshes that are thin or have open edges are voxelized as surfaces, not as solids; a
-level marches through a finer grid than its own.
+(section 4, "Visibility computation"). Departures: atomics on a buffer replace blending with XOR; large triangles are
+divided into tiles; slices grow with depth and span only the visible depths; meshes that are thin or have open
+edges are voxelized as surfaces, not as solids; a level marches through a finer grid than its own.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer
+from ...gpu.handles import Buffer, Handle
 from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
@@ -25,6 +25,8 @@ from .levels import Levels
 # cells instead of 160, Sponza at 320x180 has relMSE 5.4 instead of 4.0 and bias -9.2 instead of -8.5 %.
 LEAST_CELLS = 160
 TRIANGLE_ROW, CELL_ROW = (int(load(f"ssil/voxels/{name}.wgsl").constants["ROW"]) for name in ("voxelize", "fill"))
+TILE_WORDS = int(load("ssil/voxels/triangle.wgsl").constants["TILE_WORDS"])
+MOST_TILES = 65535  # workgroups of a dispatch along an axis
 
 
 @dataclass(repr=False, slots=True)
@@ -113,10 +115,11 @@ def declare_voxels(graph: Graph, settings: VoxelSettings, scene: SsilInputs, lev
     # Voxelize the triangles: boundaries of solids first, then surfaces.
     drawn = bool(draws.opaque or draws.masked)
     kinds = {"HAS_SOLIDS": drawn and solids.has_solids, "HAS_SHELLS": drawn and solids.has_shells}
-    cells = graph.buffer("voxels/cells", dtype=np.uint32, count=words * max(sum(kinds.values()), 1))
+    list_ = words * max(sum(kinds.values()), 1)
+    cells = graph.buffer("voxels/cells", dtype=np.uint32, count=list_ + 1 + MOST_TILES * TILE_WORDS)
     constants: dict[str, float] = {"SLICES": slices, **kinds}
     shells = words if solids.has_solids else 0
-    grid_params = {"size": size, "cell": float(1 << finest), "shells": shells}
+    grid_params = {"size": size, "cell": float(1 << finest), "shells": shells, "list": list_}
     _declare_surfaces(graph, scene, range_, cells, grid_params, constants)
 
     # Fill the solids.
@@ -161,8 +164,16 @@ def _declare_surfaces(
     grid: dict[str, object],
     constants: dict[str, float],
 ) -> None:
-    """Declare the passes that voxelize all triangles into `cells`; `grid`: their common params."""
+    """Declare the passes that voxelize all triangles into `cells`, large ones in tiles; `grid`: their common params."""
     shader = "ssil/voxels/voxelize.wgsl"
+    reads: dict[str, Handle] = {
+        **scene.surfaces,
+        **scene.raster,
+        "raster_indices": scene.raster_indices,
+        "range": range_,
+        "solid_triangles": scene.solids.triangles,
+    }
+    constants = {**scene.constants(shader), **constants}
     empty = [cells]
     for part, masked in (("opaque", False), ("masked", True)):
         runs = scene.draws.masked if masked else scene.draws.opaque
@@ -174,22 +185,45 @@ def _declare_surfaces(
                 f"voxels/{part}" + (f"_{number}" if number else ""),
                 shader,
                 over=(TRIANGLE_ROW, -(-count // TRIANGLE_ROW)),
-                reads={
-                    **scene.surfaces,
-                    **scene.raster,
-                    "raster_indices": scene.raster_indices,
-                    "range": range_,
-                    "solid_triangles": scene.solids.triangles,
-                },
+                reads=reads,
                 writes={"cells": cells},
-                params={
-                    **grid,
-                    "first": first,
-                    "triangles": indices // 3,
-                    "slot": slot,
-                    "count": count,
+                params={**grid, "first": first, "triangles": indices // 3, "slot": slot, "count": count},
+                constants={
+                    **constants,
+                    "HAS_CUTS": masked,
+                    "LARGE": graph.device.capabilities.serial_cells,
+                    "MOST_TILES": MOST_TILES,
                 },
-                constants={**scene.constants(shader), **constants, "HAS_CUTS": masked},
                 clear=empty,
             )
             empty = []
+    if not empty:
+        _declare_tiles(graph, cells, reads, grid, {**constants, "HAS_CUTS": bool(scene.draws.masked)})
+
+
+def _declare_tiles(
+    graph: Graph,
+    cells: Buffer,
+    reads: dict[str, Handle],
+    grid: dict[str, object],
+    constants: dict[str, float],
+) -> None:
+    """Declare the passes that voxelize the listed tiles of large triangles."""
+    groups = graph.buffer("voxels/tile_groups", dtype=np.uint32, count=3)
+    graph.compute(
+        "voxels/tile_groups",
+        "ssil/voxels/tile_groups.wgsl",
+        over=1,
+        reads={"cells": cells},
+        writes={"groups": groups},
+        params={"list": grid["list"], "most": MOST_TILES},
+    )
+    graph.compute(
+        "voxels/tiles",
+        "ssil/voxels/tiles.wgsl",
+        indirect=groups,
+        reads=reads,
+        writes={"cells": cells},
+        params=grid,
+        constants=constants,
+    )
