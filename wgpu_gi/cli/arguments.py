@@ -17,6 +17,7 @@ from .epilogs import (
     INFO_EPILOG,
     MAIN_EPILOG,
     RENDER_EPILOG,
+    REPORT_EPILOG,
     STRESS_EPILOG,
     VIEW_EPILOG,
 )
@@ -77,11 +78,17 @@ def build_parser() -> Parser:
     stress = command("stress", "test techniques on random scenes", STRESS_EPILOG, "[OPTIONS]")
     _add_stress_arguments(stress)
     _add_messages(stress, "failures")
+    report = command(
+        "report", "measure an adapter: what it has, whether it is right, how fast", REPORT_EPILOG, REPORT_USAGE
+    )
+    _add_report_arguments(report)
+    _add_messages(report, "the verdict")
     command("info", "list adapters, drivers and versions, and what is missing", INFO_EPILOG)
     return parser
 
 
 USAGE = "[OPTIONS] [SCENE]"
+REPORT_USAGE = "[OPTIONS] [REPORT.json ...]"
 ADAPTER_HELP = "use the adapter whose name contains NAME (wgpu-gi info lists them)"
 STRICT_HELP = "refuse damaged files; by default a damaged part is left out, with a note"
 SET_HELP = "change a setting, repeatable; 'help' lists the technique's settings, 'help=all' lists all"
@@ -286,6 +293,23 @@ def _add_stress_arguments(parser: Parser) -> None:
     add = output.add_argument
     add("-o", "--output", metavar="FOLDER", help="write index.html and the scenes of failures to this folder")
     add("--json", metavar="OUT", help="write all numbers to this .json")
+
+
+def _add_report_arguments(parser: Parser) -> None:
+    add = parser.add_argument
+    add("report", nargs="*", metavar="REPORT.json", help="earlier reports to show side by side; nothing is measured")
+    add("-o", "--output", default="report", metavar="NAME", help="write NAME.json and NAME.html, default report")
+    add(
+        "--against",
+        action="append",
+        default=[],
+        metavar="OTHER.json",
+        help="show the report of another adapter beside this one, repeatable",
+    )
+    add("--sponza", metavar="FILE", help="also measure Crytek's Sponza, which the package does not ship")
+    add("--minutes", type=float, default=7.0, metavar="M", help="leave out what does not fit in M minutes, default 7")
+    add("--markdown", action="store_true", help="print the tables as Markdown")
+    add("--adapter", metavar="NAME", help=ADAPTER_HELP)
 
 
 def parse_size(text: str) -> tuple[int, int]:

@@ -109,4 +109,18 @@ A failing scene is reduced while it fails in the same way, and saved as .glb wit
 The exit code is 0 without failures, 1 with failures, 2 for bad arguments.
 """
 
+REPORT_EPILOG = """\
+examples:
+  wgpu-gi report                                    report.json and report.html, in at most seven minutes
+  wgpu-gi report --sponza sponza.glb -o here        the same with Crytek's Sponza
+  wgpu-gi report --against other.json               beside another adapter's report
+  wgpu-gi report a.json b.json c.json -o all        three reports in one page; measures nothing
+  wgpu-gi report a.json --markdown                  the tables as Markdown
+
+What it holds: driver, features and limits; a self-test of shaders and light against closed forms; errors against stored
+truths; whether timestamps are right; rays per second; the time to build a hierarchy; the main thread's time per frame;
+the time of every pass of every technique at 1920x1080; memory. In a source checkout with pytest, also the shader tests.
+The exit code is 0, 1 if a check of the self-test failed, 2 for bad arguments.
+"""
+
 INFO_EPILOG = "The exit code is 0 if an adapter can be used, else 2."

@@ -51,7 +51,7 @@ def info(_arguments: Namespace) -> int:
 
 
 def describe_adapter(adapter: AdapterInfo, will_be_used: bool) -> str:
-    """Return a paragraph: name, backend, driver, whether it will be used or why not, features, limits."""
+    """Return a paragraph: name, backend, driver, whether it will be used or why not, features, limits, faults."""
     fate = "will be used" if will_be_used else "can be used with --adapter" if adapter.usable else "not usable"
     lines = [f"  {adapter.name}: {adapter.backend}, {adapter.type}, {adapter.driver or 'unknown driver'}: {fate}"]
     if not adapter.usable:
@@ -62,6 +62,7 @@ def describe_adapter(adapter: AdapterInfo, will_be_used: bool) -> str:
     lines.append(_wrapped(f"features: {', '.join(adapter.features)}", indent=6))
     lines.append(_wrapped(f"limits: {limits}", indent=6))
     lines += [_wrapped(cost, indent=6) for cost in costs_of(adapter.features)]
+    lines += [_wrapped(f"needs a newer driver: {sentence}", indent=6) for sentence in adapter.needs_newer_driver]
     return "\n".join(lines)
 
 

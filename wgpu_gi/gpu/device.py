@@ -79,7 +79,10 @@ logging.getLogger("wgpu").addFilter(lambda record: "device lost" not in record.g
 
 @dataclass(frozen=True)
 class AdapterInfo:
-    """An adapter as `wgpu-gi info` shows it; if it is not `usable`, `why_not` says why."""
+    """An adapter as `wgpu-gi info` shows it; if it is not `usable`, `why_not` says why.
+
+    `needs_newer_driver`: what a later version of its driver mends, and what that costs until then.
+    """
 
     name: str
     backend: str
@@ -89,6 +92,7 @@ class AdapterInfo:
     limits: dict[str, int]
     usable: bool
     why_not: str = ""
+    needs_newer_driver: tuple[str, ...] = ()
 
 
 class Device:
@@ -246,6 +250,7 @@ def list_adapters() -> list[AdapterInfo]:
             limits=dict(a.limits),
             usable=not _why_not(a),
             why_not=_why_not(a),
+            needs_newer_driver=_mended_later(a.info["description"], a.info["adapter_type"] == "CPU"),
         )
         for a in sorted(_adapters(), key=lambda a: (bool(_why_not(a)), _rank(a)))
     ]
@@ -296,3 +301,13 @@ def _compute_timestamps_lie(driver: str, is_cpu: bool) -> bool:
     """Return True where timestamps around compute passes are wrong: on llvmpipe before Mesa 25."""
     mesa = re.match(r"Mesa (\d+)", driver)
     return is_cpu and mesa is not None and int(mesa[1]) < 25
+
+
+def _mended_later(driver: str, is_cpu: bool) -> tuple[str, ...]:
+    """Return a sentence for each fault of a driver that a later version of it does not have."""
+    if not _compute_timestamps_lie(driver, is_cpu):
+        return ()
+    return (
+        "times of compute passes: its timestamps are wrong, so each pass is timed by submitting it and waiting",
+        "loops of more than 65,535 steps: it ends them silently, so long paths are traced in several runs",
+    )
