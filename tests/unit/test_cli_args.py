@@ -352,16 +352,18 @@ def test_error_that_an_interrupt_became_is_an_interrupt(error, monkeypatch, caps
 def adapter(**changes):
     values = {
         "name": "a card", "backend": "Vulkan", "type": "DiscreteGPU", "driver": "1.2", "features": ("timestamp-query",),
-        "limits": {"max-buffer-size": 7}, "usable": True, "why_not": "",
+        "limits": {"max-buffer-size": 7}, "usable": True, "why_not": "", "needs_newer_driver": (),
     }  # fmt: skip
     return SimpleNamespace(**{**values, **changes})
 
 
 def test_info_names_what_will_be_used(monkeypatch, capsys):
     bad = adapter(name="an old card", usable=False, why_not="it is too old")
-    monkeypatch.setattr(cli_info, "list_adapters", lambda: [adapter(), adapter(name="llvmpipe", type="CPU"), bad])
+    old = adapter(name="llvmpipe", type="CPU", needs_newer_driver=("right times",))
+    monkeypatch.setattr(cli_info, "list_adapters", lambda: [adapter(), old, bad])
     assert main(["info"]) == 0
     printed = capsys.readouterr().out
+    assert "needs a newer driver: right times" in printed
     assert "a card: Vulkan, DiscreteGPU, 1.2: will be used" in printed
     assert "llvmpipe: Vulkan, CPU, 1.2: can be used with --adapter" in printed
     assert "this is a CPU" in printed

@@ -105,6 +105,8 @@ def test_features_by_intersection_and_timestamps_that_lie(adapters):
     assert old.features == {"timestamp-query"} and fast.features == {"timestamp-query", "float32-filterable"}
     assert [d.compute_timestamps for d in (old, fast, small, new)] == [False, True, False, True]
     assert [d.render_timestamps for d in (old, fast, small, new)] == [True, True, False, True]
+    # `info` says what a newer driver would mend.
+    assert [a.name for a in list_adapters() if a.needs_newer_driver] == ["llvmpipe (LLVM 15)"]
 
 
 def test_refused_device(adapters):

@@ -53,7 +53,7 @@ def output_names(output: str) -> tuple[Path, Path]:
     path = Path(output)
     if path.suffix.lower() in SUFFIXES:
         path = path.with_suffix("")
-    if not path.name:
+    if path.name.lower() in ("", "..", *SUFFIXES):
         raise GiError(f"-o takes the name of two files without their suffix, such as report, not {output!r}")
     return path.with_name(path.name + ".json"), path.with_name(path.name + ".html")
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,10 +18,14 @@ MAX_QUERIES = 4096  # the largest query set of WebGPU
 
 
 class Timing:
-    """Collects the time of each pass in measured runs, and the sum per run (`frames`)."""
+    """Collects the time of each pass in measured runs, and the sum per run (`frames`).
+
+    `clock` returns the seconds that passes without timestamps are timed by.
+    """
 
     def __init__(self, device: Any) -> None:
         self.device = device
+        self.clock: Callable[[], float] = time.perf_counter
         self.samples: dict[str, deque[float]] = {}
         self.frames: deque[float] = deque(maxlen=RING)
         self._sum = 0.0  # ms of the passes of this run

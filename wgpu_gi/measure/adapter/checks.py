@@ -70,7 +70,7 @@ CHECKS: tuple[Check, ...] = (
     _shader("any hits", 0.0, shaders.any_hits),
     *(_picture("sun", gi, PACKED, pictures.sun) for gi in pictures.TECHNIQUES),
     *(_picture("point light", gi, PACKED, pictures.point_light) for gi in ("none", "path")),
-    *(_picture("white sky", gi, PACKED, pictures.white_sky) for gi in ("none", "many-light", "ssdo", "ssao", "path")),
+    *(_picture("white sky", gi, PACKED, pictures.white_sky) for gi in pictures.TECHNIQUES),
     _picture("closed box", "path", PACKED, pictures.closed_box),
     _picture("facing plates", "path", PACKED, pictures.facing_plates),
     *(_picture("light in a sphere", gi, 2 * PACKED, pictures.light_in_a_sphere) for gi in ("many-light", "path")),

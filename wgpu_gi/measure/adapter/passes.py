@@ -1,12 +1,11 @@
 """Times the passes of every technique at full size, while the camera moves and every pass runs; and the main thread.
 
-Passes are timed by timestamps where `timestamps.py` found them right, else by submitting each and waiting. Frames are
-repeated for REPEAT_SECONDS: some hundred on a GPU, one or two on a CPU.
+Passes are timed by timestamps where `timestamps.py` found them right, else by submitting each and waiting, on a CPU by
+its processor time (`clock.py`). Frames are repeated for REPEAT_SECONDS: a hundred on a GPU, one or two on a CPU.
 """
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from statistics import median
@@ -15,10 +14,12 @@ import numpy as np
 
 from ...camera import Camera
 from ...errors import GiError
+from ...options import TECHNIQUES
 from ...renderer import Renderer
 from ...scene.scene import Scene
 from ..bench import ORBIT_FRAMES, ORBIT_RADIUS, orbit
 from .budget import Budget
+from .clock import clock_for
 from .results import MainThread, PassTimes, SceneTimes
 from .scenes import VARIANTS, Variant
 
@@ -27,13 +28,8 @@ SMALL = (480, 270)  # a sixteenth of the pixels: compiles the shaders and predic
 SHOW = ("display",)  # what a window shows
 REPEAT_SECONDS = 1.0  # for frames with timed passes, and again for frames without
 MOST_FRAMES = 100
-FRAMES_AT_LEAST = 3  # a warm-up, one with timed passes, one without
+FRAMES_AT_LEAST = 4  # a warm-up, one with timed passes, one without; and one for the error of the prediction
 THREAD_SIZE, THREAD_FRAMES, THREAD_WARM_UP = (64, 36), 21, 4
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def measure_scene(name: str, scene: Scene, camera: Camera, budget: Budget, adapter: str | None = None) -> SceneTimes:
@@ -62,7 +58,9 @@ def _measure(
         # Small frames compile the shaders and tell whether the full size fits.
         frame = _moving(renderer, scene, camera)
         frame(False)
-        seconds = frame(False)[0] * SIZE[0] * SIZE[1] / (SMALL[0] * SMALL[1])
+        started = time.perf_counter()
+        frame(False)
+        seconds = (time.perf_counter() - started) * SIZE[0] * SIZE[1] / (SMALL[0] * SMALL[1])
         if not budget.allows(what, FRAMES_AT_LEAST * seconds):
             return None
         renderer.size = SIZE
@@ -70,6 +68,7 @@ def _measure(
 
         # Frames with timed passes, then frames without.
         timing = renderer.graph.timing
+        timing.clock = clock_for(renderer.is_cpu)
         passes: list[dict[str, float]] = []
 
         def timed() -> None:
@@ -77,7 +76,7 @@ def _measure(
             frame(True)
             passes.append({name: sum(samples) for name, samples in timing.samples.items()})
 
-        plain: list[tuple[float, float]] = []
+        plain: list[float] = []
         _repeat(timed, budget)
         _repeat(lambda: plain.append(frame(False)), budget)
         order = [p.name for p in renderer.graph.order]
@@ -86,8 +85,7 @@ def _measure(
         return PassTimes(
             variant.title,
             median([sum(p.values()) for p in passes]),
-            median([wall for wall, _ in plain]) * 1e3,
-            median([cpu for _, cpu in plain]) * 1e3 if renderer.is_cpu else None,
+            median(plain) * 1e3,
             by_pass,
             allocated,
             len(plain),
@@ -105,22 +103,22 @@ def _repeat(work: Callable[[], object], budget: Budget) -> None:
             return
 
 
-def _moving(renderer: Renderer, scene: Scene, camera: Camera) -> Callable[[bool], tuple[float, float]]:
-    """Return a function that renders the next frame of a camera on a circle, with every pass.
+def _moving(renderer: Renderer, scene: Scene, camera: Camera) -> Callable[[bool], float]:
+    """Return a function that renders the next frame of a camera on a circle, with every pass, and returns its seconds.
 
-    It returns the seconds of the wall, and of the process over the cores.
+    Its argument says whether to time the passes.
     """
     radius = ORBIT_RADIUS * float(np.linalg.norm(np.ptp(scene.bounds(), axis=0))) or ORBIT_RADIUS
-    device, number = renderer.graph.device, 0
+    device, clock, number = renderer.graph.device, clock_for(renderer.is_cpu), 0
 
-    def frame(timings: bool) -> tuple[float, float]:
+    def frame(timings: bool) -> float:
         nonlocal number
         number += 1
         renderer.camera = orbit(camera, radius, number / ORBIT_FRAMES)
-        started, process = time.perf_counter(), time.process_time()
+        started = clock()
         renderer.step(show=SHOW, force=True, timings=timings)
         device.wait()
-        return time.perf_counter() - started, (time.process_time() - process) / cores()
+        return clock() - started
 
     return frame
 
@@ -130,7 +128,7 @@ def measure_threads(scene: Scene, camera: Camera, budget: Budget, adapter: str |
     found = []
     radius = ORBIT_RADIUS * float(np.linalg.norm(np.ptp(scene.bounds(), axis=0))) or ORBIT_RADIUS
     for variant in VARIANTS:
-        if variant.gi == "path" or not budget.allows(f"main thread of {variant.title}"):
+        if TECHNIQUES[variant.gi].averages_samples or not budget.allows(f"main thread of {variant.title}"):
             continue
         renderer = Renderer(
             variant.scene(scene), size=THREAD_SIZE, camera=camera, settings=variant.settings(), adapter=adapter

@@ -24,6 +24,7 @@ from ...renderer import Renderer
 from ...scene.scene import Scene
 from ...techniques.shared.scene_inputs import share_scene
 from ...upload.scene_upload import SceneUpload
+from .clock import clock_for
 from .results import RayRate
 
 SHADER = "measure/rays.wgsl"
@@ -107,6 +108,7 @@ def trace(device: Device, upload: SceneUpload, rays: Rays) -> tuple[NDArray[np.u
     """Return the result of each ray, (n,) as in the shader, and the median milliseconds of tracing all."""
     buffer = device.gpu.create_buffer_with_data(data=rays.values, usage=wgpu.BufferUsage.STORAGE)
     graph = Graph(device)
+    graph.timing.clock = clock_for(device.is_cpu)
     graph.begin()
     try:
         source = load(SHADER)

@@ -1,7 +1,8 @@
 """The results of a report on an adapter, as plain data, and its JSON file.
 
 The file is `AdapterReport`, with "schema": "wgpu_gi.report" and "version", which increases when a field changes its
-meaning. Times are milliseconds; null marks what was not measured, and `left_out` says why.
+meaning. Times are milliseconds, by the clock that `machine` names. null marks what was not measured; `left_out` says
+why.
 """
 
 from __future__ import annotations
@@ -84,15 +85,13 @@ class Build:
 class PassTimes:
     """Medians of frames in which every pass runs while the camera moves.
 
-    gpu_ms: sum over the passes. wall_ms: a frame with waiting. cpu_ms: processor time of the process over the cores, on
-    an adapter that is a CPU. passes: by name, in order. bytes: what the technique allocates. frames: how many were
-    timed.
+    passes: by name, in order; passes_ms: their sum. frame_ms: a frame whose passes are not timed, with waiting. bytes:
+    what the technique allocates. frames: how many were timed.
     """
 
     technique: str
-    gpu_ms: float
-    wall_ms: float
-    cpu_ms: float | None
+    passes_ms: float
+    frame_ms: float
     passes: dict[str, float]
     bytes: int
     frames: int

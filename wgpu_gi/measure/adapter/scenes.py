@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...camera import Camera
-from ...options import Settings
+from ...options import TECHNIQUES, Settings
 from ...scene.built_in.shapes import sphere
 from ...scene.files.camera_files import camera_of
 from ...scene.load import read_scene
@@ -44,19 +44,20 @@ class Variant:
         """Return the scene that it lights."""
         if not self.single_light:
             return scene
-        lights: list[Light] = [light for light in scene.lights if isinstance(light, DirectionalLight | SpotLight)][:1]
+        lights: list[Light] = []
+        lights += [light for light in scene.lights if isinstance(light, DirectionalLight | SpotLight)][:1]
         return replace(scene, lights=lights, environment=None) if lights else scene
 
 
-VARIANTS = (
-    Variant("direct light", "none"),
-    Variant("many-light", "many-light"),
-    Variant("many-light, maps", "many-light", LINKE, single_light=True),
-    Variant("ssdo", "ssdo"),
-    Variant("ssil", "ssil"),
-    Variant("ssao", "ssao"),
-    Variant("path", "path"),
-)
+def variants() -> tuple[Variant, ...]:
+    """Return every technique at its defaults, and many-light as Linke 2016 measured it; the path tracer last."""
+    names = sorted(TECHNIQUES, key=lambda gi: TECHNIQUES[gi].averages_samples)
+    found = [Variant(gi, gi) for gi in names]
+    found.insert(names.index("many-light") + 1, Variant("many-light, maps", "many-light", LINKE, single_light=True))
+    return tuple(found)
+
+
+VARIANTS = variants()
 
 
 def cornell() -> tuple[Scene, Camera]:

@@ -90,6 +90,7 @@ def _adapters(reports: Sequence[AdapterReport]) -> Grid:
             "features": str(len(r.features)),
             **{name: f"{r.limits[name]}" for name in SHOWN_LIMITS if name in r.limits},
             "needs a newer driver": "; ".join(r.needs_newer_driver) or "nothing",
+            "times are": str(here.get("clock")),
             "timestamps": ", ".join(stamps) or MISSING,
             "self-test": f"{len(r.checks) - len(r.failed)} of {len(r.checks)} passed" if r.checks else MISSING,
             "shader tests of the checkout": tests,
@@ -123,8 +124,8 @@ def _errors(reports: Sequence[AdapterReport]) -> Grid:
         }
 
     hint = (
-        "relMSE / bias against Mitsuba 3 at 128x72, medium quality, Lambert: one frame; the still picture. SSDO and"
-        " its one bounce, the others all bounces."
+        "relMSE / bias against Mitsuba 3 at 128x72, medium quality, Lambert: one frame; the still picture. SSDO is"
+        " compared with one bounce, the others with all."
     )
     return Grid("Errors", hint, _rows(reports, cells, "scene: technique"))
 
@@ -140,15 +141,14 @@ def _frames(reports: Sequence[AdapterReport]) -> Grid:
     sizes = {scene.size for r in reports for scene in r.scenes}
     size = ", ".join(f"{width}x{height}" for width, height in sorted(sizes))
     hint = (
-        f"Milliseconds at {size}, the camera moves and every pass runs: sum of the passes / a frame with waiting (of a"
-        " CPU: its processor time over the cores); memory of the technique."
+        f"Milliseconds at {size}, the camera moves and every pass runs: sum of the passes / a whole frame; memory of"
+        " the technique."
     )
     return Grid("Frames", hint, _rows(reports, cells, "scene: technique"))
 
 
 def _frame(t: PassTimes) -> str:
-    whole = t.wall_ms if t.cpu_ms is None else t.cpu_ms
-    return f"{_ms(t.gpu_ms)} / {_ms(whole)}"
+    return f"{_ms(t.passes_ms)} / {_ms(t.frame_ms)}"
 
 
 def _rays(reports: Sequence[AdapterReport]) -> Grid:
@@ -169,7 +169,7 @@ def _builds(reports: Sequence[AdapterReport]) -> Grid:
             found[f"{name}: an instance moved"] = _ms(b.moved_ms)
         return found
 
-    hint = "Milliseconds of wall time until the scene is on the device, with its hierarchy."
+    hint = "Milliseconds until the scene is on the device, with its hierarchy."
     return Grid("Scene and hierarchy", hint, _rows(reports, cells, "scene: step"))
 
 
@@ -189,7 +189,7 @@ def _passes(reports: Sequence[AdapterReport]) -> list[Grid]:
 
         def cells(r: AdapterReport, key: tuple[str, str] = (scene, technique)) -> dict[str, str]:
             matching = [t for s in r.scenes for t in s.techniques if (s.scene, t.technique) == key]
-            return {name: _ms(ms) for t in matching for name, ms in {**t.passes, "sum": t.gpu_ms}.items()}
+            return {name: _ms(ms) for t in matching for name, ms in {**t.passes, "sum": t.passes_ms}.items()}
 
         found.append(Grid(f"Passes of {technique} in {scene}", "Milliseconds.", _rows(reports, cells, "pass")))
     return found

@@ -17,10 +17,9 @@ from .results import Timestamps
 SIZES = ((640, 360), (1920, 1080), (3840, 2160))  # the first in which enough passes are long
 LONG_MS = 1.0  # a pass of this length hides submit and wait (0.1 ms)
 ENOUGH = 3  # long passes; with fewer, the longest decide
-ROUNDS = 2
-# The share of the waiting time that right timestamps have: waiting includes the submission, and other load on the
-# machine counts in one of the two.
-RIGHT = (0.5, 1.5)
+ROUNDS = 3  # of which the shortest counts, since other load on the machine makes passes longer
+# The share of the waiting time that right timestamps have; wrong ones have a thousandth.
+RIGHT = (0.33, 3.0)
 
 
 def check_timestamps(device: Device, adapter: str | None = None) -> list[Timestamps]:
