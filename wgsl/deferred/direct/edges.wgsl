@@ -62,7 +62,8 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
             if (max3(radiance) <= 0.0) {
                 continue;
             }
-            var lit = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction);
+            let verdict = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction);
+            var lit = verdict.lit;
             if (lit == UNDECIDED && CUTS_LOOPS && steps > STEP_BUDGET) {
                 lit = shadow_filter(light, count, r.position, r.geometric_normal, incident.direction);
             } else if (lit == UNDECIDED) {
@@ -70,7 +71,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
                 let is_sun = light.kind == DIRECT_SUN;
                 // Shift only the start; the end stays.
                 let way = incident.to_light - select(start - s.position, vec3f(0.0), is_sun);
-                let rays_end = select(STOP_SHORT, FLOAT_MAX, is_sun);
+                let rays_end = min(verdict.reach, select(STOP_SHORT, FLOAT_MAX, is_sun));
                 let shadow = Ray(start, way);
                 let found = trace_shadow(shadow, rays_end);
                 lit = select(1.0, 0.0, found.occluded_a);

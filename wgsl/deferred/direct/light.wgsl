@@ -46,7 +46,7 @@ fn add_light(sum: Sum, number: u32, count: u32, r: Receiver) -> Sum {
         }
         return Sum(sum.radiance + lit * radiance, false);
     }
-    let lit = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction);
+    let lit = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction).lit;
     return Sum(sum.radiance + max(lit, 0.0) * radiance, sum.undecided || lit == UNDECIDED);
 }
 

@@ -136,20 +136,29 @@ fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec2f {
 
 const UNDECIDED: f32 = -1.0;
 
-// Returns 1 if the 2x2 texels around the point all show its own plane, 0 if all show a blocker well before it, else
-// UNDECIDED: a shadow's edge, a contact, geometry finer than the texels, or depths too coarse for them. With cut-outs, such as leaves, which are
-// often that fine, 4x4 texels must agree.
+struct Verdict {
+    lit: f32,    // 1, 0 or UNDECIDED
+    reach: f32,  // length of the shadow ray of an undecided point: metres to a sun, else a share of the way to the light
+}
+
+// Shadow rays reach this many times as far above the receiver's plane as the texels around it.
+const REACH_OVER_TEXELS: f32 = 2.0;
+
+// Returns a verdict of lit if no texel around the point shows anything above its plane and one of the 2x2 around it shows
+// the plane itself, of shadowed if all show a blocker well above it. Undecided are a shadow's edge, a contact, geometry
+// finer than the texels, and depths too coarse for them. The 2x2 texels around the point must agree; with cut-outs, such
+// as leaves, which are often finer than texels, the 4x4 around it.
 //
 // Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
 // lamp near / (q . forward) = near (n_x q_x / q_z + n_y q_y / q_z + n_z) / k.
-fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
+fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> Verdict {
     let offset = position - light.position;
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
     let view = load_view(shadow_view_at(light, count, position, offset), count);
     let p = project(view, is_sun, position, offset);
     let n = vec2f(dot(normal, view.right), -dot(normal, view.up));
     let across = select(dot(normal, offset), -dot(normal, view.forward), is_sun);
-    // The slope overflows only for a surface edge-on to the light, which `is_steep` leaves undecided.
+    // The slope overflows only for a surface edge-on to the light, which is undecided.
     let slope = n * (view.texel * view.depth_scale / across);
     let steep = p.unit + abs(slope.x) + abs(slope.y);
     let rounding = select(p.depth, 1.0, is_sun) * DEPTH_ROUNDING;
@@ -157,19 +166,22 @@ fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f
     let clear = CLEAR_OF_PLANE * steep + rounding;
 
     let corner = floor(p.texel - 0.5);
-    var above: vec2f;
+    let near = depths_above(p, slope, corner);
+    var above = near;
     if (HAS_CUT_OUTS) {
         let a = depths_above(p, slope, corner + vec2f(-1.0, -1.0));
         let b = depths_above(p, slope, corner + vec2f(1.0, -1.0));
         let c = depths_above(p, slope, corner + vec2f(-1.0, 1.0));
         let d = depths_above(p, slope, corner + vec2f(1.0, 1.0));
         above = vec2f(min(min(a.x, b.x), min(c.x, d.x)), max(max(a.y, b.y), max(c.y, d.y)));
-    } else {
-        above = depths_above(p, slope, corner);
     }
-    let is_own = above.x >= -own && above.y <= own;
+    let is_own = above.y <= own && near.x >= -own;
     let is_clear = above.x > clear;
     // Where rounding exceeds OWN_PLANE, as in a fine cascade of a scene of kilometres, it may hide a blocker or seem one.
     let is_coarse = rounding > OWN_PLANE * steep || abs(dot(normal, to_light)) < GRAZING;
-    return select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_coarse);
+    let lit = select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_coarse);
+    // The highest blocker in the texels, and more by the same and by the slopes, as the point lies between their centres.
+    let highest = REACH_OVER_TEXELS * (max(above.y, 0.0) + clear);
+    let reach = highest / select(p.depth + highest, -view.depth_scale, is_sun);
+    return Verdict(lit, select(reach, select(1.0, FLOAT_MAX, is_sun), is_coarse));
 }
