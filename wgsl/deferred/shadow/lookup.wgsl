@@ -40,23 +40,9 @@ override HAS_LAMPS: bool = true;   // points, spots, samples of emitters
 override HAS_SUNS: bool = true;
 override HAS_CUT_OUTS: bool = true;  // alpha-masked surfaces
 
-// Returns the view that holds a point, `offset` from its light; `count`: number of lights.
-fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f) -> u32 {
-    if (HAS_SUNS && light.kind == DIRECT_SUN) {
-        var view = light.first_view;
-        for (var left = light.view_count; left > 1u; left -= 1u) {
-            let v = load_view(view, count);
-            let place = v.centre + vec2f(dot(v.right, position), -dot(v.up, position)) / v.texel;
-            // The normal offset moves a point sideways by up to 1.42 times the filter's reach.
-            let from_middle = place - v.corner - 0.5 * v.size;
-            if (all(abs(from_middle) <= 0.5 * v.size - 2.5 * FILTER_REACH)) {
-                break;
-            }
-            view += 1u;
-        }
-        return view;
-    }
-    if (!HAS_LAMPS || (light.kind == DIRECT_SPOT && light.view_count == 1u)) {
+// Returns the view of a lamp that holds a point, `offset` from it.
+fn lamp_view_at(light: DirectLight, offset: vec3f) -> u32 {
+    if (light.kind == DIRECT_SPOT && light.view_count == 1u) {
         return light.first_view;
     }
     if (light.kind == DIRECT_POINT) {
@@ -65,6 +51,27 @@ fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f
     // Faces of a frame along its normal: +Z +X -X +Y -Y -Z.
     let face = cube_face(offset * frame_from_normal(light.direction));
     return light.first_view + select(select(face + 1u, 0u, face == 4u), 5u, face == 5u);
+}
+
+// Returns the view that holds a point, `offset` from its light; `count`: number of lights.
+fn shadow_view_at(light: DirectLight, count: u32, position: vec3f, offset: vec3f) -> ShadowLookup {
+    if (HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN)) {
+        var view = load_view(light.first_view, count);
+        for (var k = 1u; k < light.view_count; k += 1u) {
+            let place = view.centre + vec2f(dot(view.right, position), -dot(view.up, position)) / view.texel;
+            // The normal offset moves a point sideways by up to 1.42 times the filter's reach.
+            let from_middle = place - view.corner - 0.5 * view.size;
+            if (all(abs(from_middle) <= 0.5 * view.size - 2.5 * FILTER_REACH)) {
+                break;
+            }
+            view = load_view(light.first_view + k, count);
+        }
+        return view;
+    }
+    if (!HAS_LAMPS) {
+        return load_view(light.first_view, count);
+    }
+    return load_view(lamp_view_at(light, offset), count);
 }
 
 // A point projected into a view.
@@ -100,7 +107,7 @@ fn shadow_lift(view: ShadowLookup, is_sun: bool, offset: vec3f, normal: vec3f, t
 fn shadow_bias(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
     let offset = position - light.position;
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
-    let view = load_view(shadow_view_at(light, count, position, offset), count);
+    let view = shadow_view_at(light, count, position, offset);
     let lift = shadow_lift(view, is_sun, offset, normal, to_light);
     let rounding = DEPTH_ROUNDING * select(length(offset), abs(1.0 / view.depth_scale), is_sun);
     return length(lift) / max(abs(dot(normal, to_light)), GRAZING) + rounding;
@@ -110,7 +117,7 @@ fn shadow_bias(light: DirectLight, count: u32, position: vec3f, normal: vec3f, t
 fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
     let offset = position - light.position;
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
-    let view = load_view(shadow_view_at(light, count, position, offset), count);
+    let view = shadow_view_at(light, count, position, offset);
     let lift = shadow_lift(view, is_sun, offset, normal, to_light);
     let p = project(view, is_sun, position + lift, offset + lift);
     let depth = p.depth + select(p.depth, 1.0, is_sun) * DEPTH_ROUNDING;
@@ -123,15 +130,17 @@ fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f,
     return lit * 0.25;
 }
 
-// Returns the least and greatest depth of the 2x2 texels from `corner` on, relative to the point's plane.
-fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec2f {
-    // textureGather returns the texels (0, 1), (1, 1), (1, 0), (0, 0).
+// Returns the depths of the texels (0, 1), (1, 1), (1, 0), (0, 0) from `corner` on, relative to the point's plane.
+fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec4f {
     let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
     let depths = textureGather(shadow_atlas, gather_sampler, (corner + 1.0) * scale);
     let from_point = corner + 0.5 - p.texel;
-    let above = depths - p.depth - slope.x * (from_point.x + vec4f(0.0, 1.0, 1.0, 0.0))
+    return depths - p.depth - slope.x * (from_point.x + vec4f(0.0, 1.0, 1.0, 0.0))
         - slope.y * (from_point.y + vec4f(1.0, 1.0, 0.0, 0.0));
-    return vec2f(min(min(above.x, above.y), min(above.z, above.w)), max(max(above.x, above.y), max(above.z, above.w)));
+}
+
+fn max4(v: vec4f) -> f32 {
+    return max(max(v.x, v.y), max(v.z, v.w));
 }
 
 const UNDECIDED: f32 = -1.0;
@@ -141,12 +150,13 @@ struct Verdict {
     reach: f32,  // length of the shadow ray of an undecided point: metres to a sun, else a share of the way to the light
 }
 
-// Shadow rays reach this many times as far above the receiver's plane as the texels around it.
+// Shadow rays end at this many times the height above the receiver's plane of the highest texel around the point, plus
+// CLEAR_OF_PLANE.
 const REACH_OVER_TEXELS: f32 = 2.0;
 
-// Returns a verdict of lit if no texel around the point shows anything above its plane and one of the 2x2 around it shows
-// the plane itself, of shadowed if all show a blocker well above it. Undecided are a shadow's edge, a contact, geometry
-// finer than the texels, and depths too coarse for them. The 2x2 texels around the point must agree; with cut-outs, such
+// Returns a verdict of lit if no texel around the point shows anything above its plane and the 2x2 nearest show the plane
+// itself, of shadowed if all show a blocker well above it. Undecided are a shadow's edge, a contact, geometry finer
+// than the texels, and depths too coarse for them. The 2x2 texels around the point must agree; with cut-outs, such
 // as leaves, which are often finer than texels, the 4x4 around it.
 //
 // Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
@@ -154,7 +164,7 @@ const REACH_OVER_TEXELS: f32 = 2.0;
 fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f, to_light: vec3f) -> Verdict {
     let offset = position - light.position;
     let is_sun = HAS_SUNS && (!HAS_LAMPS || light.kind == DIRECT_SUN);
-    let view = load_view(shadow_view_at(light, count, position, offset), count);
+    let view = shadow_view_at(light, count, position, offset);
     let p = project(view, is_sun, position, offset);
     let n = vec2f(dot(normal, view.right), -dot(normal, view.up));
     let across = select(dot(normal, offset), -dot(normal, view.forward), is_sun);
@@ -166,22 +176,29 @@ fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f
     let clear = CLEAR_OF_PLANE * steep + rounding;
 
     let corner = floor(p.texel - 0.5);
-    let near = depths_above(p, slope, corner);
-    var above = near;
+    var near: vec4f;  // depths of the 2x2 texels around the point, relative to its plane
+    var lowest: f32;  // and of all texels that must agree
+    var highest: f32;
     if (HAS_CUT_OUTS) {
         let a = depths_above(p, slope, corner + vec2f(-1.0, -1.0));
         let b = depths_above(p, slope, corner + vec2f(1.0, -1.0));
         let c = depths_above(p, slope, corner + vec2f(-1.0, 1.0));
         let d = depths_above(p, slope, corner + vec2f(1.0, 1.0));
-        above = vec2f(min(min(a.x, b.x), min(c.x, d.x)), max(max(a.y, b.y), max(c.y, d.y)));
+        near = vec4f(a.y, b.x, c.z, d.w);
+        lowest = -max4(max(max(-a, -b), max(-c, -d)));
+        highest = max4(max(max(a, b), max(c, d)));
+    } else {
+        near = depths_above(p, slope, corner);
+        lowest = -max4(-near);
+        highest = max4(near);
     }
-    let is_own = above.y <= own && near.x >= -own;
-    let is_clear = above.x > clear;
+    let is_own = highest <= own && max4(-near) <= own;
+    let is_clear = lowest > clear;
     // Where rounding exceeds OWN_PLANE, as in a fine cascade of a scene of kilometres, it may hide a blocker or seem one.
     let is_coarse = rounding > OWN_PLANE * steep || abs(dot(normal, to_light)) < GRAZING;
     let lit = select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_coarse);
-    // The highest blocker in the texels, and more by the same and by the slopes, as the point lies between their centres.
-    let highest = REACH_OVER_TEXELS * (max(above.y, 0.0) + clear);
-    let reach = highest / select(p.depth + highest, -view.depth_scale, is_sun);
+    // Blockers may rise between the texels' centres.
+    let above = REACH_OVER_TEXELS * (max(highest, 0.0) + clear);
+    let reach = above / select(p.depth + above, -view.depth_scale, is_sun);
     return Verdict(lit, select(reach, select(1.0, FLOAT_MAX, is_sun), is_coarse));
 }
