@@ -18,9 +18,10 @@ from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene.built_in import scenes as builtin
-from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Material, PointLight, Texture
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Instance, Material, PointLight, Texture
 from wgpu_gi.techniques.deferred import direct as direct_module
 from wgpu_gi.techniques.deferred import update as update_module
+from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
 from wgpu_gi.techniques.deferred.update import DeferredState
 from wgpu_gi.techniques.shared.sampling import pixel_offset
 from wgpu_gi.upload.scene_upload import SceneUpload
@@ -156,8 +157,27 @@ def test_sun_maps_follow_the_camera():
     assert np.array_equal(renderer.read_back(), picture_from(scene, renderer.camera))
 
 
-def picture_from(scene, camera):
-    renderer = Renderer(scene, size=SIZE, camera=camera, settings=settings())
+def test_a_turning_camera_sees_the_shadows_of_all_that_it_did_not_see_before():
+    scene = one_lamp()
+    mesh = scene.instances[3].mesh
+    scene.instances += [Instance(mesh, at(0.5 * k, 0.1 * (k % 3), -1)) for k in range(-20, 20)]
+    scene.lights = [DirectionalLight((-0.4, -1, -0.3), 2.0)]
+    shadow = ShadowSettings(cascades=1)
+    first = Camera.look_at((-6, 1, 3), (-6, 0, -1), yfov_deg=40)
+    renderer = Renderer(scene, size=SIZE, camera=first, settings=settings(shadow=shadow))
+    renderer.run(show=("radiance",))
+    for eye, target, redraws in (((-6.02, 1, 3), (-6, 0, -1), False), ((6, 2, 3), (5, 0, -1), True)):
+        renderer.camera = Camera.look_at(eye, target, yfov_deg=40)
+        assert ("shadow" in ran(renderer)) == redraws
+        assert np.array_equal(renderer.read_back(), picture_from(scene, renderer.camera, shadow))
+    # Now all shadows are drawn.
+    renderer.camera = first
+    assert ran(renderer) == {"gbuffer", *LIGHT}
+
+
+def picture_from(scene, camera, shadow=None):
+    fields = {} if shadow is None else {"shadow": shadow}
+    renderer = Renderer(scene, size=SIZE, camera=camera, settings=settings(**fields))
     renderer.run(show=("radiance",))
     return renderer.read_back()
 

@@ -1,9 +1,13 @@
-"""Draws of shadow maps: for each view, the clusters of triangles that it may see."""
+"""Draws of shadow maps: for each view, the clusters that it sees and that may cast shadows into the picture.
+
+The maps stay while the camera moves, as long as they hold all casters. When the camera leaves them behind, all clusters
+in their views are drawn once, so that further moves cost nothing.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +15,18 @@ from numpy.typing import NDArray
 from ...errors import GiError
 from ...upload.draw_list import DrawList
 from ..shared.culling import ViewCulling
+from .shadow_casters import Receivers, casters, needed_texels
 
 Viewport = tuple[float, ...]  # x, y, width, height; least and greatest depth
+Rectangle = tuple[int, ...]  # x, y, width, height
 Call = tuple[int, ...]  # of draw_indexed
+
+
+class Parts(NamedTuple):
+    """What v views draw: clusters (v, c), and rectangles of the atlas (v, 4)."""
+
+    casters: NDArray[np.bool_]
+    texels: NDArray[np.int64]
 
 
 def slot_bits(draws: DrawList) -> int:
@@ -22,14 +35,21 @@ def slot_bits(draws: DrawList) -> int:
 
 
 class ShadowDraws:
-    """Draws into each view the clusters that it may see; `update` sets the views and the draw list."""
+    """Draws clusters into each view; `update` sets the views and the draw list.
+
+    `version` grows when the maps lack casters, so that they are drawn again.
+    """
 
     def __init__(self) -> None:
         self.culling = ViewCulling()
-        self._calls: dict[bool, list[tuple[Viewport, list[Call]]]] = {}
+        self.version = 0
+        self._calls: dict[bool, list[tuple[Viewport, Rectangle, list[Call]]]] = {}
+        self._receivers: Receivers | None = None  # that the maps are drawn for; None: for all points
+        self._drawn: Parts | None = None  # for `_receivers`; None: to be found
+        self._camera = b""
 
-    def update(self, views: NDArray[np.void], draws: DrawList) -> None:
-        """Set the views and the draw list; culling runs when a view is drawn.
+    def update(self, views: NDArray[np.void], draws: DrawList, receivers: Receivers | None = None) -> None:
+        """Set the views, the draw list and the points that need shadows (None: all); culling runs when needed.
 
         Raises GiError if instance numbers cannot hold that many views.
         """
@@ -38,27 +58,61 @@ class ShadowDraws:
                 f"{len(views)} shadow maps of a scene of {len(draws.slots) - 1} instances are more than can be"
                 " numbered; use fewer lights or samples of emitters"
             )
+        camera = b"" if receivers is None else receivers.camera.tobytes()
         if self.culling.update(views, draws):
-            self._calls = {}
+            self._calls, self._receivers, self._drawn = {}, receivers, None
+        elif camera != self._camera and self._lacks_casters(receivers):
+            self._calls, self._receivers = {}, None
+            self.version += 1
+        self._camera = camera
 
     def record(self, encoder: Any, masked: bool) -> None:
         """Record the draws of all views."""
         if masked not in self._calls:
             self._calls[masked] = self._find_calls(masked)
-        for viewport, calls in self._calls[masked]:
+        for viewport, needed, calls in self._calls[masked]:
             encoder.set_viewport(*viewport)
+            encoder.set_scissor_rect(*needed)
             for call in calls:
                 encoder.draw_indexed(*call)
 
-    def _find_calls(self, masked: bool) -> list[tuple[Viewport, list[Call]]]:
-        """Return viewport and draw calls of each view that sees any cluster."""
+    def _lacks_casters(self, receivers: Receivers | None) -> bool:
+        """Tell whether the maps lack clusters or texels that `receivers` need."""
+        if self._receivers is None:
+            return False
+        if receivers is None:
+            return True
+        drawn, needed = self._drawn_parts(), self._find_parts(receivers, False)
+        reached = [(p.texels[:, :2], p.texels[:, :2] + p.texels[:, 2:]) for p in (drawn, needed)]
+        outside = (reached[1][0] < reached[0][0]) | (reached[1][1] > reached[0][1])
+        return bool((needed.casters & ~drawn.casters).any() or (outside & (needed.texels[:, 2:] > 0)).any())
+
+    def _drawn_parts(self) -> Parts:
+        assert self._receivers is not None
+        if self._drawn is None:
+            self._drawn = self._find_parts(self._receivers, True)
+        return self._drawn
+
+    def _find_parts(self, receivers: Receivers, wide: bool) -> Parts:
+        views = self.culling.views
+        return Parts(casters(views, receivers, self.culling.boxes, wide), needed_texels(views, receivers, wide))
+
+    def _find_calls(self, masked: bool) -> list[tuple[Viewport, Rectangle, list[Call]]]:
+        """Return viewport, scissor rectangle and draw calls of each view that sees any cluster."""
         assert self.culling.draws is not None
         bits = slot_bits(self.culling.draws)
-        found: list[tuple[Viewport, list[Call]]] = []
-        for number, (view, runs) in enumerate(zip(self.culling.views, self.culling.runs(masked), strict=True)):
-            if runs:
+        views = self.culling.views
+        chosen, texels = None, np.concatenate([views["corner"], views["size"]], 1)
+        if self._receivers is not None:
+            drawn = self._drawn_parts()
+            chosen, texels = drawn.casters, drawn.texels
+        found: list[tuple[Viewport, Rectangle, list[Call]]] = []
+        for number, runs in enumerate(self.culling.runs(masked, chosen)):
+            if runs and texels[number, 2:].all():
+                view = views[number]
                 numbered = ((n, instances, first, 0, number << bits | slot) for first, n, slot, instances in runs)
-                found.append(((*view["corner"].tolist(), *view["size"].tolist(), 0.0, 1.0), list(numbered)))
+                viewport = (*view["corner"].tolist(), *view["size"].tolist(), 0.0, 1.0)
+                found.append((viewport, tuple(int(x) for x in texels[number]), list(numbered)))
         return found
 
 

@@ -20,6 +20,7 @@ from ..shared.technique import Shot
 from .direct import DirectSettings
 from .environment import EnvironmentSettings
 from .inputs import DeferredInputs, DirectInputs, EmitterInputs
+from .shadow_casters import Receivers
 from .shadow_draws import ShadowDraws
 from .shadow_views import ShadowSettings, build_shadow_views
 
@@ -58,6 +59,7 @@ class DeferredState:
         view: Callable[[], NDArray[np.void]],
         direct: DirectSettings,
         shadow: ShadowSettings,
+        beyond_picture: bool,
     ) -> None:
         """Upload the changes; `upload` is up to date with `scene`. `view` returns the camera's View uniform."""
         draws = upload.update_draws(scene)
@@ -88,7 +90,7 @@ class DeferredState:
             upload.resources.table("light_table", found.table())
             upload.resources.records("shadow_views", _at_least_one(found.records))
             self._records = found.records
-        self.shadows.update(self._records, draws)
+        self.shadows.update(self._records, draws, None if beyond_picture else Receivers(view(), upload.box))
 
     def note_motion(self, upload: SceneUpload, scene: Scene, graph: Graph, view: NDArray[np.void]) -> None:
         """Upload the motion of instances and the view of the previous call."""
@@ -103,15 +105,22 @@ class DeferredState:
         self._view_before, self._origin_before = view, upload.origin.copy()
 
 
-def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
+def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bool = False) -> DeferredInputs:
     """Update lights, shadow views, camera and motion for a frame; return the inputs of the passes.
+
+    `beyond_picture`: shadow maps are looked up for points out of view, too.
 
     Sets the uniforms `scene`, `view`, `view_before`, `sequence` and `still_sequence`.
     """
     graph, upload, state = shot.graph, shot.upload, shot.kept(DeferredState)
     # Shadow maps follow the camera, but not the jitter of a still picture's frames.
     state.update(
-        upload, shot.scene, lambda: upload.view(shot.camera, shot.size, False), settings.direct, settings.shadow
+        upload,
+        shot.scene,
+        lambda: upload.view(shot.camera, shot.size, False),
+        settings.direct,
+        settings.shadow,
+        beyond_picture,
     )
     jittered = shot.frames if settings.camera.jitter else 1
     offset = pixel_offset(max(shot.frame, 0), jittered)
@@ -122,8 +131,10 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions) -> DeferredInputs:
     graph.uniform("still_sequence", np.array((number, number, ahead), SEQUENCE))
     graph.uniform("view", view)
     # Share the resources that passes bind.
-    names = ("light_table", "shadow_views", "before_from_now", "emitters")
-    lights, views, motion, emitters = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
+    names = ("light_table", "before_from_now", "emitters")
+    lights, motion, emitters = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
+    records, version = upload.resources["shadow_views"]
+    views = graph.share("scene/shadow_views", records, (version, state.shadows.version))
     raster = share_raster(graph, upload)
     features = state.features | {"HAS_CUT_OUTS": raster.features["HAS_MASKS"]}
     raster.features |= features

@@ -40,7 +40,16 @@ def visible(records: NDArray[np.void], boxes: NDArray[np.float32]) -> NDArray[np
 
     Conservative: boxes just outside are kept, so rounding in the shaders loses none.
     """
-    planes, sizes = frustum_planes(records)
+    return reaches_inside(*frustum_planes(records), boxes)
+
+
+def reaches_inside(
+    planes: NDArray[np.float64], sizes: NDArray[np.float64], boxes: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Return whether each box (c, 2, 3) reaches to the inner side of all planes of each of v views: (v, c).
+
+    planes (v, p, 4) and sizes (v, p, 4) as from `frustum_planes`.
+    """
     low, high = boxes[:, 0].T, boxes[:, 1].T
     # Per box: twice the middle, the size, the largest absolute coordinates, and 2; in float32 for speed.
     corners = np.empty((10, len(boxes)), np.float32)
@@ -63,25 +72,27 @@ class ViewCulling:
     def __init__(self) -> None:
         self.views: NDArray = np.zeros(0)
         self.draws: DrawList | None = None
-        self._boxes: NDArray[np.float32] = np.zeros((0, 2, 3), np.float32)
+        self.boxes: NDArray[np.float32] = np.zeros((0, 2, 3), np.float32)
         self._shown: NDArray[np.bool_] | None = None
         self._runs: dict[bool, list[list[DrawCall]]] = {}
 
     def update(self, views: NDArray[np.void], draws: DrawList) -> bool:
         """Set the views and the draw list; return whether anything changed."""
         boxes = draws.clusters.boxes
-        same = draws is self.draws and (boxes is self._boxes or np.array_equal(boxes, self._boxes))
+        same = draws is self.draws and (boxes is self.boxes or np.array_equal(boxes, self.boxes))
         if same and views.tobytes() == self.views.tobytes():
             return False
-        self.views, self.draws, self._boxes, self._shown, self._runs = views, draws, boxes, None, {}
+        self.views, self.draws, self.boxes, self._shown, self._runs = views, draws, boxes, None, {}
         return True
 
-    def runs(self, masked: bool) -> list[list[DrawCall]]:
-        """Return the draw calls of each view, opaque or alpha-masked."""
+    def runs(self, masked: bool, chosen: NDArray[np.bool_] | None = None) -> list[list[DrawCall]]:
+        """Return the draw calls of each view, opaque or alpha-masked; `chosen` (v, c): the clusters to draw at most."""
         assert self.draws is not None
+        if self._shown is None:
+            self._shown = visible(self.views, self.boxes)
+        if chosen is not None:
+            return [self.draws.visible(shown, masked) for shown in self._shown & chosen]
         if masked not in self._runs:
-            if self._shown is None:
-                self._shown = visible(self.views, self._boxes)
             self._runs[masked] = [self.draws.visible(shown, masked) for shown in self._shown]
         return self._runs[masked]
 

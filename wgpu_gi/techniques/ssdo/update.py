@@ -39,7 +39,8 @@ def ssdo_inputs(shot: Shot, settings: SsdoOptions) -> SsdoInputs:
 
 def occlusion_inputs(shot: Shot, settings: OcclusionOptions) -> SsdoInputs:
     """Place the further cameras and set their uniforms, `view_1` ...; return the inputs of the passes."""
-    deferred = deferred_inputs(shot, settings)
+    # Further cameras light their surfaces with the shadow maps.
+    deferred = deferred_inputs(shot, settings, beyond_picture=True)
     upload = shot.upload
     sky = settings.environment.ambient and upload.features["HAS_ENVIRONMENT"]
     box, triangles = upload.box + upload.origin, shot.scene.triangle_count
