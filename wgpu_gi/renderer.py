@@ -55,6 +55,7 @@ class Renderer(KnownAttributes):
         "_shaders",
         "automatic_exposure",
         "camera",
+        "on_compile",
         "scene",
         "settings",
         "size",
@@ -96,6 +97,8 @@ class Renderer(KnownAttributes):
             self._gpu = GpuFrame(self._device)
             self._shaders = refresh()  # which version of the shader files is in use
         self.automatic_exposure = 0.0  # EV of `display` while `settings.exposure` is None; a viewer sets it
+        # Receives how many pipelines of a new frame are compiled, and how many there are, as long as that takes.
+        self.on_compile: Callable[[int, int], None] | None = None
         self._ran: dict[str, Stale] = {}  # why each pass ran, in the last step that ran any
         self._complete = False  # every pixel is known to have all its samples
 
@@ -244,6 +247,7 @@ class Renderer(KnownAttributes):
         force: bool,
     ) -> bool:
         gpu, view, technique = self._gpu, self._view(), technique_of(self.settings.gi)
+        gpu.graph.on_compile = self.on_compile
         gpu.prepare(view, shown, force)
         graph, frames = gpu.graph, view.frames
         before = graph.settle_progress()

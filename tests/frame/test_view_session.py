@@ -12,6 +12,7 @@ import pytest
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.camera import Camera
+from wgpu_gi.gpu.pipelines import Pipelines
 from wgpu_gi.gpu.wgsl import load as wgsl
 from wgpu_gi.options import TECHNIQUES, CameraSettings, Settings
 from wgpu_gi.pictures.exposure import automatic_exposure
@@ -311,6 +312,28 @@ def test_point_under_the_mouse_lies_on_its_ray():
     session.camera = navigation.look(session.camera, math.pi, 0.0)
     settle(session)
     assert session.point_at(0.5, 0.5) is None
+
+
+def test_a_compiling_frame_is_abandoned_on_a_change_and_goes_on(monkeypatch):
+    session = make_session()
+    monkeypatch.setattr(session.renderer._device, "pipelines", Pipelines(session.renderer._device.gpu))
+    heard = []
+
+    def compiled(done, count):
+        heard.append((done, count))
+        if done == 2:
+            session.changed()
+
+    session.on_compile = compiled
+    assert not session.step()
+    done, count = heard[-1]
+    assert done == 2 < count and session.interrupted
+    heard.clear()
+    session.on_compile = lambda *counts: heard.append(counts)
+    settle(session)
+    # What was compiled stays so.
+    assert heard[-1][1] == count - 2 and not session.error
+    assert np.isfinite(session.renderer.read_back()).all()
 
 
 def test_long_frame_of_a_still_view_is_abandoned_on_a_change():

@@ -9,6 +9,7 @@ import pytest
 import wgpu
 
 from wgpu_gi.errors import GiError
+from wgpu_gi.gpu.capabilities import CPU, GPU
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.formats import FORMATS
 from wgpu_gi.gpu.graph import Graph
@@ -296,7 +297,12 @@ struct Params { value: f32 }
         graph.run(force=True, check=True)
 
 
-def test_compiler_errors_name_pass_file_and_line(graph):
+@pytest.mark.parametrize("capabilities", [CPU, GPU])
+def test_compiler_errors_name_pass_file_and_line(graph, capabilities, monkeypatch):
+    monkeypatch.setattr(graph.device, "capabilities", capabilities)  # one thread, or several
+    good = "@group(1) @binding(0) var<storage, read_write> out: array<f32>;\n@compute @workgroup_size(8) fn main() {"
+    for number in range(3):
+        graph.write(f"good_{number}.wgsl", f"{good} out[0] = {number}.0; }}\n")
     graph.write("library.wgsl", "fn twice(x: f32) -> f32 {\n  return 2u * x;\n}\n")
     graph.write(
         "user.wgsl",
@@ -305,6 +311,8 @@ def test_compiler_errors_name_pass_file_and_line(graph):
     )
     graph.begin()
     out = graph.buffer("out", count=8)
+    for number in range(3):
+        graph.compute(f"good {number}", f"good_{number}.wgsl", over=out, writes={"out": out})
     graph.compute("user", "user.wgsl", over=out, writes={"out": out})
     with pytest.raises(GiError, match=r"^pass 'user' \(user\.wgsl\): library\.wgsl:2: ") as caught:
         graph.compile([out])

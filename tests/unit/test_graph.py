@@ -614,6 +614,52 @@ def test_release_destroys_what_is_ours(graph):
     assert graph.at_rest and not graph.run()
 
 
+# Compilation.
+
+
+def two_pipelines(g):
+    g.begin((8, 8))
+    read(g, fill(g), "b", "copy")
+    g.compile(["b"])
+
+
+def test_a_driver_that_compiles_at_dispatch_reports_before_each_first_use(graph):
+    heard = []
+    graph.on_compile = lambda *counts: heard.append(counts)
+    two_pipelines(graph)
+    assert heard == [(0, 2), (0, 2)]
+    heard.clear()
+    graph.run()
+    assert heard == [(0, 2), (1, 2)]
+    graph.run(force=True)
+    assert len(heard) == 2
+
+
+def test_a_driver_that_compiles_at_creation_reports_each_pipeline(graph):
+    heard = []
+    graph.device.capabilities = GPU
+    graph.on_compile = lambda *counts: heard.append(counts)
+    two_pipelines(graph)
+    assert heard == [(1, 2), (2, 2)]
+    graph.run()
+    assert len(heard) == 2 and sorted(made(graph, "create_compute_pipeline")) == ["b", "fill a"]
+
+
+@pytest.mark.parametrize("capabilities", [CPU, GPU])
+def test_interrupted_compilation_keeps_what_is_compiled(graph, capabilities):
+    def stop(done, of):
+        raise KeyboardInterrupt
+
+    graph.device.capabilities = capabilities
+    graph.on_compile = stop
+    with pytest.raises(KeyboardInterrupt):
+        two_pipelines(graph)
+    graph.on_compile = None
+    two_pipelines(graph)
+    assert graph.run() and graph.at_rest
+    assert made(graph, "create_compute_pipeline").count("fill a") == 1
+
+
 # History, settle, split.
 
 

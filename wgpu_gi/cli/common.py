@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from numpy.typing import ArrayLike
@@ -25,7 +26,7 @@ from ..scene.load import GLOW_NOTE, NO_CAMERA_NOTE, NO_LIGHT_NOTE, read_scene
 from ..scene.scene import Scene
 from ..settings import apply_quality, assign, cells_of, describe, format_rows, validate
 from ..version import __version__
-from .messages import Messages
+from .messages import Messages, Report
 
 FLAGS = {"spp": "--spp", "seed": "--seed", "path.visible_only": "--visible-only"}  # settings with a flag of their own
 REASONS = {
@@ -164,6 +165,17 @@ def renderer_from(arguments: Namespace, settings: Settings, say: Messages) -> Re
     renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
     warn_of_cpu(renderer.adapter_name, renderer.is_cpu, say)
     return renderer
+
+
+@contextmanager
+def rendering(renderer: Renderer, say: Messages, what: str = "rendering") -> Iterator[Report]:
+    """Yield a function that shows the progress of `renderer`; show which pipeline it compiles, too."""
+    with say.progress(what) as report:
+        renderer.on_compile = lambda done, count: report(0.0, f"compiling {done} of {count}")
+        try:
+            yield report
+        finally:
+            renderer.on_compile = None
 
 
 def warn_of_cpu(adapter: str, is_cpu: bool, say: Messages) -> None:

@@ -19,7 +19,7 @@ from ..pictures.video import check_video, is_video, video_file
 from ..renderer import Renderer
 from ..rendering import read_pictures, with_alpha
 from ..scene.files.camera_paths import CameraAt, load_camera_path, turntable
-from .common import checked_buffers, exposure_for, metadata_of, renderer_from
+from .common import checked_buffers, exposure_for, metadata_of, renderer_from, rendering
 from .frame_files import FrameFiles, Pictures
 from .messages import Messages, Report
 
@@ -158,7 +158,7 @@ def _exposure(
     if given is None or settings.exposure is not None:
         return given
     renderer.camera = sequence.camera_at(sequence.frames[0])
-    with say.progress("exposure of the first frame") as report:
+    with rendering(renderer, say, "exposure of the first frame") as report:
         renderer.run(report, show=sequence.show)
     return exposure_for(output, settings, name, renderer.read_back(name))
 
@@ -168,15 +168,15 @@ def _render(renderer: Renderer, sequence: Job, say: Messages) -> Iterator[tuple[
     frames, exists = sequence.frames, sequence.exists
     if all(map(exists, frames)):
         return
-    # `has_history` is known once a frame is declared. `motion` also depends on the previous frame.
-    renderer.camera = sequence.camera_at(frames[0])
-    renderer.step(show=sequence.show)
-    has_history = renderer.has_history or "motion" in sequence.show
-    blocks = list(_blocks(frames, sequence.shard, BLOCK if has_history else 1))
-    needed = [block for block in blocks if not all(map(exists, block))]
-    runs = [_with_warm_up(frames, block, exists) if has_history else (block[0],) for block in needed]
-    total, done = sum(map(len, runs)), 0
-    with say.progress("rendering") as report:
+    with rendering(renderer, say) as report:
+        # `has_history` is known once a frame is declared. `motion` also depends on the previous frame.
+        renderer.camera = sequence.camera_at(frames[0])
+        renderer.step(show=sequence.show)
+        has_history = renderer.has_history or "motion" in sequence.show
+        blocks = list(_blocks(frames, sequence.shard, BLOCK if has_history else 1))
+        needed = [block for block in blocks if not all(map(exists, block))]
+        runs = [_with_warm_up(frames, block, exists) if has_history else (block[0],) for block in needed]
+        total, done = sum(map(len, runs)), 0
         for block, run in zip(needed, runs, strict=True):
             if has_history:
                 renderer.forget()

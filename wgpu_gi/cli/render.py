@@ -11,7 +11,7 @@ from ..options import check_size, picture_count
 from ..pictures.exposure import exposure_text
 from ..pictures.image import check_output, save_image
 from ..rendering import read_pictures, with_alpha
-from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, settings_from
+from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, rendering, settings_from
 from .messages import Messages
 
 
@@ -37,7 +37,7 @@ def render(arguments: Namespace) -> int:
     # Render.
     renderer = renderer_from(arguments, settings, say)
     start = time.perf_counter()
-    with say.progress("rendering") as report:
+    with rendering(renderer, say) as report:
         show = with_alpha(shown, settings)
         renderer.run(progress=report, show=show, check=arguments.check, timings=arguments.timings)
     layers = read_pictures(renderer, shown, settings)

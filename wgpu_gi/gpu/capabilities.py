@@ -22,6 +22,7 @@ class Capabilities:
     chunks_in_flight: int
     chunk_seconds: tuple[float, float, float]
     least_walks: int  # walks of light that occupy all threads
+    compiles_at_dispatch: bool  # a pipeline is compiled when it is first used, on one thread; else when it is made
     serial_cells: int  # voxels that one invocation sets for a triangle, while its neighbours may have few
 
 
@@ -34,6 +35,7 @@ CPU = Capabilities(
     chunks_in_flight=1,
     chunk_seconds=(0.1, 0.2, 0.3),
     least_walks=1,
+    compiles_at_dispatch=True,
     serial_cells=200,  # Sponza, 640x360: 24 ms; with 64 or 32 voxels, 30 and 35 ms
 )
 # A step waits for memory, about 1 us in a divergent group of threads, so one invocation takes up to 0.2 s. Two chunks
@@ -44,6 +46,7 @@ GPU = Capabilities(
     chunks_in_flight=2,
     chunk_seconds=(0.04, 0.08, 0.12),
     least_walks=32_768,
+    compiles_at_dispatch=False,
     serial_cells=32,
 )
 

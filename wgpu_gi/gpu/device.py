@@ -6,6 +6,7 @@ wrong data without an error. Once a device exists, spawn new processes: a forked
 
 from __future__ import annotations
 
+import atexit
 import logging
 import os
 import re
@@ -13,7 +14,7 @@ import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -130,6 +131,13 @@ class Device:
         self._lock = threading.RLock()
         self._uses = 0  # nested `use` blocks of the thread that holds the lock
         self._discarded: deque[Callable[[], None]] = deque()
+        atexit.register(self._finish)
+
+    def _finish(self) -> None:
+        """Let the driver finish at the end of the process: lavapipe crashes if it ends while a shader compiles."""
+        if os.getpid() == self._process and not self._lost:
+            with suppress(wgpu.GPUError):
+                self.wait()
 
     def check(self) -> None:
         """Raise GiError in a fork of the process that opened the device."""

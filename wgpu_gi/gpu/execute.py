@@ -32,13 +32,19 @@ def run(
     timing: Timing | None,
     check: bool,
     on_chunk: Callable[[float], None] | None,
+    on_compile: Callable[[int, int], None] | None,
 ) -> None:
     """Run the stale passes of `order`; `timing` measures each of them.
 
     `check` reads back what each pass writes and raises GiError at the first bad value. `on_chunk` receives the
-    finished fraction of a split pass. After any exception, all stale passes start over.
+    finished fraction of a split pass. If the adapter compiles pipelines at their first use, `on_compile` receives how
+    many of the new ones are compiled before each of them, and how many there are. After any exception, all stale passes
+    start over.
     """
     frame = _Frame(device, timing, check, on_chunk)
+    unused = device.pipelines.unused
+    new = {p.pipeline for p in stale if p.pipeline in unused} if unused else set()
+    count = len(new)
     if timing is not None:
         timing.begin()
     try:
@@ -50,6 +56,10 @@ def run(
         for p in order:
             if p in stale:
                 _prepare(device, p, stale[p])
+                if p.pipeline in new:
+                    frame.report_compiled(count - len(new), count, on_compile)
+                    new.remove(p.pipeline)
+                    unused.discard(p.pipeline)
                 frame.run(p)
         frame.submit()
     except BaseException:
@@ -109,6 +119,13 @@ class _Frame:
         if self.check:
             self.submit()
             check_written(self.gpu, p)
+
+    def report_compiled(self, done: int, count: int, on_compile: Callable[[int, int], None] | None) -> None:
+        """Report pipelines that have been compiled because they were used."""
+        if on_compile is not None and self.device.capabilities.compiles_at_dispatch:
+            self.submit()
+            self.device.wait()
+            on_compile(done, count)
 
     def begin(self) -> Any:
         """Return the command encoder, with no pass open."""

@@ -38,6 +38,8 @@ class Graph(PassDeclarations):
         refresh()  # a new graph reads the current shader files; later changes need another `refresh`
         self.order: list[Pass] = []  # the active passes
         self.last_run: dict[str, schedule.Stale] = {}  # why each pass of the last run ran
+        # Receives the number of pipelines compiled so far, and of all that must be, in `compile` or `run`.
+        self.on_compile: Callable[[int, int], None] | None = None
         self._linked: tuple | None = None  # the passes and outputs of the last `compile`
 
     def begin(self, size: tuple[int, int] = (1, 1)) -> None:
@@ -84,9 +86,12 @@ class Graph(PassDeclarations):
                 usage[use.view.resource] = usage.get(use.view.resource, ALWAYS[type(use.view.resource)]) | use.usage
         for resource, flags in usage.items():
             resource.allocate(self.device.gpu, flags)
-        for p in active:
-            if p.pipeline is None:
-                p.pipeline, p.layouts = self.device.pipelines.of(p)
+        on_compile, at_dispatch = self.on_compile, self.device.capabilities.compiles_at_dispatch
+        self.device.pipelines.make(
+            [p for p in active if p.pipeline is None],
+            threaded=not at_dispatch,
+            made=None if on_compile is None else lambda made, of: on_compile(0 if at_dispatch else made, of),
+        )
         self._linked = (passes, wanted)
 
     def _free_resources(self) -> None:
@@ -128,7 +133,8 @@ class Graph(PassDeclarations):
         stale = schedule.stale_passes(self.order, force)
         self.last_run = {p.name: why for p, why in stale.items()}
         if stale:
-            execute.run(self.device, self.order, stale, self.timing if timings else None, check, on_chunk)
+            timing = self.timing if timings else None
+            execute.run(self.device, self.order, stale, timing, check, on_chunk, self.on_compile)
         return bool(stale)
 
     @property

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any
-from weakref import WeakKeyDictionary, WeakValueDictionary
+from weakref import WeakKeyDictionary, WeakSet, WeakValueDictionary
 
 import wgpu
 
@@ -21,6 +24,7 @@ STAGES = {
 }
 
 
+MOST_THREADS = 8  # that compile; the largest technique has 65 pipelines
 KEPT = 64  # unused pipelines: as many as the largest technique has, so that switching back to it compiles none
 
 
@@ -37,27 +41,41 @@ class Pipelines:
         self._layouts: dict[tuple, Any] = {}
         self._pipelines: WeakValueDictionary[tuple, Any] = WeakValueDictionary()
         self._retired: dict[Any, None] = {}  # longest unused first
+        self.unused: WeakSet[Any] = WeakSet()  # pipelines that no pass has run with
 
-    def of(self, p: Pass) -> tuple[Any, tuple[Any, Any]]:
-        """Return the pipeline of a pass, and the layouts of its bind groups 0 (shared uniforms) and 1.
+    def make(self, passes: Sequence[Pass], threaded: bool, made: Callable[[int, int], None] | None = None) -> None:
+        """Give each pass its pipeline, and the layouts of its bind groups 0 (shared uniforms) and 1.
 
-        Raises GiError with file and line if the shader does not compile.
+        `made` receives how many pipelines have been created, and how many must be. Raises GiError with file and line
+        if a shader does not compile.
         """
-        groups = (self._entries(p, 0), self._entries(p, 1))
-        key = (p.source.text, tuple(e.name for e in p.entries), tuple(sorted(p.constants.items())), groups)
-        key += (_target_key(p.raster),) if p.raster else ()
-        layouts = (self._layout(p.name, groups[0]), self._layout(p.name, groups[1]))
-        found = self._pipelines.get(key)
-        if found is None:
-            module = self._module(p)
-            try:
-                layout = self.gpu.create_pipeline_layout(label=p.name, bind_group_layouts=list(layouts))
-                found = self._raster(p, module, layout) if p.raster else self._compute(p, module, layout)
-            except (wgpu.GPUError, RuntimeError) as error:
-                raise GiError(f"{p.where}: {compiler_message(error, p.source)}") from error
-            self._pipelines[key] = found
-        self._retired.pop(found, None)
-        return found, layouts
+        # Find the pipelines that exist.
+        keys: dict[Pass, tuple] = {}
+        missing: dict[tuple, Pass] = {}
+        found: dict[tuple, Any] = {}
+        for p in passes:
+            groups = (self._entries(p, 0), self._entries(p, 1))
+            p.layouts = (self._layout(p.name, groups[0]), self._layout(p.name, groups[1]))
+            keys[p] = key = _key(p, groups)
+            existing = self._pipelines.get(key)
+            if existing is None:
+                missing.setdefault(key, p)
+            else:
+                found[key] = existing
+        # Create the others.
+        sources = {p.source: p for p in missing.values() if p.source not in self._modules}
+        with _mapping(threaded and len(missing) > 1) as mapped:
+            for source, module in zip(sources, mapped(self._module, sources.values()), strict=True):
+                self._modules[source] = module
+            for number, (key, pipeline) in enumerate(zip(missing, mapped(self._new, missing.values()), strict=True), 1):
+                found[key] = self._pipelines[key] = pipeline
+                self.unused.add(pipeline)
+                self._retired[pipeline] = None  # kept if `made` interrupts
+                if made is not None:
+                    made(number, len(missing))
+        for p, key in keys.items():
+            p.pipeline = found[key]
+            self._retired.pop(p.pipeline, None)
 
     def retire(self, gone: Iterable[Pass], staying: Iterable[Pass] = ()) -> None:
         """Retire the pipelines of the passes `gone`, except those that passes in `staying` use."""
@@ -71,14 +89,19 @@ class Pipelines:
             del self._retired[next(iter(self._retired))]
 
     def _module(self, p: Pass) -> Any:
-        found = self._modules.get(p.source)
-        if found is None:
-            try:
-                found = self.gpu.create_shader_module(label=p.source.path, code=p.source.text)
-            except (wgpu.GPUError, RuntimeError) as error:
-                raise GiError(f"{p.where}: {compiler_message(error, p.source)}") from error
-            self._modules[p.source] = found
-        return found
+        try:
+            return self.gpu.create_shader_module(label=p.source.path, code=p.source.text)
+        except (wgpu.GPUError, RuntimeError) as error:
+            raise GiError(f"{p.where}: {compiler_message(error, p.source)}") from error
+
+    def _new(self, p: Pass) -> Any:
+        assert p.layouts is not None
+        module = self._modules[p.source]
+        try:
+            layout = self.gpu.create_pipeline_layout(label=p.name, bind_group_layouts=list(p.layouts))
+            return self._raster(p, module, layout) if p.raster else self._compute(p, module, layout)
+        except (wgpu.GPUError, RuntimeError) as error:
+            raise GiError(f"{p.where}: {compiler_message(error, p.source)}") from error
 
     def _compute(self, p: Pass, module: Any, layout: Any) -> Any:
         stage = {"module": module, "entry_point": p.entries[0].name, "constants": p.constants}
@@ -131,6 +154,22 @@ class Pipelines:
                 b = p.params_binding
                 entries.append((b.number, _stages(p, b), "buffer", (("type", "uniform"),)))
         return tuple(sorted(entries))
+
+
+@contextmanager
+def _mapping(threaded: bool) -> Iterator[Callable[..., Iterable[Any]]]:
+    """Yield `map`, or its like that calls the function in several threads."""
+    if not threaded:
+        yield map
+        return
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, MOST_THREADS)) as pool:
+        yield pool.map
+
+
+def _key(p: Pass, groups: tuple[tuple, tuple]) -> tuple:
+    """Return what determines the pipeline of a pass; `groups`: the entries of its bind group layouts."""
+    key = (p.source.text, tuple(e.name for e in p.entries), tuple(sorted(p.constants.items())), groups)
+    return (*key, _target_key(p.raster)) if p.raster else key
 
 
 def _entry(p: Pass, use: Use, binding: Binding) -> tuple:

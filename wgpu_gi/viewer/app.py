@@ -44,6 +44,7 @@ class App:
     def __init__(self, session: Session, title: str) -> None:
         """Open the window. Raises GiError if there is no display."""
         self.session = session
+        session.on_compile = self._compiled
         self.controller = CameraController(session)
         self.comparison = Comparison(session)
         actions = {
@@ -175,14 +176,22 @@ class App:
         self.window.draw(picture, self.panel.draw)
         self._drawn = time.monotonic()
 
+    def _compiled(self, done: int, count: int) -> None:
+        """Keep the last picture and say what is being compiled."""
+        self._wait_on(f"compiling {done} of {count}")
+
     def _tick(self, fraction: float) -> None:
+        """Say how much of a long frame is done."""
+        self._wait_on(f"{fraction:.0%}")
+
+    def _wait_on(self, progress: str) -> None:
         """Handle events during a long frame, and redraw the last picture with the progress of this one."""
         self.window.events(0.0)
         self._follow_size()
         if self._flying:
             self._fly()
         if time.monotonic() - self._drawn > TICK_SECONDS or self.window.wanted:
-            self.panel.status = f"{self.session.status()} ... {fraction:.0%}"
+            self.panel.status = f"{self.session.status()} ... {progress}"
             self._draw()
 
     # ------------------------------------------------------------------------------------------------ Actions

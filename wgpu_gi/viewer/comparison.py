@@ -59,7 +59,7 @@ class Comparison:
             self._renderer = Renderer(session.renderer.scene, size=session.size, settings=settings, adapter=adapter)
         truth = self._renderer
         truth.settings, truth.camera, truth.size = settings, session.camera, session.size
-        truth.automatic_exposure = session.exposure
+        truth.automatic_exposure, truth.on_compile = session.exposure, session.on_compile
 
         def progress(fraction: float) -> None:
             tick(fraction)

@@ -55,6 +55,9 @@ class Session:
         self.shown = DISPLAY
         self.also: tuple[str, ...] = ()  # further buffers that steps at rest compute
         self.made_also = False  # the last step computed them
+        # Receives how many pipelines of a frame are compiled, and how many there are; if it changes anything at rest,
+        # the frame is abandoned.
+        self.on_compile: Callable[[int, int], None] | None = None
         self._measure = self._force = False
         self.error = ""
         self.resolution = DynamicResolution()
@@ -256,9 +259,20 @@ class Session:
         return position[row, column].astype(np.float64)
 
     def _render(self, progress: Callable[[float], None], moving: bool) -> bool:
+        def compiled(done: int, count: int) -> None:
+            if self.on_compile is not None:
+                self.on_compile(done, count)
+                if self.interrupted and not moving:
+                    raise Interrupted
+
         force, self._force = self._force, False
-        ran = self.renderer.step(progress, show=self._show(moving), timings=self._measures(moving), force=force)
-        self.renderer.graph.device.wait()
+        renderer = self.renderer
+        renderer.on_compile = compiled
+        try:
+            ran = renderer.step(progress, show=self._show(moving), timings=self._measures(moving), force=force)
+        finally:
+            renderer.on_compile = None
+        renderer.graph.device.wait()
         return ran
 
     @contextmanager
