@@ -6,52 +6,9 @@ import time
 
 import numpy as np
 import pytest
+from helpers.soups import SIZES, SOUPS, boxes, soup
 
-from wgpu_gi.upload.bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, MAX_DEPTH, build_bvh, build_forest, refit
-
-SIZES = [1, 2, 5, 33, 400]
-
-
-def soup(count, seed=0, size=0.1):
-    """Random triangles in the unit cube, (n, 3, 3) float32."""
-    rng = np.random.default_rng(seed)
-    return (rng.random((count, 1, 3)) + rng.normal(scale=size, size=(count, 3, 3))).astype(np.float32)
-
-
-def thin(count):
-    """Long overlapping needles, which no plane separates well."""
-    corners = soup(count, 1, 1e-3)
-    corners[:, 1, 0] += 30
-    return corners
-
-
-def flat(count):
-    corners = soup(count, 2)
-    corners[..., 1] = 0.25
-    return corners
-
-
-def exponential(count):
-    """Triangles that shrink exponentially towards zero: each split by area cuts off only a few."""
-    corners = soup(count, 3)
-    return (corners * 2.0 ** -np.linspace(0, 100, count)[:, None, None]).astype(np.float32)
-
-
-SOUPS = {
-    "soup": soup,
-    "thin": thin,
-    "flat": flat,
-    "exponential": exponential,
-    "coincident": lambda count: np.repeat(soup(1), count, 0),
-    "points": lambda count: np.zeros((count, 3, 3), np.float32),
-    "huge": lambda count: soup(count) * np.float32(1e15),
-    "tiny": lambda count: soup(count) * np.float32(1e-20),
-    "far": lambda count: soup(count) + np.float32(1e6),
-}
-
-
-def boxes(corners):
-    return corners.min(1), corners.max(1)
+from wgpu_gi.upload.bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, MAX_DEPTH, build_bvh, build_forest
 
 
 def leaf_slots(reference):
@@ -205,19 +162,6 @@ def test_rays_test_few_triangles():
     assert np.mean(tested) < 100
 
 
-@pytest.mark.parametrize("count", SIZES)
-def test_refitted_boxes_contain_moved_items(count):
-    low, high = boxes(soup(count))
-    bvh = build_bvh(low, high)
-    assert refit(bvh, low[bvh.order], high[bvh.order]).tobytes() == bvh.nodes.tobytes()
-    low, high = boxes(soup(count, seed=9) * np.float32(3))
-    nodes = refit(bvh, low[bvh.order], high[bvh.order])
-    leaves, _ = walk(bvh, nodes, low[bvh.order], high[bvh.order])
-    assert len(leaves) == len(nodes) + 1
-    if count > 8:
-        assert nodes.tobytes() != bvh.nodes.tobytes()
-
-
 def test_building_is_deterministic():
     low, high = boxes(soup(500))
     first, second = build_bvh(low, high), build_bvh(low.astype(np.float64), high)
@@ -233,7 +177,6 @@ def test_a_forest_equals_trees_built_one_by_one():
         leaves, depth = walk(bvh, bvh.nodes, low[bvh.order], high[bvh.order])
         assert sorted(bvh.order) == list(range(len(each))) and bvh.depth == depth
         assert sorted(slot for leaf in leaves for slot in leaf) == list(range(len(each)))
-        assert np.array_equal(refit(bvh, low[bvh.order], high[bvh.order]), bvh.nodes)
     same = [build_bvh(*boxes(c)) for c in (corners[0], corners[0])]
     twice = build_forest(*boxes(np.concatenate([corners[0], corners[0]])), [5, 5])
     for one, other in zip(same, twice, strict=True):

@@ -15,9 +15,10 @@ from wgpu_gi.upload.anchors import corners_of
 from wgpu_gi.upload.mesh_data import COLORED, HAS_TANGENTS, MASKED, NONE, SMOOTH, octahedral_encode, prepare_meshes
 from wgpu_gi.upload.node_quantization import QuantizationGrid
 from wgpu_gi.upload.two_level_bvh import INSTANCE_FLAG, TwoLevelBvh
+from wgpu_gi.upload.wide_bvh import EMPTY
 
 LEAF = 1 << 31
-STACK_SIZE = 64  # of wgsl/scene/geometry.wgsl
+STACK_SIZE = 24  # of wgsl/scene/trace.wgsl, whose last entry is never read
 ALL = {"nodes", "triangles", "vertices", "instances"}
 
 
@@ -70,7 +71,7 @@ def check(hierarchy, instances):
         nonlocal deepest
         deepest = max(deepest, above)
         if reference & LEAF:
-            slots = (reference & 0x0FFFFFFF) + np.arange((reference >> 28 & 7) + 1)
+            slots = (reference & 0x0FFFFFFF) + np.arange(reference >> 28 & 7)
             number = int(hierarchy.triangles[slots[0]]["instance"]) if entered is None else entered
             return leaf(slots, number, entered is not None)
         if reference & INSTANCE_FLAG:
@@ -80,11 +81,13 @@ def check(hierarchy, instances):
             grid = record["frame_low"].astype(np.float64), record["frame_scale"].astype(np.float64)
             return walk(int(record["root"]), *grid, number, above) @ matrix[:3, :3].T + matrix[:3, 3]
         node, below = hierarchy.nodes[reference], []
-        for k in (0, 1):
-            points = walk(int(node[f"child{k}"]), low, scale, entered, above + 1)
-            box_low, box_high = (
-                low + (node[side].astype(np.int64) >> 16 * k & 0xFFFF) / scale for side in ("low", "high")
-            )
+        x_y, z_shift = (int(word) for word in node["frame"])
+        origin = np.array([x_y & 0xFFFF, x_y >> 16, z_shift & 0xFFFF])
+        shift = np.array([z_shift >> 16 & 15, z_shift >> 20 & 15, z_shift >> 24 & 15])
+        for k in np.flatnonzero(node["children"] != EMPTY):
+            points = walk(int(node["children"][k]), low, scale, entered, above + 1)
+            codes = np.array([node[axis] for axis in "xyz"]).astype(np.int64).T >> 8 * k & 255
+            box_low, box_high = low + (origin + (codes << shift)) / scale
             assert (points >= box_low).all() and (points <= box_high).all()
             below.append(points)
         return np.concatenate(below)
@@ -94,13 +97,13 @@ def check(hierarchy, instances):
         assert np.allclose(record["world_from_local"][:, :3].T, matrix[:3], rtol=1e-6)
         assert np.allclose(record["local_from_world"][:, :3].T, np.linalg.inv(matrix)[:3], rtol=1e-6)
     if not instances:
-        assert hierarchy.root == NONE
+        assert hierarchy.root == EMPTY
         return
     # The world's grid in float32, as in the SceneInfo uniform.
     low, scale = (v.astype(np.float32).astype(np.float64) for v in (hierarchy.world.low, hierarchy.world.scale))
     points = walk(hierarchy.root, low, scale, None, 0)
     assert found == Counter((number, *ids) for number, i in enumerate(instances) for ids in i.mesh.triangles.tolist())
-    assert deepest <= STACK_SIZE
+    assert deepest < STACK_SIZE
     assert np.isclose(hierarchy.radius, np.linalg.norm(np.ptp(points, 0)) / 2, rtol=0.3)
 
 
@@ -260,7 +263,7 @@ def test_more_meshes_than_the_top_level_opens(dtypes, monkeypatch):
         instances = [Instance(sphere((3 * k, 0, 0), 1 + k % 3, 1)) for k in range(count)]
         hierarchy = TwoLevelBvh(dtypes)
         update(hierarchy, instances)
-        assert hierarchy._subtrees is not None and len(hierarchy._subtrees[2]) == max(8, count)
+        assert hierarchy._subtrees is not None and max(6, count) <= len(hierarchy._subtrees[2]) <= max(8, count)
 
 
 def test_a_large_mesh_is_opened_where_others_overlap_it(dtypes):

@@ -16,7 +16,7 @@ MAX_BINS = 16  # Wald 2007, section 3
 MIN_BINS = 4  # near the leaves, where nodes hold few items; with 16 everywhere 1 M boxes take 11.7 s instead of 7.4
 MAX_LEAF = 4  # triangles in a leaf; 8 took longer to trace in Sponza on llvmpipe
 NODE_COST = 1.5  # cost of visiting a node, in triangle tests; values from 0.5 to 1.5 made no difference in time
-MAX_DEPTH = 40  # inner nodes on the longest path, for the traversal stack; scenes of a million triangles need 23
+MAX_DEPTH = 26  # inner nodes on the longest path (`wide_bvh.MAX_LEVELS`); scenes of a million triangles need 23
 
 LEAF_FLAG = np.uint32(1 << 31)  # child reference: LEAF_FLAG | (count - 1) << 28 | first item
 LEAF_COUNT_SHIFT = 28
@@ -99,27 +99,6 @@ def build_forest(
         count = np.stack([left, count[inner] - left], 1).ravel()
         tree = np.repeat(tree[inner], 2)
     return _pack(levels, order)
-
-
-def refit(bvh: Bvh, low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.void]:
-    """Return the nodes of `bvh` refitted to moved items, given by the corners of their boxes, (n, 3) in leaf order."""
-    nodes = bvh.nodes.copy()
-    # Go up from the last level, so that children are refitted before their parents.
-    for first, last in reversed(list(zip(bvh.levels[:-1], bvh.levels[1:], strict=True))):
-        rows = np.arange(first, last)
-        for k in ("0", "1"):
-            child = nodes["child" + k][rows].astype(np.int64)
-            leaf = child >= int(LEAF_FLAG)
-            inner, below = rows[~leaf], child[~leaf]
-            nodes["low" + k][inner] = np.minimum(nodes["low0"][below], nodes["low1"][below])
-            nodes["high" + k][inner] = np.maximum(nodes["high0"][below], nodes["high1"][below])
-            start = child[leaf] & ((1 << LEAF_COUNT_SHIFT) - 1)
-            extra = (child[leaf] >> LEAF_COUNT_SHIFT) & 7
-            # Read 8 slots of every leaf; those past its end repeat its last item.
-            slots = start[:, None] + np.minimum(np.arange(8), extra[:, None])
-            nodes["low" + k][rows[leaf]] = low[slots].min(1)
-            nodes["high" + k][rows[leaf]] = high[slots].max(1)
-    return nodes
 
 
 @dataclass

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from ..float_limits import LARGEST_FACTOR
 from ..scene.scene import Mesh
-from .bvh import LEAF_FLAG, Bvh, build_forest
+from .bvh import LEAF_FLAG, build_forest
 from .node_quantization import QuantizationGrid
+from .wide_bvh import WideBvh, collapse
 
 BATCH = 1 << 17  # triangles whose BVHs are built together; more is not faster and takes more memory
 NONE = 0xFFFFFFFF  # no instance, or a scene without root
@@ -28,7 +29,7 @@ class MeshData:
     """A mesh's arrays in leaf order: `corners` (m, 3, 3) float32, local; `indices` (m, 3) uint32 into `vertices`."""
 
     mesh: Mesh
-    bvh: Bvh
+    bvh: WideBvh
     corners: NDArray[np.float32]
     indices: NDArray[np.uint32]
     material: NDArray[np.uint32]  # (m,) into mesh.materials
@@ -41,8 +42,8 @@ class MeshData:
 class Placement:
     """The place of a mesh in the buffers of the scene.
 
-    For a baked mesh, `baked` is the number of its instance; `tree` and `box` (2, 3) are its nodes and bounds in world
-    space, relative to the origin.
+    For a baked mesh, `baked` is the number of its instance; `tree` and `box` (2, 3) are its hierarchy and bounds in
+    world space, relative to the origin.
     """
 
     data: MeshData
@@ -51,7 +52,7 @@ class Placement:
     vertices: slice
     grid: QuantizationGrid  # grid of the nodes in local space
     baked: int | None = None
-    tree: NDArray[np.void] | None = None
+    tree: WideBvh | None = None
     box: NDArray[np.float32] | None = None
 
     def reference(self, child: int) -> int:
@@ -68,12 +69,12 @@ def prepare_meshes(meshes: list[Mesh], vertex_dtype: np.dtype) -> list[MeshData]
         corners = [np.asarray(mesh.positions, np.float32)[np.asarray(mesh.triangles)] for mesh in together]
         low = np.concatenate([c.min(1) for c in corners])
         high = np.concatenate([c.max(1) for c in corners])
-        trees = build_forest(low, high, [len(c) for c in corners])
+        trees = [collapse(tree) for tree in build_forest(low, high, [len(c) for c in corners])]
         prepared += [_in_leaf_order(*each, vertex_dtype) for each in zip(together, corners, trees, strict=True)]
     return prepared
 
 
-def _in_leaf_order(mesh: Mesh, corners: NDArray[np.float32], bvh: Bvh, vertex_dtype: np.dtype) -> MeshData:
+def _in_leaf_order(mesh: Mesh, corners: NDArray[np.float32], bvh: WideBvh, vertex_dtype: np.dtype) -> MeshData:
     """Return the arrays of a mesh with its triangles in the order of the BVH's leaves."""
     triangles = np.asarray(mesh.triangles, np.int64)
     triangles, corners = triangles[bvh.order], np.ascontiguousarray(corners[bvh.order])

@@ -1,7 +1,10 @@
-"""Quantises the boxes of BVH nodes to 16 bits per coordinate: 32 bytes a node instead of 56, boxes rounded outwards.
+"""Quantises the boxes of wide nodes to 8 bits per coordinate: 48 bytes a node instead of 112, boxes rounded outwards.
 
-Mahovsky and Wyvill 2006, "Memory-Conserving Bounding Volume Hierarchies with Coherent Raytracing". Departure: the grid
-spans the whole tree, not the parent's box, so that no traversal state is needed to decode a node.
+Ylitie et al. 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", section 3: a node stores
+a frame, and its children's boxes in it. Departures: four children; the frame lies on a grid of 16 bits that spans the
+whole tree, so that a ray is transformed to it once (Mahovsky and Wyvill 2006, "Memory-Conserving Bounding Volume
+Hierarchies with Coherent Raytracing"), and a frame takes 8 bytes: its origin, and a shift per axis. Codes are exact
+integers on the grid: coordinate = origin + (code << shift).
 """
 
 from __future__ import annotations
@@ -12,8 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bvh import LEAF_FLAG
+from .wide_bvh import EMPTY, WideBvh
 
-LAST_STEP = 65535
+LAST_STEP = 65280  # 255 << 8: fits into 8 bits after the largest shift
+LAST_CODE = 255
+MAX_SHIFT = 8
 # Grid steps added to a box before it is rounded outwards. Shaders decode q * inverse + offset in float32, which errs
 # by a few units of 65536 x 2^-24 = 2^-8 steps. 16 units are a safe bound.
 PAD = 1 / 16
@@ -46,20 +52,26 @@ class QuantizationGrid:
         steps = (bounds - self.low) * self.scale
         return bool((steps >= PAD).all() and (steps <= LAST_STEP - PAD).all())
 
-    def quantize(
-        self, nodes: NDArray[np.void], dtype: np.dtype, first_node: int = 0, first_item: int = 0
-    ) -> NDArray[np.void]:
-        """Return `nodes` as records of `dtype`, with boxes rounded outwards and references relative to the buffers.
+    def quantize(self, bvh: WideBvh, dtype: np.dtype, first_node: int = 0, first_item: int = 0) -> NDArray[np.void]:
+        """Return the nodes of `bvh` as records of `dtype`, with references relative to the buffers.
 
         `first_node` and `first_item` are where the nodes and the leaves' items will lie.
         """
-        packed = np.zeros(len(nodes), dtype)
-        lows = [np.floor((nodes[k] - self.low) * self.scale - PAD) for k in ("low0", "low1")]
-        highs = [np.ceil((nodes[k] - self.low) * self.scale + PAD) for k in ("high0", "high1")]
-        for name, (child0, child1) in (("low", lows), ("high", highs)):
-            steps = [np.clip(c, 0, LAST_STEP).astype(np.uint32) for c in (child0, child1)]
-            packed[name] = steps[0] | steps[1] << 16
-        for name in ("child0", "child1"):
-            child = nodes[name]
-            packed[name] = (child + np.where(child >= LEAF_FLAG, first_item, first_node)).astype(np.uint32)
+        exists = (bvh.child != EMPTY)[..., None]
+        steps = [np.floor((bvh.low - self.low) * self.scale - PAD), np.ceil((bvh.high - self.low) * self.scale + PAD)]
+        low, high = (np.clip(c, 0, LAST_STEP).astype(np.int64) for c in steps)
+        # The node's frame: the lowest corner, and the least shift with which the highest fits into 8 bits.
+        origin = np.where(exists, low, LAST_STEP).min(1)
+        extent = np.where(exists, high, 0).max(1) - origin
+        shift = sum(((extent + (1 << s) - 1 >> s) > LAST_CODE).astype(np.int64) for s in range(MAX_SHIFT))
+        low = np.where(exists, low - origin[:, None] >> shift[:, None], LAST_CODE)
+        high = np.where(exists, high - origin[:, None] + (1 << shift[:, None]) - 1 >> shift[:, None], 0)
+        packed = np.zeros(len(bvh.child), dtype)
+        packed["frame"][:, 0] = origin[:, 0] | origin[:, 1] << 16
+        packed["frame"][:, 1] = origin[:, 2] | (shift << [16, 20, 24]).sum(1)
+        for axis, name in enumerate("xyz"):
+            for side, codes in enumerate((low, high)):
+                packed[name][:, side] = (codes[:, :, axis] << [0, 8, 16, 24]).sum(1)
+        moved = np.where(bvh.child >= LEAF_FLAG, np.uint32(first_item), np.uint32(first_node))
+        packed["children"] = np.where(exists[..., 0], bvh.child + moved, EMPTY)
         return packed

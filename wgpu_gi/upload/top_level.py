@@ -1,7 +1,7 @@
-"""The top level of the two-level hierarchy: a binary tree over subtrees of baked meshes and over instances.
+"""The top level of the two-level hierarchy: a tree over subtrees of baked meshes and over instances.
 
 Benthin et al. 2017, "Improved Two-Level BVHs using Partial Re-Braiding". Departures: only baked meshes are opened, by
-surface area, until there are OPEN_UP_TO subtrees; `bvh.build_bvh` builds the tree over them.
+surface area, until there are up to OPEN_UP_TO subtrees; `bvh.build_bvh` builds the tree over them.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from .bvh import LEAF_COUNT_SHIFT, LEAF_FLAG, build_bvh
-from .mesh_data import NONE, Placement
+from ..errors import GiError
+from .bvh import LEAF_FLAG, build_bvh
+from .mesh_data import Placement
 from .node_quantization import QuantizationGrid
+from .wide_bvh import EMPTY, FIRST_ITEM, WIDTH, collapse
 
-TOP_DEPTH = 24  # levels; with the 40 of a mesh's tree they fill the traversal stack of 64
 OPEN_UP_TO = 2048  # subtrees in the top level; tools/README.md, "Constants"
 
 Subtrees = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]  # low, high, child references
@@ -38,12 +39,12 @@ def open_subtrees(places: Iterable[Placement]) -> Subtrees:
         if place.box is not None:
             add(place.box[0], place.box[1], place.data.bvh.root, place)
     # Replace the largest node by its children until there are enough. A single tree overlaps no other.
-    while 1 < len(heap) < OPEN_UP_TO and heap[0][0] <= 0:
+    while 1 < len(heap) <= OPEN_UP_TO - WIDTH + 1 and heap[0][0] <= 0:
         *_, reference, place = heapq.heappop(heap)
-        assert place.tree is not None
-        node = place.tree[reference]
-        for k in ("0", "1"):
-            add(node["low" + k], node["high" + k], int(node["child" + k]), place)
+        tree = place.tree
+        assert tree is not None
+        for k in np.flatnonzero(tree.child[reference] != EMPTY):
+            add(tree.low[reference, k], tree.high[reference, k], int(tree.child[reference, k]), place)
     low = np.array([h[2] for h in heap], np.float32).reshape(-1, 3)
     high = np.array([h[3] for h in heap], np.float32).reshape(-1, 3)
     return low, high, np.array([h[5].reference(h[4]) for h in heap], np.int64)
@@ -55,19 +56,26 @@ def build_top_level(
     references: NDArray[np.int64],
     grid: QuantizationGrid,
     dtype: np.dtype,
+    max_levels: int,
 ) -> tuple[int, NDArray[np.void]]:
-    """Return the root reference and the quantised nodes of a tree whose leaves are `references` in boxes (n, 3)."""
+    """Return the root reference and the quantised nodes of a tree whose leaves are `references` in boxes (n, 3).
+
+    The tree has at most `max_levels` levels of nodes. Raises GiError if the references do not fit into them.
+    """
     if not len(references):
-        return NONE, np.zeros(0, dtype)
-    tree = build_bvh(low, high, 1, TOP_DEPTH)
+        return EMPTY, np.zeros(0, dtype)
+    if len(references) > WIDTH**max_levels:
+        raise GiError(
+            f"the scene has {len(references)} instances; with meshes of so many triangles, rays can find at most"
+            f" {WIDTH**max_levels}: use fewer instances"
+        )
+    tree = collapse(build_bvh(low, high, 1, 2 * max_levels), max_levels)
     references = references[tree.order]
-    if not len(tree.nodes):
+    if not len(tree.child):
         return int(references[0]), np.zeros(0, dtype)
     # Replace each leaf, which holds one item, by that item's reference.
-    nodes = grid.quantize(tree.nodes, dtype)
-    for name in ("child0", "child1"):
-        child = tree.nodes[name].astype(np.int64)
-        slot = child & ((1 << LEAF_COUNT_SHIFT) - 1)
-        leaf = child >= int(LEAF_FLAG)
-        nodes[name] = np.where(leaf, references[np.where(leaf, slot, 0)], child).astype(np.uint32)
+    nodes = grid.quantize(tree, dtype)
+    leaf = (tree.child >= LEAF_FLAG) & (tree.child != EMPTY)
+    slot = np.where(leaf, tree.child & FIRST_ITEM, 0)
+    nodes["children"] = np.where(leaf, references[slot], nodes["children"]).astype(np.uint32)
     return 0, nodes

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from ..scene.scene import Instance, Mesh
 from .anchors import FLAG_BITS, anchor_triangles
-from .bvh import refit
 from .mesh_data import MASKED, NONE, MeshData, Placement, prepare_meshes
 from .node_quantization import QuantizationGrid
 from .scene_origin import scene_origin
 from .top_level import OPEN_UP_TO, Subtrees, build_top_level, open_subtrees
+from .wide_bvh import EMPTY, STACK_LEVELS, WideBvh, refit
 
 INSTANCE_FLAG = 1 << 30  # in a child reference: the other bits are the number of an instance
 # If the scene's centre is more than this many radii from the origin, everything is laid out again. At 4 radii, float32
@@ -42,7 +42,7 @@ class TwoLevelBvh:
         self.changed: set[str] = set()
         self.origin = np.zeros(3)
         self.has_details = False  # small things lie together around the origin (`scene_origin`)
-        self.root = NONE
+        self.root = EMPTY
         self.world = QuantizationGrid.around(np.zeros((2, 3)))  # grid of the top level and of baked meshes
         self.centre = np.zeros(3)  # centre of a sphere around all instances, relative to the origin
         self.radius = 0.0  # radius of that sphere
@@ -118,14 +118,14 @@ class TwoLevelBvh:
         self, meshes: list[Mesh], instances: list[Instance], matrices: NDArray[np.float64], bounds: NDArray[np.float64]
     ) -> None:
         """Give every mesh its place in fresh arrays and fill all but the top level."""
-        # Reserve the first nodes for the top level: a binary tree over at most so many subtrees and instances.
+        # Reserve the first nodes for the top level: a tree over at most so many subtrees and instances.
         node, triangle, vertex = OPEN_UP_TO + len(instances), 0, 0
         self._places = {}
         for mesh in meshes:
             d = self._prepared[id(mesh)]
             place = Placement(
                 d,
-                slice(node, node + len(d.bvh.nodes)),
+                slice(node, node + len(d.bvh.child)),
                 slice(triangle, triangle + len(d.corners)),
                 slice(vertex, vertex + len(d.vertices)),
                 QuantizationGrid.around(d.bounds),
@@ -189,7 +189,7 @@ class TwoLevelBvh:
         """Store a mesh in its local space."""
         place.baked = place.tree = place.box = None
         self._write_triangles(place, place.data.corners.astype(np.float64), place.data.indices, NONE)
-        self._write_nodes(place, place.data.bvh.nodes, place.grid)
+        self._write_nodes(place, place.data.bvh, place.grid)
 
     def _write_triangles(self, place: Placement, corners: NDArray[np.float64], indices: NDArray, instance: int) -> None:
         triangles = self.triangles[place.triangles]
@@ -197,8 +197,8 @@ class TwoLevelBvh:
         triangles["instance"] = instance
         triangles["corners"] = indices + np.uint32(place.vertices.start)
 
-    def _write_nodes(self, place: Placement, nodes: NDArray[np.void], grid: QuantizationGrid) -> None:
-        self.nodes[place.nodes] = grid.quantize(nodes, self.dtypes["nodes"], place.nodes.start, place.triangles.start)
+    def _write_nodes(self, place: Placement, bvh: WideBvh, grid: QuantizationGrid) -> None:
+        self.nodes[place.nodes] = grid.quantize(bvh, self.dtypes["nodes"], place.nodes.start, place.triangles.start)
 
     def _unbake_moved(self, instances: list[Instance], matrices: NDArray[np.float64]) -> None:
         """Store baked meshes whose instance has moved in local space, so that further motion costs nothing."""
@@ -252,6 +252,7 @@ class TwoLevelBvh:
         low = np.concatenate([low, boxes[entered, 0].astype(np.float32)])
         high = np.concatenate([high, boxes[entered, 1].astype(np.float32)])
         references = np.concatenate([references, INSTANCE_FLAG | entered])
-        self.root, top = build_top_level(low, high, references, self.world, self.dtypes["nodes"])
+        levels = STACK_LEVELS - max((place.data.bvh.depth for place in self._places.values()), default=0)
+        self.root, top = build_top_level(low, high, references, self.world, self.dtypes["nodes"], levels)
         self.nodes[: len(top)] = top
         self.changed |= {"nodes"}

@@ -1,8 +1,8 @@
 // The tables of a scene's geometry: the two-level hierarchy's nodes, triangles, vertices and instances.
 //
 // Meshes with one instance lie in the world's tree itself; rays enter the tree of any other mesh through an instance's
-// transform. Node boxes are 16-bit integers on a grid that spans their tree, rounded outwards, 32 bytes for both
-// children. Nodes, triangles and vertices are read-only storage textures: loads limit the traversal, and CPU drivers
+// transform. A node has up to four children. Their boxes are 8-bit integers in the node's frame, which lies on a grid of
+// 16 bits that spans the tree, rounded outwards: coordinate = origin + (code << shift). Nodes, triangles and vertices are read-only storage textures: loads limit the traversal, and CPU drivers
 // load a texel in half the time of a buffer's vec4 (llvmpipe, whole traversal: Cornell 217 -> 115 ns, Sponza 847 ->
 // 539).
 #import "scene/info.wgsl"
@@ -10,7 +10,7 @@
 
 const NONE: u32 = 0xffffffffu;
 // child references: an inner node's index, or one of these flags
-const REF_LEAF: u32 = 0x80000000u;      // | (count - 1) << 28 | first triangle
+const REF_LEAF: u32 = 0x80000000u;      // | count << 28 | first triangle; an absent child is a leaf of 0 triangles
 const REF_INSTANCE: u32 = 0x40000000u;  // | instance
 // triangle flags; above them the weights of the anchor, 14 bits each
 const SMOOTH: u32 = 1u;       // has vertex normals
@@ -19,10 +19,11 @@ const MASKED: u32 = 4u;       // its material has an alpha cutoff
 const HAS_TANGENTS: u32 = 8u;
 
 struct Node {
-    low: vec3u,    // child 0 in the low half, child 1 in the high half
-    child0: u32,
-    high: vec3u,
-    child1: u32,
+    frame: vec2u,     // origin.x | origin.y << 16; origin.z | shift.x << 16 | shift.y << 20 | shift.z << 24
+    x: vec2u,         // low and high codes, of child k in bits 8 k to 8 k + 7; an absent child's low is above its high
+    y: vec2u,
+    z: vec2u,
+    children: vec4u,  // references
 }
 
 const ANCHOR_SHIFT: u32 = 4u;
@@ -56,7 +57,7 @@ struct Instance {
     pad: u32,
 }
 
-// Texels in rows of TABLE_WIDTH: 2 for a Node, 4 for a Triangle, 2 for a Vertex.
+// Texels in rows of TABLE_WIDTH: 3 for a Node, 4 for a Triangle, 2 for a Vertex.
 @group(1) @binding(3) var nodes: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(4) var triangles: texture_storage_2d<rgba32uint, read>;
 @group(1) @binding(5) var vertices: texture_storage_2d<rgba32uint, read>;
@@ -69,9 +70,13 @@ fn table_texel(index: u32) -> vec2u {
 }
 
 fn load_node(index: u32) -> Node {
-    let a = textureLoad(nodes, table_texel(2u * index));
-    let b = textureLoad(nodes, table_texel(2u * index + 1u));
-    return Node(a.xyz, a.w, b.xyz, b.w);
+    let a = textureLoad(nodes, table_texel(3u * index));
+    let b = textureLoad(nodes, table_texel(3u * index + 1u));
+    return Node(a.xy, a.zw, b.xy, b.zw, load_children(index));
+}
+
+fn load_children(index: u32) -> vec4u {
+    return textureLoad(nodes, table_texel(3u * index + 2u));
 }
 
 fn load_triangle(index: u32) -> Triangle {

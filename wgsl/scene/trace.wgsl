@@ -1,12 +1,18 @@
 // Ray traversal of the scene's two-level hierarchy, shared by all passes.
 //
-// Trees are binary. The traversal visits the nearer child first, with one stack for both levels (`geometry.wgsl`
-// describes the tables). Boxes are padded for rounding, so the traversal misses no triangle that the ray-triangle test
-// accepts.
+// Nodes have up to four children, visited nearest first, with one stack for both levels (`geometry.wgsl` describes the
+// tables). Boxes are padded for rounding, so the traversal misses no triangle that the ray-triangle test accepts.
+//
+// A step visits a node and tests a triangle of the last leaf found, whose latencies overlap. CPU drivers that run eight
+// rays in lockstep execute both in any case; loops that go down to the next leaf first take 1.3 to 1.5 times as long
+// (llvmpipe, Sponza).
 #import "scene/corners.wgsl"
+#import "scene/node.wgsl"
 #import "scene/ray_triangle.wgsl"
 
-const STACK_SIZE: u32 = 64u;  // entries; `upload/two_level_bvh.py` limits the summed depth of both levels to it
+const ABSENT: u32 = REF_LEAF;  // no reference: a leaf of no triangles
+// Entries, one for each level of nodes, whose number `upload/wide_bvh.py` limits; the last is written, but never read.
+const STACK_SIZE: u32 = 24u;
 
 // Up to three rays, traced together; a limit of 0 skips a ray.
 struct Rays {
@@ -25,39 +31,24 @@ struct Found {
     steps: u32,         // nodes visited and triangles tested
 }
 
-// The ray in the grid of a hierarchy: it reaches the slab at integer q at the distance q * inverse + offset.
-struct GridRay {
-    inverse: vec3f,
-    offset: vec3f,
-}
-
-// Three roundings of a slab's distance may put the exit of a flat box before its entry (Ize 2013, "Robust BVH Ray
-// Traversal").
-const SLACK: f32 = 1.0000004;
-
-fn grid_ray(origin: vec3f, direction: vec3f, low: vec3f, scale: vec3f) -> GridRay {
-    // A zero component would make 0 * inf = NaN; with 1e-20 the ray never leaves the slab that it starts in.
-    let scaled = direction * scale;
-    let guarded = select(scaled, vec3f(1e-20), abs(scaled) < vec3f(1e-20));
-    let inverse = 1.0 / guarded;
-    return GridRay(inverse, (low - origin) * scale * inverse);
-}
-
 // Traces up to three rays in one loop: a SIMD lane that finishes a ray starts its next one without waiting for other
-// lanes.
-fn trace_all(rays: Rays) -> Found {
+// lanes. `any` and `closest` are constants: whether there are shadow rays, and a main ray.
+fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
     var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0)), false, false, 0u);
-    var stage = 0u;           // 1, 2: the shadow rays; 3: the main ray
-    var world = rays.main;    // the ray being traced
+    var stage = select(2u, 0u, any);  // 1, 2: the shadow rays; 3: the main ray
+    var world = rays.main;            // the ray being traced
     var origin = world.origin;
     var direction = world.direction;
     var nearest = 0.0;
     var grid = GridRay(vec3f(0.0), vec3f(0.0));
-    var stack: array<u32, STACK_SIZE>;
+    var stack: array<u32, STACK_SIZE>;  // a node << 8 | its children still to visit, as `pack_rest`
     var top = 0u;
     var base = 0u;            // where the stack of the instance being visited begins
     var instance = NONE;
-    var current = NONE;
+    var current = ABSENT;     // the reference to visit
+    var first = 0u;           // the triangles still to be tested
+    var end = 0u;
+    var blocked = false;
 
     // The hit of an alpha-masked triangle, before its alpha lookup.
     var masked = Hit(0.0, NONE, NONE, vec2f(0.0));
@@ -67,15 +58,14 @@ fn trace_all(rays: Rays) -> Found {
     loop {
         masked.triangle = NONE;
         loop {
-            if (current == NONE) {
+            if (current == ABSENT && first >= end && top <= base) {
                 if (HAS_INSTANCES && instance != NONE && top > 0u) {
                     // Leave the instance: continue with the stack of the world's tree.
-                    top -= 1u;
-                    current = stack[top];
+                    instance = NONE;
                 } else {
                     // Start the next ray.
                     stage += 1u;
-                    if (stage > 3u) {
+                    if (stage > select(2u, 3u, closest)) {
                         break;
                     }
                     nearest = select(select(rays.limit_a, rays.limit_b, stage == 2u), rays.limit, stage == 3u);
@@ -83,51 +73,21 @@ fn trace_all(rays: Rays) -> Found {
                         continue;
                     }
                     world = rays.main;
-                    if (stage == 1u) {
+                    if (any && stage == 1u) {
                         world = rays.shadow_a;
-                    } else if (stage == 2u) {
+                    } else if (any && stage == 2u) {
                         world = rays.shadow_b;
                     }
                     current = scene.root;
                     top = 0u;
+                    instance = NONE;
                 }
-                instance = NONE;
                 base = 0u;
                 origin = world.origin;
                 direction = world.direction;
                 grid = grid_ray(origin, direction, scene.frame_low, scene.frame_scale);
             }
-
-            // Go down to the next leaf or instance, the nearer child first.
-            while ((current & (REF_LEAF | REF_INSTANCE)) == 0u) {
-                let node = load_node(current);
-                found.steps += 1u;
-                let a0 = vec3f(node.low & vec3u(0xffffu)) * grid.inverse + grid.offset;
-                let a1 = vec3f(node.low >> vec3u(16u)) * grid.inverse + grid.offset;
-                let b0 = vec3f(node.high & vec3u(0xffffu)) * grid.inverse + grid.offset;
-                let b1 = vec3f(node.high >> vec3u(16u)) * grid.inverse + grid.offset;
-                let enter0 = max(max3(min(a0, b0)), 0.0);
-                let enter1 = max(max3(min(a1, b1)), 0.0);
-                let leave0 = min(min3(max(a0, b0)) * SLACK, nearest);
-                let leave1 = min(min3(max(a1, b1)) * SLACK, nearest);
-                let meets0 = enter0 <= leave0;
-                let meets1 = enter1 <= leave1;
-                if (meets0 || meets1) {
-                    let second = meets1 && (!meets0 || enter1 < enter0);
-                    current = select(node.child0, node.child1, second);
-                    if (meets0 && meets1) {
-                        stack[top] = select(node.child1, node.child0, second);
-                        top += 1u;
-                    }
-                } else if (top > base) {
-                    top -= 1u;
-                    current = stack[top];
-                } else {
-                    current = NONE;
-                }
-            }
-
-            if (HAS_INSTANCES && current != NONE && (current & REF_LEAF) == 0u) {
+            if (HAS_INSTANCES && (current & (REF_LEAF | REF_INSTANCE)) == REF_INSTANCE) {
                 // Enter an instance, with its own space and grid. The direction is not normalised, so distances stay
                 // comparable.
                 instance = current & ~REF_INSTANCE;
@@ -137,49 +97,82 @@ fn trace_all(rays: Rays) -> Found {
                 direction = local_from_world * vec4f(world.direction, 0.0);
                 grid = grid_ray(origin, direction, instances[instance].frame_low, instances[instance].frame_scale);
                 current = instances[instance].root;
-                continue;
             }
 
-            if (current != NONE) {
-                // Test the triangles of a leaf (Moeller and Trumbore 1997).
-                var index = current & 0x0fffffffu;
-                let end = index + ((current >> 28u) & 7u) + 1u;
-                found.steps += end - index;
-                var blocked = false;
-                for (; index < end; index += 1u) {
-                    let t = load_triangle(index);
+            // Each step visits a node and tests a triangle.
+            loop {
+                // The next reference on the stack.
+                let has_next = top > base;
+                let below = max(top, 1u) - 1u;
+                let entry = stack[below];
+                let next = load_children(entry >> 8u)[entry & 3u];
+
+                let is_inner = (current & (REF_LEAF | REF_INSTANCE)) == 0u;
+                var order = vec4u(NONE);
+                var children = vec4u(0u);
+                if (is_inner) {
+                    let node = load_node(current);
+                    children = node.children;
+                    order = meet_children(node, grid, nearest);
+                    found.steps += 1u;
+                }
+                if (first < end) {
+                    // Moeller and Trumbore 1997.
+                    let t = load_triangle(first);
                     let h = hit_plane(origin, direction, t);
                     if (is_in_triangle(h, t, nearest)) {
                         let met = Hit(
-                            h.distance, index, select(instance, t.instance, t.instance != NONE), h.from_anchor);
+                            h.distance, first, select(instance, t.instance, t.instance != NONE), h.from_anchor);
                         if (HAS_MASKS && (t.flags & MASKED) != 0u) {
                             masked = met;
-                            break;
-                        }
-                        nearest = h.distance;
-                        if (stage < 3u) {
+                        } else if (any && (!closest || stage < 3u)) {
                             blocked = true;
-                            break;
+                        } else {
+                            nearest = h.distance;
+                            found.hit = met;
                         }
-                        found.hit = met;
                     }
+                    first += 1u;
+                    found.steps += 1u;
                 }
-                if (blocked) {
-                    // Any hit ends a shadow ray: empty its stack.
-                    found.occluded_a = found.occluded_a || stage == 1u;
-                    found.occluded_b = found.occluded_b || stage == 2u;
-                    top = 0u;
-                    base = 0u;
-                    instance = NONE;
+
+                // The nearest child comes first; a leaf is tested from the next step on.
+                let parent = current;
+                var head = select(current, select(ABSENT, children[order.x & 3u], order.x != NONE), is_inner);
+                let takes_leaf = (head & REF_LEAF) != 0u && first >= end;
+                if (takes_leaf) {
+                    first = head & 0x0fffffffu;
+                    end = first + ((head >> 28u) & 7u);
+                    order = vec4u(order.yzw, NONE);
+                    head = select(ABSENT, children[order.x & 3u], order.x != NONE);
                 }
-                if (HAS_MASKS && masked.triangle != NONE && index + 1u < end) {
-                    current = REF_LEAF | ((end - index - 2u) << 28u) | (index + 1u);
-                } else if (top > base) {
-                    top -= 1u;
-                    current = stack[top];
-                } else {
-                    current = NONE;
+                // Continue with it, or with the next reference on the stack.
+                let pops = head == ABSENT && has_next;
+                current = select(head, next, pops);
+                // One write: what is left of the entry on top, or the node's other children.
+                let rest = pack_rest(order);
+                let left = (entry & 255u) >> 2u;
+                stack[select(top, below, pops)] = select((parent << 8u) | rest, (entry & ~255u) | left, pops);
+                top += select(0u, 1u, rest != 1u);
+                top -= select(0u, 1u, pops && left == 1u);
+
+                let waits = first >= end
+                    && ((current == ABSENT && top <= base)
+                        || (HAS_INSTANCES && (current & (REF_LEAF | REF_INSTANCE)) == REF_INSTANCE));
+                if (blocked || (HAS_MASKS && masked.triangle != NONE) || waits) {
+                    break;
                 }
+            }
+            if (blocked) {
+                // Any hit ends a shadow ray.
+                found.occluded_a = found.occluded_a || stage == 1u;
+                found.occluded_b = found.occluded_b || stage == 2u;
+                blocked = false;
+                current = ABSENT;
+                end = first;
+                top = 0u;
+                base = 0u;
+                instance = NONE;
             }
             if (HAS_MASKS && masked.triangle != NONE) {
                 break;
@@ -192,13 +185,14 @@ fn trace_all(rays: Rays) -> Found {
         let t = load_triangle(masked.triangle);
         if (!is_cut_out(t, hit_weights(t, masked))) {
             nearest = masked.distance;
-            if (stage < 3u) {
+            if (any && (!closest || stage < 3u)) {
                 found.occluded_a = found.occluded_a || stage == 1u;
                 found.occluded_b = found.occluded_b || stage == 2u;
+                current = ABSENT;
+                end = first;
                 top = 0u;
                 base = 0u;
                 instance = NONE;
-                current = NONE;
             } else {
                 found.hit = masked;
             }
@@ -207,12 +201,17 @@ fn trace_all(rays: Rays) -> Found {
     return found;
 }
 
+// Traces up to three rays in one loop.
+fn trace_all(rays: Rays) -> Found {
+    return traverse(rays, true, true);
+}
+
 // Returns the first hit of a ray nearer than `limit`.
 fn trace(ray: Ray, limit: f32) -> Hit {
-    return trace_all(Rays(ray, 0.0, ray, 0.0, ray, limit)).hit;
+    return traverse(Rays(ray, 0.0, ray, 0.0, ray, limit), false, true).hit;
 }
 
 // Returns in `occluded_a` whether a ray hits anything nearer than `limit`.
 fn trace_shadow(ray: Ray, limit: f32) -> Found {
-    return trace_all(Rays(ray, limit, ray, 0.0, ray, 0.0));
+    return traverse(Rays(ray, limit, ray, 0.0, ray, 0.0), true, false);
 }
