@@ -128,6 +128,12 @@ def test_trace_agrees_with_brute_force(evaluate, name):
     assert_same_hits(got[:, 0], triangle != NONE, expected, margin)
 
 
+@pytest.mark.parametrize("name", sorted(scenes()))
+def test_trace_agrees_with_brute_force_in_trees_built_on_the_device(evaluate, monkeypatch, name):
+    monkeypatch.setattr("wgpu_gi.upload.tree_builder.SMALLEST", 1)
+    test_trace_agrees_with_brute_force(evaluate, name)
+
+
 def relative(scene, points):
     """World points relative to the scene's origin, as on the GPU."""
     return (points - scene.bounds().mean(0)).astype(np.float32)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from helpers.anchors import corners_of, weights_of
 from helpers.scene_dtypes import DTYPES
 
 from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import Instance
-from wgpu_gi.upload.anchors import anchor_triangles, corners_of, weights_of
+from wgpu_gi.upload.anchors import anchor_triangles
 from wgpu_gi.upload.mesh_data import prepare_meshes
 from wgpu_gi.upload.scene_origin import scene_origin
 

@@ -7,12 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from helpers.anchors import corners_of
 from helpers.medley import at
 
 from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
 from wgpu_gi.upload import draw_list
-from wgpu_gi.upload.anchors import corners_of
 from wgpu_gi.upload.draw_list import (
     MANY_INSTANCES,
     SMALL_GAP,

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers.anchors import corners_of
 from helpers.scene_dtypes import DTYPES
 
 from wgpu_gi.pictures.color import REC709_LUMINANCE, linear_from_srgb
@@ -22,7 +23,6 @@ from wgpu_gi.scene.scene import (
     SpotLight,
     Texture,
 )
-from wgpu_gi.upload.anchors import corners_of
 from wgpu_gi.upload.environment_cdf import environment_cdf
 from wgpu_gi.upload.light_table import (
     KIND_ENVIRONMENT,

@@ -6,12 +6,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from helpers.anchors import corners_of
 from helpers.medley import at
 
 from wgpu_gi.scene.built_in.shapes import box, quad, sphere
 from wgpu_gi.scene.scene import Instance, Material, Mesh
 from wgpu_gi.upload import top_level
-from wgpu_gi.upload.anchors import corners_of
 from wgpu_gi.upload.mesh_data import COLORED, HAS_TANGENTS, MASKED, NONE, SMOOTH, octahedral_encode, prepare_meshes
 from wgpu_gi.upload.node_quantization import QuantizationGrid
 from wgpu_gi.upload.two_level_bvh import INSTANCE_FLAG, TwoLevelBvh

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance
-from .anchors import corners_of
 from .mesh_data import MASKED, NONE, MeshData, Placement
 from .split_triangles import split_triangles
 from .two_level_bvh import TwoLevelBvh
@@ -242,6 +241,7 @@ class _Part:
         self.raster = known[self.data]
         self.first_slot = self.first_vertex = 0
         self.users: list[int] = []
+        self.corners = self.data.corners  # (m, 3, 3) float32, of the triangles as they are drawn
         self.split = np.zeros(len(self.data.corners), np.bool_)  # triangles that are drawn as pieces
         self.pieces = np.zeros((0, 3, 3))
 
@@ -255,8 +255,11 @@ class _Part:
         if self.place.baked is not None:
             matrix = np.asarray(instances[self.place.baked].world_from_local, np.float64)
             positions = positions @ matrix[:3, :3].T + (matrix[:3, 3] - hierarchy.origin)
+        rounded = positions.astype(np.float32)
+        if self.place.baked is not None:
+            self.corners = rounded[self.data.indices]
         packed = np.empty((len(self.raster.source), 4), np.uint32)
-        packed[:, :3] = positions.astype(np.float32).view(np.uint32)[self.raster.source]
+        packed[:, :3] = rounded.view(np.uint32)[self.raster.source]
         packed[:, 3] = np.where(self.raster.owner < 0, 0, self.raster.owner + self.place.triangles.start)
         if self.place.baked is None or not hierarchy.has_details:
             return packed
@@ -273,23 +276,25 @@ class _Part:
 
     def triangles(
         self, hierarchy: TwoLevelBvh, masked: bool
-    ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+    ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float32]]]:
         """Yield vertices (k, 3) and corners (k, 3, 3) of the triangles to draw, with alpha mask or without."""
-        chosen = np.flatnonzero((self.masked(hierarchy) == masked) & ~self.split)
-        if len(chosen):
-            yield self.raster.corners[chosen], corners_of(hierarchy.triangles[self.place.triangles][chosen])
+        chosen = (self.masked(hierarchy) == masked) & ~self.split
+        if chosen.all():
+            yield self.raster.corners, self.corners
+        elif chosen.any():
+            yield self.raster.corners[chosen], self.corners[chosen]
         if len(self.pieces) and not masked:
-            yield len(self.raster.source) + np.arange(3 * len(self.pieces)).reshape(-1, 3), self.pieces
+            numbers = np.arange(3 * len(self.pieces)).reshape(-1, 3)
+            yield len(self.raster.source) + numbers, self.pieces.astype(np.float32)
 
-    def clusters(self, corners: NDArray[np.float64], first_index: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    def clusters(self, corners: NDArray[np.float32], first_index: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Return local boxes (c, 2, 3) and draw calls (c, 4) of triangles (k, 3, 3), drawn from `first_index` on."""
         whole = len(self.users) > MANY_INSTANCES
         # Box each cluster.
         starts = np.arange(0, len(corners), len(corners) if whole else CLUSTER)
-        corners = corners.astype(np.float32)
-        boxes = np.stack(
-            [np.minimum.reduceat(corners.min(1), starts), np.maximum.reduceat(corners.max(1), starts)], axis=1
-        )
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]  # four times as fast as `corners.min(1)`
+        low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        boxes = np.stack([np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)], axis=1)
         counts = 3 * np.diff(np.append(starts, len(corners)))
         runs = np.stack([first_index + 3 * starts, counts, np.zeros_like(starts), np.ones_like(starts)], 1)
         # Repeat each cluster for each instance.

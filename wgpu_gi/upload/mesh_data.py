@@ -7,26 +7,30 @@ Vectors"), colours in 4 x 16 bits.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..float_limits import LARGEST_FACTOR
 from ..scene.scene import Mesh
-from .bvh import LEAF_FLAG, build_forest
+from .bvh import LEAF_FLAG
+from .mesh_trees import REBUILD, build_trees, refit_tree, tree_cost
 from .node_quantization import QuantizationGrid
-from .wide_bvh import WideBvh, collapse
+from .tree_builder import TreeBuilder
+from .wide_bvh import WideBvh
 
-BATCH = 1 << 17  # triangles whose BVHs are built together; more is not faster and takes more memory
 NONE = 0xFFFFFFFF  # no instance, or a scene without root
 SMOOTH, COLORED, MASKED, HAS_TANGENTS = 1, 2, 4, 8  # triangle flags, as wgsl/scene/geometry.wgsl
 
 
 @dataclass(eq=False)
 class MeshData:
-    """A mesh's arrays in leaf order: `corners` (m, 3, 3) float32, local; `indices` (m, 3) uint32 into `vertices`."""
+    """A mesh's arrays in leaf order: `corners` (m, 3, 3) float32, local; `indices` (m, 3) uint32 into `vertices`.
+
+    `built_cost` is the cost of the tree when it was built; deforming the mesh may have made it more expensive.
+    """
 
     mesh: Mesh
     bvh: WideBvh
@@ -36,6 +40,7 @@ class MeshData:
     flags: NDArray[np.uint32]  # (m,) without MASKED, which depends on the current alpha mode of the material
     vertices: NDArray[np.void]
     bounds: NDArray[np.float32]  # (2, 3)
+    built_cost: float
 
 
 @dataclass
@@ -60,42 +65,53 @@ class Placement:
         return child + (self.triangles.start if child >= int(LEAF_FLAG) else self.nodes.start)
 
 
-def prepare_meshes(meshes: list[Mesh], vertex_dtype: np.dtype) -> list[MeshData]:
-    """Build the BVHs of correct meshes with at least one triangle each and put their arrays in leaf order."""
-    prepared = []
-    batches = np.cumsum([len(mesh.triangles) for mesh in meshes]) // BATCH
-    for _, batch in groupby(zip(batches.tolist(), meshes, strict=True), lambda pair: pair[0]):
-        together = [mesh for _, mesh in batch]
-        corners = [np.asarray(mesh.positions, np.float32)[np.asarray(mesh.triangles)] for mesh in together]
-        low = np.concatenate([c.min(1) for c in corners])
-        high = np.concatenate([c.max(1) for c in corners])
-        trees = [collapse(tree) for tree in build_forest(low, high, [len(c) for c in corners])]
-        prepared += [_in_leaf_order(*each, vertex_dtype) for each in zip(together, corners, trees, strict=True)]
-    return prepared
+def prepare_meshes(
+    meshes: list[Mesh], vertex_dtype: np.dtype, builder: TreeBuilder | None = None, former: Iterable[MeshData] = ()
+) -> list[MeshData]:
+    """Return the data of correct meshes with at least one triangle each.
+
+    A mesh with the triangles of one of the `former`, the same array, is that mesh deformed: it keeps the tree,
+    refitted, while that is good enough. Without `builder`, numpy builds the trees.
+    """
+    known = {(id(d.mesh.triangles), len(d.mesh.positions)): d for d in former}
+    found: dict[int, MeshData] = {}
+    for mesh in meshes:
+        old = known.get((id(mesh.triangles), len(mesh.positions)))
+        if old is not None:
+            tree = refit_tree(old.bvh, np.asarray(mesh.positions, np.float32), old.indices, builder)
+            if tree_cost(tree) <= REBUILD * old.built_cost:
+                found[id(mesh)] = _in_leaf_order(mesh, tree, old.built_cost, vertex_dtype)
+    new = [mesh for mesh in meshes if id(mesh) not in found]
+    for mesh, tree in zip(new, build_trees(new, builder), strict=True):
+        found[id(mesh)] = _in_leaf_order(mesh, tree, tree_cost(tree), vertex_dtype)
+    return [found[id(mesh)] for mesh in meshes]
 
 
-def _in_leaf_order(mesh: Mesh, corners: NDArray[np.float32], bvh: WideBvh, vertex_dtype: np.dtype) -> MeshData:
+def _in_leaf_order(mesh: Mesh, bvh: WideBvh, built_cost: float, vertex_dtype: np.dtype) -> MeshData:
     """Return the arrays of a mesh with its triangles in the order of the BVH's leaves."""
-    triangles = np.asarray(mesh.triangles, np.int64)
-    triangles, corners = triangles[bvh.order], np.ascontiguousarray(corners[bvh.order])
+    triangles = np.asarray(mesh.triangles)[bvh.order].astype(np.uint32)
+    corners = np.asarray(mesh.positions, np.float32)[triangles]
     material = np.zeros(len(triangles), np.uint32)
     if mesh.material_of_triangle is not None:
         material = np.asarray(mesh.material_of_triangle, np.uint32)[bvh.order]
     flags = np.zeros(len(triangles), np.uint32)
     if mesh.normals is not None:
         # A triangle is flat if one of its vertices has no normal.
-        has_normal = (np.asarray(mesh.normals) != 0).any(1)
-        flags |= np.where(has_normal[triangles].all(1), SMOOTH, 0).astype(np.uint32)
+        flags |= np.where(_all_corners((np.asarray(mesh.normals) != 0).any(1), triangles), SMOOTH, 0).astype(np.uint32)
     if mesh.tangents is not None:
         has_tangent = (np.asarray(mesh.tangents)[:, :3] != 0).any(1)
-        flags |= np.where(has_tangent[triangles].all(1), HAS_TANGENTS, 0).astype(np.uint32)
+        flags |= np.where(_all_corners(has_tangent, triangles), HAS_TANGENTS, 0).astype(np.uint32)
     if mesh.colors is not None:
         flags |= np.uint32(COLORED)
     flat = corners.reshape(-1, 3)
     bounds = np.stack([flat.min(0), flat.max(0)])
-    return MeshData(
-        mesh, bvh, corners, triangles.astype(np.uint32), material, flags, _pack_vertices(mesh, vertex_dtype), bounds
-    )
+    vertices = _pack_vertices(mesh, vertex_dtype)
+    return MeshData(mesh, bvh, corners, triangles, material, flags, vertices, bounds, built_cost)
+
+
+def _all_corners(has: NDArray[np.bool_], triangles: NDArray[np.uint32]) -> NDArray[np.bool_]:
+    """Tell for each triangle (m, 3) whether all of its vertices have something."""
+    return np.ones(len(triangles), np.bool_) if has.all() else np.asarray(has[triangles].all(1))
 
 
 def _pack_vertices(mesh: Mesh, dtype: np.dtype) -> NDArray[np.void]:

@@ -30,6 +30,7 @@ from .mesh_data import MeshData
 from .resources import GpuResources
 from .solid_meshes import SolidMeshes
 from .surface_samples import sample_surfaces
+from .tree_builder import TreeBuilder
 from .two_level_bvh import TwoLevelBvh
 
 TABLES = ("nodes", "triangles", "vertices")  # stored in textures, which llvmpipe reads faster than buffers
@@ -57,7 +58,7 @@ class SceneUpload:
         self._dtypes = {name: shader.struct_dtype(struct) for name, struct in STRUCTS.items()}
         self._view_dtype = shader.struct_dtype("View")
         self.resources = GpuResources(device.gpu, int(device.limits["max-storage-buffer-binding-size"]))
-        self._hierarchy = TwoLevelBvh(self._dtypes)
+        self._hierarchy = TwoLevelBvh(self._dtypes, TreeBuilder(device))
         self._geometry = 0
         self._unsent: set[str] = set()  # arrays of the hierarchy that changed, also in an update that failed
         self._materials = MaterialUpload(self.resources, self._dtypes["materials"], diffuse)

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from ..scene.scene import Instance, Mesh
 from .anchors import FLAG_BITS, anchor_triangles
 from .mesh_data import MASKED, NONE, MeshData, Placement, prepare_meshes
+from .mesh_trees import refit_tree
 from .node_quantization import QuantizationGrid
 from .scene_origin import scene_origin
 from .top_level import OPEN_UP_TO, Subtrees, build_top_level, open_subtrees
-from .wide_bvh import EMPTY, STACK_LEVELS, WideBvh, refit
+from .tree_builder import TreeBuilder
+from .wide_bvh import EMPTY, STACK_LEVELS, WideBvh
 
 INSTANCE_FLAG = 1 << 30  # in a child reference: the other bits are the number of an instance
 # If the scene's centre is more than this many radii from the origin, everything is laid out again. At 4 radii, float32
@@ -37,8 +39,10 @@ class TwoLevelBvh:
     After `update`, `changed` names the arrays with new contents.
     """
 
-    def __init__(self, dtypes: dict[str, np.dtype]) -> None:
+    def __init__(self, dtypes: dict[str, np.dtype], builder: TreeBuilder | None = None) -> None:
+        """Use the structs of the shaders; without `builder`, numpy builds the trees of all meshes."""
         self.dtypes = dtypes
+        self.builder = builder
         self.changed: set[str] = set()
         self.origin = np.zeros(3)
         self.has_details = False  # small things lie together around the origin (`scene_origin`)
@@ -102,7 +106,9 @@ class TwoLevelBvh:
     def _prepare(self, meshes: list[Mesh]) -> None:
         """Build the bottom level of new meshes, and drop that of meshes no longer in use."""
         new = [m for m in meshes if id(m) not in self._prepared]
-        prepared = {id(d.mesh): d for d in prepare_meshes(new, self.dtypes["vertices"])} | self._prepared
+        former = [d for key, d in self._prepared.items() if key not in {id(m) for m in meshes}]
+        data = prepare_meshes(new, self.dtypes["vertices"], self.builder, former)
+        prepared = {id(d.mesh): d for d in data} | self._prepared
         self._prepared = {id(m): prepared[id(m)] for m in meshes}
 
     def _world_boxes(self, instances: list[Instance], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -176,22 +182,26 @@ class TwoLevelBvh:
         """Store a mesh in world space, placed by its only instance, `number`."""
         d = place.data
         linear, translation = world_from_local[:3, :3], world_from_local[:3, 3] - self.origin
-        exact = d.corners.astype(np.float64) @ linear.T + translation
-        corners = exact.astype(np.float32)
-        place.baked, place.tree = number, refit(d.bvh, corners.min(1), corners.max(1))
-        place.box = np.stack([corners.min((0, 1)), corners.max((0, 1))])
+        exact = np.asarray(d.mesh.positions, np.float64) @ linear.T + translation
+        positions = exact.astype(np.float32)
+        place.baked, place.tree = number, refit_tree(d.bvh, positions, d.indices, self.builder)
+        used = positions[d.indices].reshape(-1, 3)
+        place.box = np.stack([used.min(0), used.max(0)])
         # A mirrored mesh keeps its counter-clockwise side if two corners change places (glTF 2.0, section 3.7.2.1).
         turn = [0, 2, 1] if np.linalg.det(linear) < 0 else [0, 1, 2]
-        self._write_triangles(place, exact[:, turn], d.indices[:, turn], number)
+        indices = d.indices[:, turn]
+        self._write_triangles(place, exact[indices], indices, number)
         self._write_nodes(place, place.tree, self.world)
 
     def _write_local(self, place: Placement) -> None:
         """Store a mesh in its local space."""
         place.baked = place.tree = place.box = None
-        self._write_triangles(place, place.data.corners.astype(np.float64), place.data.indices, NONE)
+        self._write_triangles(place, place.data.corners, place.data.indices, NONE)
         self._write_nodes(place, place.data.bvh, place.grid)
 
-    def _write_triangles(self, place: Placement, corners: NDArray[np.float64], indices: NDArray, instance: int) -> None:
+    def _write_triangles(
+        self, place: Placement, corners: NDArray[np.floating], indices: NDArray, instance: int
+    ) -> None:
         triangles = self.triangles[place.triangles]
         anchor_triangles(triangles, corners)
         triangles["instance"] = instance
