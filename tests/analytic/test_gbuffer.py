@@ -32,7 +32,8 @@ EDGES = 6e-4
 
 
 def renderer_of(scene, size=SIZE, camera=None, show=SHOW, jitter=False):
-    settings = Settings(gi="none", camera=CameraSettings(jitter=jitter))
+    # Textures are read at points, as primary rays read them.
+    settings = Settings(gi="none", camera=CameraSettings(jitter=jitter, footprint=0.0))
     renderer = Renderer(scene, size=size, camera=camera, settings=settings)
     renderer.step(show=show)
     return renderer

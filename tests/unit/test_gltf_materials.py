@@ -10,6 +10,7 @@ from PIL import features
 from unit.gltf_builder import encode, triangle_scene
 
 from wgpu_gi.scene.gltf.load import load_gltf
+from wgpu_gi.scene.gltf.write import save_glb
 
 RED = np.full((2, 2, 4), (255, 0, 0, 255), np.uint8)
 
@@ -146,3 +147,30 @@ def test_without_a_readable_image_the_factor_remains(tmp_path):
     assert material.base_color_texture is material.normal_texture is material.occlusion_texture is None
     assert material.emission_texture is None and len(scene.notes) == 4
     assert "'nowhere.png' is missing" in scene.notes[1] and "textures[3]" in scene.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("magnify", "minify", "expected"),
+    [
+        (None, None, ("linear", None, "linear")),
+        (9728, None, ("nearest", None, "linear")),
+        (9729, 9728, ("linear", "nearest", "none")),
+        (9728, 9729, ("nearest", "linear", "none")),
+        (9728, 9984, ("nearest", None, "nearest")),
+        (9729, 9985, ("linear", None, "nearest")),
+        (9729, 9986, ("linear", "nearest", "linear")),
+        (9729, 9987, ("linear", None, "linear")),
+    ],
+)
+def test_filters_of_samplers_are_kept(tmp_path, magnify, minify, expected):
+    """Read, written and read again."""
+    builder = triangle_scene()
+    sampler = {key: value for key, value in (("magFilter", magnify), ("minFilter", minify)) if value}
+    texture = builder.texture(np.full((1, 2, 4), 9, np.uint8), sampler)
+    material = builder.material(pbrMetallicRoughness={"baseColorTexture": {"index": texture}})
+    builder.json["meshes"][0]["primitives"][0]["material"] = material
+    scene = load_gltf(builder.glb(tmp_path))
+    save_glb(tmp_path / "again.glb", scene)
+    for found in (scene, load_gltf(tmp_path / "again.glb")):
+        t = found.materials[0].base_color_texture
+        assert (t.filter, t.min_filter, t.mip_filter) == expected

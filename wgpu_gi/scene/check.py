@@ -95,6 +95,8 @@ _TEXTURE = {
     "wrap_u": _WRAP,
     "wrap_v": _WRAP,
     "filter": choice("linear", "nearest"),
+    "min_filter": optional(choice("linear", "nearest")),
+    "mip_filter": choice("linear", "nearest", "none"),
     "texcoord": choice(0, 1),
     "offset": _PAIR,
     "scale": _PAIR,

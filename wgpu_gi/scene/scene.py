@@ -25,6 +25,7 @@ from .rules import shown
 MATTE = (0.8, 0.8, 0.8, 1.0)  # base colour of arrays without colours: light in a closed room dies out
 MOST_NAMES = 5  # of cameras, in a summary
 Wrap = Literal["repeat", "clamp", "mirror"]
+Filter = Literal["linear", "nearest"]
 
 
 @dataclass(eq=False, repr=False, slots=True)
@@ -47,12 +48,18 @@ class Image(KnownAttributes):
 
 @dataclass(eq=False, repr=False, slots=True)
 class Texture(KnownAttributes):
-    """An image, its sampler and its transform on the surface (glTF texture, sampler, KHR_texture_transform)."""
+    """An image, its sampler and its transform on the surface (glTF texture, sampler, KHR_texture_transform).
+
+    `filter` enlarges the image, `min_filter` (None: the same) makes it smaller, within a mip level; `mip_filter` blends
+    two levels, takes the nearer, or always reads the finest ("none").
+    """
 
     image: Image
     wrap_u: Wrap = "repeat"
     wrap_v: Wrap = "repeat"
-    filter: Literal["linear", "nearest"] = "linear"
+    filter: Filter = "linear"
+    min_filter: Filter | None = None
+    mip_filter: Literal["linear", "nearest", "none"] = "linear"
     texcoord: Literal[0, 1] = 0
     offset: tuple[float, float] = (0.0, 0.0)
     scale: tuple[float, float] = (1.0, 1.0)

@@ -8,19 +8,25 @@ from numpy.typing import NDArray
 
 from ..errors import warn_of
 from ..gpu.wgsl.load import load
-from ..scene.scene import Image, Material, Texture
+from ..scene.scene import Material, Texture
 from .light_values import emitted_radiance
+from .mip_levels import Content
 from .resources import GpuResources
-from .texture_atlas import Atlas, atlas_pixels, pack_atlas
+from .texture_atlas import Atlas, AtlasImage, Place, atlas_rectangles, pack_atlas
 
 CONSTANTS = load("scene/materials.wgsl").constants
 DOUBLE_SIDED, UNLIT, TEXTURED, COATED = (
     int(CONSTANTS[flag]) for flag in ("DOUBLE_SIDED", "UNLIT", "TEXTURED", "COATED")
 )
-PRESENT, TEXCOORD_1, NEAREST, SIXTEEN_BITS = (
-    int(CONSTANTS[flag]) for flag in ("PRESENT", "TEXCOORD_1", "NEAREST", "SIXTEEN_BITS")
+PRESENT, TEXCOORD_1, SIXTEEN_BITS, TRANSFORMED = (
+    int(CONSTANTS[flag]) for flag in ("PRESENT", "TEXCOORD_1", "SIXTEEN_BITS", "TRANSFORMED")
+)
+MAG_NEAREST, MIN_NEAREST, MIP_NEAREST = (int(CONSTANTS[flag]) for flag in ("MAG_NEAREST", "MIN_NEAREST", "MIP_NEAREST"))
+WRAP_U_SHIFT, WRAP_V_SHIFT, LEVELS_SHIFT = (
+    int(CONSTANTS[shift]) for shift in ("WRAP_U_SHIFT", "WRAP_V_SHIFT", "LEVELS_SHIFT")
 )
 WRAP_CODES = {"repeat": 0, "clamp": int(CONSTANTS["WRAP_CLAMP"]), "mirror": int(CONSTANTS["WRAP_MIRROR"])}
+FORMATS = {"atlas_srgb": "rgba8unorm-srgb", "atlas_linear": "rgba8unorm"}
 
 
 class MaterialUpload:
@@ -30,7 +36,7 @@ class MaterialUpload:
         self._resources = resources
         self._dtype = dtype
         self._diffuse = diffuse
-        self._images: dict[str, list[Image]] = {}
+        self._images: dict[str, list[AtlasImage]] = {}
         self._atlases: dict[str, Atlas] = {}
 
     @property
@@ -45,40 +51,34 @@ class MaterialUpload:
 
     def send_images(self, materials: list[Material]) -> None:
         """Send an atlas if the set of its images changed. A GiWarning names images that were scaled down."""
+        for name in FORMATS:
+            # Images are compared by identity: they are immutable once in use.
+            images = list(dict.fromkeys(image for m in materials for image, _ in self._textures(m)[name].values()))
+            if name not in self._images or images != self._images[name]:
+                self._images[name], self._atlases[name] = images, pack_atlas(images)
+                self._send_atlas(name, self._atlases[name])
+
+    def _send_atlas(self, name: str, atlas: Atlas) -> None:
+        """Create an atlas and copy each image to its place, with its mip levels."""
         gpu = self._resources.gpu
-        for name, texture_format in (("atlas_srgb", "rgba8unorm-srgb"), ("atlas_linear", "rgba8unorm")):
-            # Compare images by identity: they are immutable once in use.
-            used = [t.image for m in materials for t in self._textures(m)[name].values()]
-            images = list({id(i): i for i in used}.values())
-            if name in self._images and [id(i) for i in images] == [id(i) for i in self._images[name]]:
-                continue
-            # Pack them and copy each to its place.
-            deep = {id(m.normal_texture.image) for m in materials if m.normal_texture is not None}
-            deep &= {id(image) for image in images if image.pixels.dtype == np.uint16}
-            self._images[name], atlas = images, pack_atlas(images, deep)
-            self._atlases[name] = atlas
-            texture = gpu.create_texture(
-                label=f"scene/{name}",
-                size=(atlas.page, atlas.page, atlas.layers),
-                format=texture_format,
-                usage=wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST,
-            )
-            for image in images:
-                place = atlas.places[id(image)]
-                pixels = atlas_pixels(image, place, srgb=name == "atlas_srgb")
+        texture = gpu.create_texture(
+            label=f"scene/{name}",
+            size=(atlas.page, atlas.page, atlas.layers),
+            format=FORMATS[name],
+            usage=wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST,
+        )
+        for image, place in atlas.places.items():
+            atlas.places[image], rectangles = atlas_rectangles(image, place)
+            for (layer, x, y), pixels in rectangles:
+                height, width = pixels.shape[:2]
                 gpu.queue.write_texture(
-                    {"texture": texture, "origin": (place.x, place.y, place.layer)},
+                    {"texture": texture, "origin": (x, y, layer)},
                     pixels,
-                    {"bytes_per_row": 4 * place.width, "rows_per_image": len(pixels)},
-                    (place.width, len(pixels), 1),
+                    {"bytes_per_row": 4 * width, "rows_per_image": height},
+                    (width, height, 1),
                 )
-                height, width = image.pixels.shape[:2]
-                if (place.width, place.height) != (width, height):
-                    shown = f"texture {image.name!r}" if image.name else "a texture"
-                    size = f"{place.width} x {place.height}"
-                    note = f"{shown}: its {width} x {height} pixels were scaled down to {size}, as textures have limits"
-                    warn_of([note], stacklevel=2)
-            self._resources.set(name, texture)
+            _warn_if_scaled(image, place)
+        self._resources.set(name, texture)
 
     def send_records(self, materials: list[Material], pdf: dict[int, float]) -> None:
         """Send the material records if any changed; call after `send_images`.
@@ -93,29 +93,61 @@ class MaterialUpload:
             record["emitter_pdf"] = pdf.get(id(m), 0.0)
             flags = DOUBLE_SIDED * m.double_sided | UNLIT * m.unlit | COATED * (not self._diffuse)
             for atlas, textures in self._textures(m).items():
-                for slot, texture in textures.items():
+                for slot, (image, texture) in textures.items():
                     flags |= TEXTURED
-                    _pack_texture(record["textures"][slot], texture, self._atlases[atlas])
+                    _pack_texture(record["textures"][slot], texture, self._atlases[atlas].places[image])
             record["flags"] = flags
         self._resources.records("materials", packed)
 
-    def _textures(self, m: Material) -> dict[str, dict[int, Texture]]:
+    def _textures(self, m: Material) -> dict[str, dict[int, tuple[AtlasImage, Texture]]]:
         """Return the textures that shaders read, by the name of their atlas and their slot in the Material struct."""
-        slots: dict[str, dict[int, Texture | None]] = {
-            "atlas_srgb": {0: m.base_color_texture, 1: m.emission_texture},
-            "atlas_linear": {} if self._diffuse else {2: m.metallic_roughness_texture, 3: m.normal_texture},
+        masked = m.alpha_mode == "mask" and m.base_color[3] > 0
+        cutoff = m.alpha_cutoff / m.base_color[3] if masked else 0.0
+        base: Content = "mask" if masked else "color"
+        slots: dict[str, dict[int, AtlasImage | None]] = {
+            "atlas_srgb": {0: _image(m.base_color_texture, base, cutoff), 1: _image(m.emission_texture, "color")},
+            "atlas_linear": {2: _image(m.metallic_roughness_texture, "data"), 3: _image(m.normal_texture, "normal")},
         }
-        return {atlas: {k: t for k, t in textures.items() if t is not None} for atlas, textures in slots.items()}
+        textures = (m.base_color_texture, m.emission_texture, m.metallic_roughness_texture, m.normal_texture)
+        if self._diffuse:
+            slots["atlas_linear"] = {}
+        return {
+            atlas: {k: (image, texture) for k, image in images.items() if image and (texture := textures[k])}
+            for atlas, images in slots.items()
+        }
 
 
-def _pack_texture(slot: NDArray[np.void], texture: Texture, atlas: Atlas) -> None:
+def _image(texture: Texture | None, content: Content, cutoff: float = 0.0) -> AtlasImage | None:
+    """Return the image that the atlas holds for a texture."""
+    if texture is None:
+        return None
+    has_levels = texture.mip_filter != "none"
+    return AtlasImage(texture.image, content, texture.wrap_u, texture.wrap_v, has_levels, cutoff)
+
+
+def _warn_if_scaled(image: AtlasImage, place: Place) -> None:
+    """Warn of an image that was scaled down."""
+    height, width = image.image.pixels.shape[:2]
+    if (place.width, place.height) != (width, height):
+        shown = f"texture {image.image.name!r}" if image.image.name else "a texture"
+        size = f"{place.width} x {place.height}"
+        note = f"{shown}: its {width} x {height} pixels were scaled down to {size}, as textures have limits"
+        warn_of([note], stacklevel=4)
+
+
+def _pack_texture(slot: NDArray[np.void], texture: Texture, place: Place) -> None:
     """Fill a TextureSlot record of wgsl/scene/materials.wgsl."""
-    place = atlas.places[id(texture.image)]
-    slot["corner"], slot["size"], slot["layer"] = (place.x, place.y), (place.width, place.height), place.layer
-    wrap = WRAP_CODES[texture.wrap_u] << 4 | WRAP_CODES[texture.wrap_v] << 6
-    flags = PRESENT | TEXCOORD_1 * texture.texcoord | NEAREST * (texture.filter == "nearest")
-    slot["flags"] = flags | SIXTEEN_BITS * place.deep | wrap
+    chain_layer, *chain = place.chain
+    pairs = ((place.x, place.y), (place.width, place.height), chain, (place.layer, chain_layer))
+    slot["place"] = [low | high << 16 for low, high in pairs]
+    wrap = WRAP_CODES[texture.wrap_u] << WRAP_U_SHIFT | WRAP_CODES[texture.wrap_v] << WRAP_V_SHIFT
+    minification = texture.min_filter or texture.filter
+    filters = MAG_NEAREST * (texture.filter == "nearest") | MIN_NEAREST * (minification == "nearest")
+    filters |= MIP_NEAREST * (texture.mip_filter == "nearest")
     # KHR_texture_transform: uv' = translation * rotation * scale * uv
     sine, cosine = np.sin(texture.rotation), np.cos(texture.rotation)
     slot["transform_u"] = (cosine * texture.scale[0], sine * texture.scale[1], texture.offset[0])
     slot["transform_v"] = (-sine * texture.scale[0], cosine * texture.scale[1], texture.offset[1])
+    transformed = (*slot["transform_u"], *slot["transform_v"]) != (1, 0, 0, 0, 1, 0)
+    flags = PRESENT | TEXCOORD_1 * texture.texcoord | SIXTEEN_BITS * place.deep | TRANSFORMED * transformed
+    slot["flags"] = flags | filters | wrap | place.levels << LEVELS_SHIFT

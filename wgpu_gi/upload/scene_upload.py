@@ -207,10 +207,14 @@ class SceneUpload:
         jitter: bool,
         offset: tuple[float, float] = (0.5, 0.5),
         transparent: bool = False,
+        footprint: float = 0.0,
+        anisotropy: int = 1,
     ) -> NDArray[np.void]:
         """Return the View uniform of a camera for a picture of `size` (width, height).
 
-        With `jitter` each ray goes through a random point of its pixel, otherwise all go through `offset`.
+        With `jitter` each ray goes through a random point of its pixel, otherwise all go through `offset`. Textures are
+        averaged over a square of `footprint` pixels (0: read at a point), by at most `anisotropy` samples along its
+        longer axis.
         `transparent`: the camera does not see the environment, which lights the scene all the same. The camera must be
         one that `check_camera` accepts, or a technique's own.
         """
@@ -227,6 +231,7 @@ class SceneUpload:
         view["orthographic"] = camera.orthographic_height is not None
         view["jitter"], view["size"], view["offset"] = jitter, size, offset
         view["background"] = 0.0 if transparent else 1.0
+        view["footprint"], view["anisotropy"] = footprint, anisotropy
         # The projection; the far plane, which only orthographic cameras have, lies behind the scene.
         radius = max(self._hierarchy.radius, 1e-30)
         far = max(float((self._hierarchy.centre - view["position"]) @ view["forward"]) + radius, radius)

@@ -31,11 +31,13 @@ fn color_at(k: Corners) -> vec4f {
         + k.weights.z * unpack_color(k.c.color);
 }
 
-// Returns the base colour's alpha; `vertex_alpha` is that of the vertex colours.
-fn base_alpha(material: u32, vertex_alpha: f32, texcoord0: vec2f, texcoord1: vec2f) -> f32 {
+// Returns the base colour's alpha over a footprint, or at a point; `vertex_alpha` is that of the vertex colours.
+fn base_alpha(
+    material: u32, vertex_alpha: f32, uv0: vec2f, uv1: vec2f, footprint: UvFootprint, is_point: bool
+) -> f32 {
     var alpha = materials[material].base_color.a * vertex_alpha;
     if (HAS_TEXTURES && has_texture(material, BASE_COLOR_SLOT)) {
-        alpha *= sample_texture(material, BASE_COLOR_SLOT, texcoord0, texcoord1).a;
+        alpha *= read_texture(material, BASE_COLOR_SLOT, uv0, uv1, footprint, is_point).a;
     }
     return alpha;
 }
@@ -43,6 +45,8 @@ fn base_alpha(material: u32, vertex_alpha: f32, texcoord0: vec2f, texcoord1: vec
 // Returns whether the base colour's alpha is below its material's cutoff at a point of a triangle.
 fn is_cut_out(triangle: Triangle, barycentric: vec2f) -> bool {
     let k = load_corners(triangle, barycentric);
-    return base_alpha(triangle.material, color_at(k).a, texcoord0_at(k), texcoord1_at(k))
-        < materials[triangle.material].alpha_cutoff;
+    let alpha = base_alpha(
+        triangle.material, color_at(k).a, texcoord0_at(k), texcoord1_at(k), UvFootprint(vec4f(0.0), vec4f(0.0), 1.0),
+        true);
+    return alpha < materials[triangle.material].alpha_cutoff;
 }

@@ -8,10 +8,11 @@ struct View {
     up: vec3f,         // from the picture's centre to its top edge, as `right`
     background: f32,   // factor on the environment where the camera sees it: 1, or 0 for a transparent background
     forward: vec3f,    // unit
-    pad0: u32,
+    footprint: f32,    // pixels, side of the square that textures are averaged over; 0: points
     size: vec2u,       // pixels
     offset: vec2f,     // point of each pixel that unjittered rays go through, pixels from its top left corner
     clip_from_world: mat4x4f,  // reversed depth: near / view depth, or 1 .. 0 to the far end if orthographic
+    anisotropy: f32,   // most samples of a texture along the longer axis of a footprint
 }
 
 struct SceneInfo {

@@ -1,5 +1,5 @@
 // The surface at a hit: position, normals, material.
-#import "scene/corners.wgsl"
+#import "scene/footprint.wgsl"
 #import "scene/ray_offset.wgsl"
 #import "scene/facing_normal.wgsl"
 
@@ -23,13 +23,28 @@ fn unpack_normal(code: u32) -> vec3f {
     return octahedral_decode(unpack2x16snorm(code));
 }
 
-// Evaluates the surface at the hit of a ray in `direction`.
+// Evaluates the surface at the hit of a ray in `direction`, textures at a point.
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     return surface_on(load_triangle(hit.triangle), hit, direction);
 }
 
-// Evaluates the surface at a hit of a triangle that is already loaded.
+// Evaluates the surface at a hit of a triangle that is already loaded, textures at a point.
 fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
+    return surface_over(triangle, hit, direction, no_footprint());
+}
+
+// Evaluates the surface at the hit of a ray that is `width` wide there, metres; `direction`: unit.
+fn surface_of_cone(hit: Hit, direction: vec3f, width: f32) -> Surface {
+    let triangle = load_triangle(hit.triangle);
+    var footprint = no_footprint();
+    if (HAS_TEXTURES) {
+        footprint = ray_footprint(triangle, hit, direction, width);
+    }
+    return surface_over(triangle, hit, direction, footprint);
+}
+
+// Evaluates the surface at a hit, textures over a footprint.
+fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFootprint) -> Surface {
     // Interpolate position and normal.
     let weights = hit_weights(triangle, hit);
     var position = hit_point(triangle, hit);
@@ -90,22 +105,27 @@ fn surface_on(triangle: Triangle, hit: Hit, direction: vec3f) -> Surface {
     if (textured) {
         let uv0 = texcoord0_at(corners);
         let uv1 = texcoord1_at(corners);
+        let covered = uv_footprint(corners, footprint);
+        let is_point = footprint.is_point;
         if (has_texture(material, BASE_COLOR_SLOT)) {
-            base *= sample_texture(material, BASE_COLOR_SLOT, uv0, uv1);
+            base *= read_texture(material, BASE_COLOR_SLOT, uv0, uv1, covered, is_point);
         }
         if (HAS_EMISSION_MAPS && has_texture(material, EMISSION_SLOT)) {
-            s.emission *= sample_texture(material, EMISSION_SLOT, uv0, uv1).rgb;
+            s.emission *= read_texture(
+                material, EMISSION_SLOT, uv0, uv1, covered, is_point || footprint.point_emission).rgb;
             s.emitter_pdf = textured_pdf(material, s.emission);
         }
         if (HAS_ROUGHNESS_MAPS && has_texture(material, METALLIC_ROUGHNESS_SLOT)) {
-            let texel = sample_texture(material, METALLIC_ROUGHNESS_SLOT, uv0, uv1);
+            let texel = read_texture(material, METALLIC_ROUGHNESS_SLOT, uv0, uv1, covered, is_point);
             s.metallic *= texel.b;
             s.roughness *= texel.g;
         }
         if (HAS_NORMAL_MAPS && has_texture(material, NORMAL_SLOT)) {
-            let map = sample_texture(material, NORMAL_SLOT, uv0, uv1).xyz * 2.0 - 1.0;
-            s.normal = bend_normal(s.normal, map, triangle, corners, hit.instance);
+            let texel = read_texture(material, NORMAL_SLOT, uv0, uv1, covered, is_point);
+            s.normal = bend_normal(s.normal, texel.xyz * 2.0 - 1.0, triangle, corners, hit.instance);
             s.bumped = true;
+            // `upload/mip_levels.py`: the standard deviation of the slopes.
+            s.roughness = widened_roughness(s.roughness, (1.0 - texel.w) * materials[material].normal_scale);
         }
     }
     s.base_color = base.rgb;
@@ -164,6 +184,13 @@ fn bend_normal(normal: vec3f, map: vec3f, triangle: Triangle, k: Corners, instan
     let t = normalize_or(tangent - normal * dot(normal, tangent), frame_from_normal(normal)[0]);
     let b = cross(normal, t) * handedness;
     return normalize_or(t * tilt.x + b * tilt.y + normal * map.z, normal);
+}
+
+// Returns the roughness of a lobe that is spread by slopes of standard deviation `sigma` per axis: alpha^2 grows by
+// 2 sigma^2 (Olano and Baker 2010, "LEAN Mapping", section 3), which is exact for Beckmann's distribution.
+fn widened_roughness(roughness: f32, sigma: f32) -> f32 {
+    let alpha = roughness * roughness;
+    return select(roughness, sqrt(sqrt(min(alpha * alpha + 2.0 * sigma * sigma, 1.0))), sigma != 0.0);
 }
 
 fn surface_brdf(s: Surface) -> Brdf {

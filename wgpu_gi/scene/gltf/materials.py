@@ -7,7 +7,7 @@ from typing import Literal
 
 from ...float_limits import LARGEST_FACTOR, LARGEST_LIGHT
 from ..files.image_files import has_basisu
-from ..scene import Image, Material, Texture, Wrap
+from ..scene import Filter, Image, Material, Texture, Wrap
 from .accessors import Accessors
 from .document import Document
 from .images import Images
@@ -15,7 +15,15 @@ from .json_object import JsonObject
 from .specular_glossiness import SpecularGlossiness, Surface
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-_MAG_FILTERS: dict[int, Literal["linear", "nearest"]] = {9728: "nearest", 9729: "linear"}
+_MAG_FILTERS: dict[int, Filter] = {9728: "nearest", 9729: "linear"}
+_MIN_FILTERS: dict[int, tuple[Filter, Literal["linear", "nearest", "none"]]] = {
+    9728: ("nearest", "none"),
+    9729: ("linear", "none"),
+    9984: ("nearest", "nearest"),
+    9985: ("linear", "nearest"),
+    9986: ("nearest", "linear"),
+    9987: ("linear", "linear"),
+}
 _ALPHA_MODES = {name: name for name in ("OPAQUE", "MASK", "BLEND")}
 _SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 _SPECULAR_GLOSSINESS_TEXTURES = ("diffuseTexture", "specularGlossinessTexture")
@@ -153,11 +161,17 @@ class Materials:
         offset = transform.vector("offset", (0.0, 0.0), -LARGEST_FACTOR, LARGEST_FACTOR)
         scale = transform.vector("scale", (1.0, 1.0), -LARGEST_FACTOR, LARGEST_FACTOR)
         sampler = self._sampler(self._textures[info.index("index", len(self._textures), "textures")])
+        magnification = sampler.choice("magFilter", _MAG_FILTERS, 9729)
+        # Without a filter for minification, the choice is ours: as for magnification, with mip levels.
+        default = 9986 if magnification == "nearest" else 9987
+        minification, mip_filter = sampler.choice("minFilter", _MIN_FILTERS, default)
         return Texture(
             image=image,
             wrap_u=sampler.choice("wrapS", _WRAPS, 10497),
             wrap_v=sampler.choice("wrapT", _WRAPS, 10497),
-            filter=sampler.choice("magFilter", _MAG_FILTERS, 9729),
+            filter=magnification,
+            min_filter=None if minification == magnification else minification,
+            mip_filter=mip_filter,
             texcoord=_TEXCOORDS[texcoord],
             offset=(offset[0], offset[1]),
             scale=(scale[0], scale[1]),

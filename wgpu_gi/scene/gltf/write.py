@@ -45,7 +45,15 @@ from ..scene import (
 from .glb import Glb, Json
 
 _WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
-_FILTERS = {"nearest": (9728, 9984), "linear": (9729, 9987)}  # magnification; minification with mip levels
+_MAG_FILTERS = {"nearest": 9728, "linear": 9729}
+_MIN_FILTERS = {
+    ("nearest", "none"): 9728,
+    ("linear", "none"): 9729,
+    ("nearest", "nearest"): 9984,
+    ("linear", "nearest"): 9985,
+    ("nearest", "linear"): 9986,
+    ("linear", "linear"): 9987,
+}
 _NEAR, _FAR = 0.01, 1000.0  # glTF requires clip planes; our cameras have none
 
 
@@ -178,8 +186,8 @@ class _Writer:
 
     def _texture_info(self, texture: Texture) -> Json:
         """Return the use of a texture: its index, texture coordinates and transform."""
-        magnify, minify = _FILTERS[texture.filter]
-        sampler = {"magFilter": magnify, "minFilter": minify}
+        minify = _MIN_FILTERS[texture.min_filter or texture.filter, texture.mip_filter]
+        sampler = {"magFilter": _MAG_FILTERS[texture.filter], "minFilter": minify}
         sampler |= {"wrapS": _WRAPS[texture.wrap_u], "wrapT": _WRAPS[texture.wrap_v]}
         source = self._glb.once("images", id(texture.image), lambda: self._image(texture.image))
         index = self._glb.once("samplers", tuple(sampler.values()), lambda: sampler)

@@ -14,7 +14,7 @@ from ...gpu.wgsl.load import load
 from ...scene.scene import Scene
 from ...upload.direct_lights import DIRECT_SPOT, DIRECT_SUN
 from ...upload.scene_upload import SceneUpload
-from ..shared.sampling import CameraSettings, pixel_offset
+from ..shared.sampling import CameraSettings, pixel_offset, sample_footprint
 from ..shared.scene_inputs import share_raster
 from ..shared.technique import Shot
 from .direct import DirectSettings
@@ -124,7 +124,10 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
     )
     jittered = shot.frames if settings.camera.jitter else 1
     offset = pixel_offset(max(shot.frame, 0), jittered)
-    view = upload.view(shot.camera, shot.size, False, offset, settings.transparent)
+    # The frames so far share the pixel.
+    footprint = sample_footprint(settings.camera, max(shot.frame, 0) + 1)
+    anisotropy = settings.camera.anisotropy
+    view = upload.view(shot.camera, shot.size, False, offset, settings.transparent, footprint, anisotropy)
     state.note_motion(upload, shot.scene, graph, view)
     number, ahead = max(shot.frame, 0), max(-shot.frame, 0)
     graph.uniform("sequence", np.array((shot.drawn + number, number, ahead), SEQUENCE))

@@ -26,6 +26,24 @@ class CameraSettings(KnownAttributes):
         range=(1, 65536),
         presets={"low": 4, "high": 64},
     )
+    footprint: float = setting(
+        1.0,
+        "Side of the square that a jittered sample averages textures over; 0 reads their finest mip level.",
+        "pixels",
+        range=(0, 4),
+    )
+    anisotropy: int = setting(
+        4, "Most samples of a texture along the longer side of a pixel's footprint.", "samples", range=(1, 8)
+    )
+
+
+def sample_footprint(settings: CameraSettings, samples: int = 1) -> float:
+    """Return the side, in pixels, of the square that each of `samples` samples of a pixel averages textures over.
+
+    A sample stands for its share of the pixel, so the mean of many is not blurred beyond the pixel. Without jitter all
+    samples show the pixel's centre alone.
+    """
+    return settings.footprint / math.sqrt(samples) if settings.jitter else 0.0
 
 
 def pixel_offset(frame: int, frames: int) -> tuple[float, float]:

@@ -6,6 +6,7 @@ A technique's inputs are a subclass that adds the scene data only this technique
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Shared
@@ -25,7 +26,7 @@ class SceneInputs:
     `features`: values of the shaders' HAS_ constants for this scene. `upload` owns the resources.
     """
 
-    surfaces: dict[str, Shared]
+    surfaces: dict[str, Any]  # Shared, and the sampler of the atlases
     lights: dict[str, Shared]
     features: dict[str, bool]
     upload: SceneUpload
@@ -57,6 +58,7 @@ def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:
     """Register an uploaded scene with the graph; call it after each `upload.update`."""
     graph.uniform("scene", upload.info)
     surfaces, lights = (_share(graph, upload, names) for names in (SURFACE_INPUTS, LIGHT_INPUTS))
+    surfaces["atlas_sampler"] = graph.sampler("linear")
     return SceneInputs(surfaces, lights, dict(upload.features), upload)
 
 
@@ -70,5 +72,5 @@ def share_raster(graph: Graph, upload: SceneUpload) -> RasterInputs:
     )
 
 
-def _share(graph: Graph, upload: SceneUpload, names: tuple[str, ...]) -> dict[str, Shared]:
+def _share(graph: Graph, upload: SceneUpload, names: tuple[str, ...]) -> dict[str, Any]:
     return {name: graph.share(f"scene/{name}", *upload.resources[name]) for name in names}

@@ -7,6 +7,7 @@ from typing import Protocol
 from ..deferred.update import DeferredOptions, deferred_inputs
 from ..shared.denoise import DenoiseSettings
 from ..shared.radiance_cache import note_changes
+from ..shared.sampling import sample_footprint
 from ..shared.technique import Shot
 from ..shared.temporal import TemporalSettings
 from .cameras import screen_views
@@ -47,5 +48,6 @@ def occlusion_inputs(shot: Shot, settings: OcclusionOptions) -> SsdoInputs:
     contacts = settings.direct.contacts > 0
     screen, cameras = screen_views(shot.camera, box, shot.size, triangles, settings.ssdo, sky, contacts=contacts)
     for number, camera in enumerate(cameras, 1):
-        shot.graph.uniform(view_name(number), upload.view(camera, shot.size, False))
+        view = upload.view(camera, shot.size, False, footprint=sample_footprint(settings.camera))
+        shot.graph.uniform(view_name(number), view)
     return SsdoInputs(**vars(deferred), screen=screen)

@@ -1,4 +1,5 @@
-// One invocation resolves a pixel of the visibility buffer: the triangle's surface, exactly as the path tracer sees it.
+// One invocation resolves a pixel of the visibility buffer: the triangle's surface at the point that the path tracer's
+// ray hits, with textures averaged over the pixel's footprint (`scene/footprint.wgsl`).
 //
 // In: visibility. Out: the packed surface; distance along the pixel's ray in metres, 0 where nothing is seen; emission,
 // the surface's radiance towards the eye, W/(m2 sr), with 0 in its fourth value. Pixels without a surface are not written.
@@ -27,7 +28,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let ray = pixel_ray(pixel);
     let triangle = load_triangle(seen.x);
     let hit = hit_on_triangle(ray, triangle, seen.x, seen.y);
-    let s = surface_on(triangle, hit, ray.direction);
+    let s = surface_over(triangle, hit, ray.direction, pixel_footprint(ray, triangle, hit));
     let unlit = HAS_EMISSION && (s.flags & UNLIT) != 0u;
     let flags = select(0u, GBUFFER_UNLIT, unlit) | select(0u, GBUFFER_COATED, HAS_COATS && (s.flags & COATED) != 0u);
     surfaces[index] = pack_gbuffer(

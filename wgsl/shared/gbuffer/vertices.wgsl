@@ -35,8 +35,13 @@ fn mask_of_vertex(index: u32, triangle: u32) -> Mask {
     return Mask(vec4f(v.texcoord0, v.texcoord1), unpack_color(v.color).a, load_triangle(triangle).material);
 }
 
-// Returns whether a fragment is cut out.
+// Returns whether a fragment is cut out at its centre.
 fn is_open(mask: Mask) -> bool {
-    return base_alpha(mask.material, mask.alpha, mask.texcoords.xy, mask.texcoords.zw)
+    return is_open_over(mask, UvFootprint(vec4f(0.0), vec4f(0.0), 1.0), true);
+}
+
+// Returns whether a fragment is cut out by the mean alpha of a footprint, or at its centre.
+fn is_open_over(mask: Mask, footprint: UvFootprint, is_point: bool) -> bool {
+    return base_alpha(mask.material, mask.alpha, mask.texcoords.xy, mask.texcoords.zw, footprint, is_point)
         < materials[mask.material].alpha_cutoff;
 }

@@ -53,7 +53,9 @@ fn vertex_masked(@builtin(vertex_index) index: u32, @builtin(instance_index) slo
 
 @fragment
 fn fragment_masked(in: MaskedVaryings) -> @location(0) vec2u {
-    if (is_nearer(in.clip) || is_open(Mask(in.texcoords, in.alpha, in.ids.z))) {
+    let footprint = UvFootprint(
+        dpdx(in.texcoords) * view.footprint, dpdy(in.texcoords) * view.footprint, view.anisotropy);
+    if (is_nearer(in.clip) || is_open_over(Mask(in.texcoords, in.alpha, in.ids.z), footprint, false)) {
         discard;
     }
     return in.ids.xy + 1u;
