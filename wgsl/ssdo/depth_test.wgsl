@@ -6,6 +6,9 @@
 const RASTER_ROUNDING: f32 = 4e-6;
 // Error of a tangent plane's depth, relative to its terms. tools/README.md, "Constants".
 const PLANE_ROUNDING: f32 = 1e-5;
+// Rasterisers snap corners to a grid of 1/16 pixel or finer (Vulkan's least `subPixelPrecisionBits` is 4), which shifts a
+// triangle's depths by up to this many pixels along each axis. SwiftShader's grid is that coarse.
+const SNAP: f32 = 1.0 / 32.0;
 // Distance in pixels from the receiver's own place within which a further camera's depths are ignored: if it sees the
 // receiver's surface edge-on or not at all, these pixels show other surfaces. tools/README.md, "Constants".
 const LEAST_SEPARATION: f32 = 1.5;
@@ -42,7 +45,7 @@ fn receiver_in_view(v: View, position: vec3f, frame: mat3x3f, tangents: mat3x3f)
     // A plane seen edge-on covers no pixels: give it depth 0, behind everything.
     let is_known = has_slope && all(abs(slope) < vec2f(1e30)) && clip.w > 0.0;
     let at = place.z - dot(slope, place.xy);
-    let rounded = at + PLANE_ROUNDING * (dot(abs(slope), size) + abs(at));
+    let rounded = at + PLANE_ROUNDING * (dot(abs(slope), size) + abs(at)) + SNAP * (abs(slope.x) + abs(slope.y));
     let parallel = v.orthographic != 0u;
     return ReceiverInView(
         clip, axes, select(vec3f(0.0), vec3f(slope, rounded), is_known), place.xy, -(m * vec4f(v.forward, 0.0)).zw,
