@@ -57,6 +57,8 @@ class GpuFrame:
         self._declared: tuple[object, ...] | None = None
         self._inputs: tuple[Any, ...] | None = None  # all that determines the picture
         self._rested = False  # nothing has moved in the last step
+        self._preview = False  # the frame may be a preview
+        self._previewed = False  # the last frame was coarser than those of a still picture
 
     def invalidate(self, declaration: bool = False) -> None:
         """Upload everything again in the next step and restart the average; with `declaration`, declare it, too."""
@@ -82,8 +84,8 @@ class GpuFrame:
         """The functions that free the GPU memory, for `Device.discard`."""
         return [self.graph.release] + ([] if self.upload is None else [self.upload.release])
 
-    def prepare(self, view: View, show: tuple[str, ...], force: bool) -> None:
-        """Upload what changed; redeclare the frame if its passes changed."""
+    def prepare(self, view: View, show: tuple[str, ...], force: bool, preview: bool) -> None:
+        """Upload what changed; redeclare the frame if its passes changed. `preview`: as in `Renderer.step`."""
         check_size(view.size, self._device)
         settings, camera, frames = view.settings, view.camera, view.frames
         pose = (np.asarray(camera.world_from_view).tobytes(), camera.yfov, camera.orthographic_height)
@@ -98,12 +100,14 @@ class GpuFrame:
         self._rested = same
         known = before[len(seen)] if before else None
         inputs = (*seen, known if settings == known else copy_of(settings))
-        goes_on, up_to_date = same, None
+        # No preview is among the frames of a still picture.
+        previewed, self._preview = self._previewed, preview and not still
+        goes_on, up_to_date = same and not previewed, None
         if still and not same:
             # Only settings differ: keep the frames averaged so far unless a pass of the mean has become stale.
             self._update(view, inputs)
             up_to_date = self.index, self._drawn
-            goes_on = not any(name.startswith(MEANS) for name in self.graph.stale())
+            goes_on = not previewed and not any(name.startswith(MEANS) for name in self.graph.stale())
         first = -technique_of(settings.gi).warm_up(settings)
         if goes_on:
             self.index = min(self.index + 1, frames - 1)
@@ -120,6 +124,7 @@ class GpuFrame:
         found = self._send(view, scene)
         self._inputs = inputs
         self._declare(view, show, found)
+        self._previewed = found.is_preview
 
     def _send(self, view: View, scene: Fingerprint) -> SceneInputs:
         """Update the GPU data of the scene that the technique needs; return the inputs of the technique."""
@@ -132,7 +137,16 @@ class GpuFrame:
         if self._inputs is None or scene != self._inputs[0]:
             upload.update(view.scene)
         shot = Shot(
-            self.graph, upload, view.scene, view.camera, view.size, self.index, view.frames, self._drawn, self.kept
+            self.graph,
+            upload,
+            view.scene,
+            view.camera,
+            view.size,
+            self.index,
+            view.frames,
+            self._drawn,
+            self.kept,
+            self._preview,
         )
         return technique_of(settings.gi).inputs(shot, settings)
 

@@ -222,17 +222,19 @@ class Renderer(KnownAttributes):
         check: bool = False,
         timings: bool = False,
         force: bool = False,
+        preview: bool = False,
     ) -> bool:
         """Render one frame, which refines the last one if nothing changed. Return False if there was nothing to do.
 
-        `force` runs every pass that `show` needs, changed or not.
+        `force` runs every pass that `show` needs, changed or not. `preview`: the view moves, so a changed frame may
+        err more in less time; the still picture then starts over without it.
         """
         self._check_values()
         shown = self.buffers if show is None else show
         check_buffers(shown, self.settings.gi)
         with self._alone():
             try:
-                return self._step(shown, progress, check, timings, force)
+                return self._step(shown, progress, check, timings, force, preview)
             except BaseException:
                 # The frame is incomplete: the next step uploads everything again and restarts its average.
                 self._gpu.invalidate()
@@ -245,10 +247,11 @@ class Renderer(KnownAttributes):
         check: bool,
         timings: bool,
         force: bool,
+        preview: bool,
     ) -> bool:
         gpu, view, technique = self._gpu, self._view(), technique_of(self.settings.gi)
         gpu.graph.on_compile = self.on_compile
-        gpu.prepare(view, shown, force)
+        gpu.prepare(view, shown, force, preview)
         graph, frames = gpu.graph, view.frames
         before = graph.settle_progress()
         runs = max((p.settle for p in graph.order), default=0)

@@ -91,6 +91,33 @@ def test_blur_removes_the_interleaving_pattern_on_a_plane(interleave):
         assert np.allclose(interleaved, together, rtol=2e-5)
 
 
+@pytest.mark.parametrize("perspective", [False, True])
+def test_light_of_half_resolution_is_that_of_all_pixels_up_to_its_curvature(perspective):
+    """Bilinear weights are exact for light that is linear between pixels, and keep the mean."""
+    camera = Camera.look_at((0, 3, 2), (0, 0, 0), yfov_deg=40) if perspective else None
+    gatherer = Gatherer(plane_point(size=20.0), SIZE, camera)
+    table = vpl_texels([(0.3, 3.0, -0.2)], [(0, -1, 0)], [(1.0, 2.0, 4.0)], [0.1])
+    full, half = (gatherer(table, 1, interleave=1, blur=False, stride=stride) for stride in (1, 2))
+    assert np.allclose(half[::2, ::2], full[::2, ::2], rtol=1e-3)
+    half, full = half[:-1, :-1], full[:-1, :-1]  # an even number of pixels ends beyond the grid
+    assert np.allclose(half, full, rtol=5e-3)
+    assert abs(half.mean() / full.mean() - 1) < 1e-3
+
+
+def test_half_resolution_keeps_edges_and_light():
+    """Edges between surfaces stay sharp and their light stays; thin features take the light of other surfaces."""
+    gatherer = Gatherer(courtyard(), SIZE)
+    low, high = gatherer.upload.box
+    table = vpl_texels([(low + high) / 2 + (0, 3, 0)], [(0, -1, 0)], [(1.0, 1.0, 1.0)], [1.0])
+    full, half = (gatherer(table, 1, interleave=1, blur=False, stride=stride) for stride in (1, 2))
+    assert abs(half.mean() / full.mean() - 1) < 0.02
+    nearest = full[::2, ::2].repeat(2, 0).repeat(2, 1)[: SIZE[1], : SIZE[0]]
+    blocky, kept = (
+        (np.abs(x - full).max(-1) / (full.max(-1) + 0.1 * full.mean()) > 0.1).mean() for x in (nearest, half)
+    )
+    assert kept < 0.33 * blocky
+
+
 def test_blur_does_not_leak_across_depth_edges():
     """A VPL between the planes of two squares lights only the far one; the blur leaks nothing to the near one."""
     near = quad((-2, 0, 0), (2, 0, 0), (0, 2, 0), matte(0.5))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.medley import at
@@ -11,6 +13,7 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.scenes import courtyard
+from wgpu_gi.techniques.many_light.gather import GatherSettings
 
 SHOW = ("radiance",)
 LIGHT = {"rsm", "vpl/light_paths", "vpl/weights", "vpl/prefix_sum", "vpl/resample", "ism/rays", "ism/fill"}
@@ -117,6 +120,31 @@ def test_views_of_imperfect_shadow_maps_show_distances(mode):
     for distance in shown.values():
         assert distance[distance > 0].min() > 0 and distance.max() < 10
     assert 0.2 < (shown["ism/samples"] > 0).mean() <= (shown["ism/atlas"] > 0).mean()
+
+
+def test_a_preview_gathers_at_half_resolution_and_no_still_picture_contains_it():
+    settings = make_settings("many-light", frames=2)
+    camera = Camera.look_at((2.7, 2.7, -7.0), (2.7, 2.7, 0.0))
+    scene = SCENES["cornell-point"]()
+    fresh = Renderer(scene, size=(48, 27), camera=camera, settings=settings)
+    fresh.run(show=SHOW)
+    moved = Renderer(scene, size=(48, 27), settings=settings)
+    moved.run(show=SHOW)
+    moved.camera = camera
+    assert moved.step(show=SHOW, preview=True)
+    preview = moved.read_back()
+    assert "gather/upsample" in moved.graph.last_run
+    frames = 0
+    while moved.step(show=SHOW, preview=True):
+        assert "gather/upsample" not in moved.graph.last_run
+        frames += 1
+    assert frames == 2
+    assert np.array_equal(moved.read_back(), fresh.read_back())
+    half = Renderer(
+        scene, size=(48, 27), camera=camera, settings=replace(settings, gather=GatherSettings(scale="half"))
+    )
+    half.step(show=SHOW)
+    assert np.array_equal(preview, half.read_back())
 
 
 def test_a_still_view_rejects_history_only_in_its_first_frame():

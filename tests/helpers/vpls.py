@@ -59,12 +59,18 @@ class Gatherer:
         self.graph.uniform("view", self.upload.view(camera or scene.cameras[0], size, False))
 
     def __call__(
-        self, table: np.ndarray, count: int, blur: bool = True, compensated: bool = False, **settings: object
+        self,
+        table: np.ndarray,
+        count: int,
+        blur: bool = True,
+        compensated: bool = False,
+        stride: int = 1,
+        **settings: object,
     ) -> np.ndarray:
         """Return the indirect radiance, (h, w, 3); every buffer is checked.
 
         Pixels are blurred over the squares that share the VPLs. With `compensated`, the light of the scene's lights
-        that the bound removes is added; it has one bounce.
+        that the bound removes is added; it has one bounce. Every `stride`-th pixel of a row and a column gathers.
         """
         graph, gpu = self.graph, self.device.gpu
         usage = wgpu.TextureUsage.STORAGE_BINDING | wgpu.TextureUsage.COPY_DST | wgpu.TextureUsage.TEXTURE_BINDING
@@ -76,10 +82,10 @@ class Gatherer:
         gbuffer = declare_gbuffer(graph, scene)[0]
         vpls = Vpls(graph.share("vpl/table", texture), count)
         choice = GatherSettings(**{"visibility": "none", "compensation": compensated, **settings})
-        gathered = declare_gather(graph, choice, scene, gbuffer, vpls, None, 0)
+        gathered = declare_gather(graph, choice, scene, gbuffer, vpls, None, 0, stride=stride)
         declare_compensation(graph, scene, gbuffer, graph.neutral("texture_2d"), vpls, gathered, 1, 0)
         radius = choice.interleave if blur else 1
-        indirect = declare_denoise(graph, DenoiseSettings(radius), gbuffer, gathered, 1)
+        indirect = declare_denoise(graph, DenoiseSettings(radius), scene, gbuffer, gathered, 1)[0]
         graph.compile([indirect])
         graph.run(force=True, check=True)
         pixels = graph.read_back(indirect).reshape(self.size[1], self.size[0], 4)

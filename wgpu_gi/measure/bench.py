@@ -197,7 +197,7 @@ def measure_case(renderer: Renderer, case: str, frames: int, report: Callable[[f
             renderer.camera = orbit(at_rest, radius, number / ORBIT_FRAMES)
         timing.clear()
         started = time.perf_counter()
-        renderer.step(show=("radiance",), force=case == "all", timings=timed)
+        renderer.step(show=("radiance",), force=case == "all", timings=timed, preview=case != "still")
         device.wait()
         elapsed = (time.perf_counter() - started) * 1e3
         if frame >= 0 and timed:

@@ -120,7 +120,7 @@ class _Run:
         for number in range(-WARM_UP, frames):
             view = self.view_at(number)
             self.renderer.scene, self.renderer.camera = view.scene, view.camera
-            self.renderer.step(show=(*show, *GEOMETRY))
+            self.renderer.step(show=(*show, *GEOMETRY), preview=True)
             if number < -NEW_FOR:
                 continue
             pictures = {name: self.renderer.read_back(name) for name in (*show, *GEOMETRY)}
@@ -235,7 +235,7 @@ def _means(renderer: Renderer, camera: Camera, scenes: list[Scene]) -> dict[str,
     renderer.camera = camera
     for scene in scenes:
         renderer.scene = scene
-        renderer.step(show=tuple(LAYERS[layer] for layer in means), force=True)
+        renderer.step(show=tuple(LAYERS[layer] for layer in means), force=True, preview=True)
         for layer, values in means.items():
             values.append(float((renderer.read_back(LAYERS[layer]) @ REC709_LUMINANCE).mean()))
     return means

@@ -268,8 +268,9 @@ class Session:
         force, self._force = self._force, False
         renderer = self.renderer
         renderer.on_compile = compiled
+        options = {"timings": self._measures(moving), "force": force, "preview": moving}
         try:
-            ran = renderer.step(progress, show=self._show(moving), timings=self._measures(moving), force=force)
+            ran = renderer.step(progress, show=self._show(moving), **options)
         finally:
             renderer.on_compile = None
         renderer.graph.device.wait()

@@ -12,7 +12,7 @@
 #import "shared/gbuffer/load.wgsl"
 #import "shared/gbuffer/tiles.wgsl"
 #import "ssdo/sender_light.wgsl"
-#import "ssdo/grid_pixel.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
 #import "ssdo/lobe.wgsl"

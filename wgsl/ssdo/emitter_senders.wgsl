@@ -6,7 +6,7 @@
 #import "deferred/emitters/estimate.wgsl"
 #import "shared/gbuffer/read.wgsl"
 #import "scene/sequence.wgsl"
-#import "ssdo/grid.wgsl"
+#import "shared/upsample/grid.wgsl"
 
 override OUTWARD: bool = false;  // light the counter-clockwise side of surfaces, not the visible side
 

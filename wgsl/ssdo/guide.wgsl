@@ -1,5 +1,5 @@
 // One invocation computes the weights to upsample from the search's grid to a pixel. The coarse surfaces are those
-// of the grid's pixels in the G-buffer (`ssdo/grid_pixel.wgsl`).
+// of the grid's pixels in the G-buffer (`shared/upsample/grid_pixel.wgsl`).
 //
 // In: G-buffer. Out: the guide and the list of unrepresented pixels of `shared/upsample/guide.wgsl`.
 #import "shared/upsample/guide.wgsl"

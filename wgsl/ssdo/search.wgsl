@@ -18,7 +18,7 @@
 #import "ssdo/directions.wgsl"
 #import "ssdo/undecided.wgsl"
 #import "ssdo/lobe.wgsl"
-#import "ssdo/grid_pixel.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 
 override DIRECTIONS: u32 = 1u;             // N

@@ -7,7 +7,7 @@
 #import "shared/gbuffer/load.wgsl"
 #import "deferred/direct/lighting.wgsl"
 #import "deferred/environment/ambient.wgsl"
-#import "ssdo/grid.wgsl"
+#import "shared/upsample/grid.wgsl"
 #import "shared/upsample/gbuffer_surface.wgsl"
 #import "shared/upsample/once.wgsl"
 

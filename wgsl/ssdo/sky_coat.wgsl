@@ -12,7 +12,7 @@
 #import "deferred/environment/ambient.wgsl"
 #import "common/coat.wgsl"
 #import "shared/denoise/plane.wgsl"
-#import "ssdo/grid_pixel.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 #import "ssdo/hit_code.wgsl"
 #import "ssdo/lobe.wgsl"
 #import "shared/upsample/unrepresented.wgsl"

@@ -17,7 +17,7 @@
 #import "ssdo/slice_march.wgsl"
 #import "ssdo/undecided.wgsl"
 #import "ssdo/sender_light.wgsl"
-#import "ssdo/grid_pixel.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
 

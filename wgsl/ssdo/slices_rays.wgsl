@@ -5,7 +5,7 @@
 // but for radiance_of().
 #import "shared/gbuffer/load.wgsl"
 #import "ssdo/sender_light.wgsl"
-#import "ssdo/grid_pixel.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 #import "common/coat.wgsl"
 

@@ -1,5 +1,5 @@
 // Read access to the list of undecided directions, and the pixels that they leave.
-#import "ssdo/grid_pixel.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 #import "ssdo/hit_code.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 

@@ -13,7 +13,7 @@ from ..deferred.direct import declare_direct
 from ..deferred.sky import declare_sky
 from ..shared.technique import Light, Technique
 from .compensation import declare_compensation
-from .denoise import declare_denoise, declare_temporal
+from .denoise import History, declare_denoise
 from .gather import declare_gather
 from .inputs import ManyLightInputs
 from .ism import declare_ism
@@ -96,8 +96,8 @@ def _declare_indirect(
     if settings.gather.visibility == "ism":
         ism = declare_ism(graph, settings.ism, scene, declare_points(graph, scene, POINTS, albedo), vpls)
     near_field = declare_near_shares(graph, settings.ssdo, gbuffer, vpls)
-    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, seed, near_field)
-    views |= declare_vpl_view(graph, vpls) | declare_list_view(graph, settings.gather, gbuffer, gathered.clusters, vpls)
+    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, seed, near_field, scene.gather_stride)
+    views |= declare_vpl_view(graph, vpls) | declare_list_view(graph, gbuffer, gathered, vpls)
     if rsm is not None:
         views |= declare_rsm_views(graph, scene, lobes, rsm)
     if ism is not None:
@@ -111,8 +111,8 @@ def _declare_indirect(
             graph, settings.ssdo, scene, gbuffer, ambient, direct, gathered, settings.bounces, seed
         )
     # Average over frames and neighbours.
-    if settings.temporal.frames > 1:
-        accumulated = declare_temporal(graph, settings.temporal, scene, gbuffer, base.motion, gathered)
-        gathered = accumulated.gathered
-        views |= declare_rejected_view(graph, accumulated.rejected)
-    return declare_denoise(graph, settings.denoise, gbuffer, gathered, scene.frames)
+    history = History(settings.temporal, base.motion) if settings.temporal.frames > 1 else None
+    light, rejected = declare_denoise(graph, settings.denoise, scene, gbuffer, gathered, scene.frames, history)
+    if rejected is not None:
+        views |= declare_rejected_view(graph, rejected)
+    return light

@@ -10,6 +10,7 @@ from __future__ import annotations
 from ...gpu.graph import Graph
 from ...gpu.handles import Handle
 from ...gpu.wgsl.load import load
+from ..shared.denoise import grid_size
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from .gather import Gathered, near_radius
@@ -45,7 +46,7 @@ def declare_compensation(
         params={"vpl_count": vpls.count},
         constants=vpls.constants,
     )
-    width, height = graph.size
+    width, height = grid_size(graph, gathered.stride)
     graph.compute(
         "gather/compensate",
         SHADER,
@@ -64,6 +65,7 @@ def declare_compensation(
         constants={
             **scene.constants(SHADER),
             **vpls.constants,
+            **gathered.grid,
             "SEGMENTS": min(bounces or MOST_SEGMENTS, MOST_SEGMENTS),
             "REFLECTS_VPLS": bounces != 1,
             "NEAR_FIELD": gathered.near_field is not None,

@@ -21,8 +21,10 @@ from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
+from ..shared.denoise import grid_size
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
+from ..shared.upsample import grid_constants
 from .clusters import Clusters, declare_clusters
 from .ism import Ism
 from .vpl import Vpls
@@ -58,6 +60,12 @@ class GatherSettings(KnownAttributes):
         "Bound on the light of near VPLs: that of a disc of the VPL's area (disc), or none.",
         choices=("disc", "none"),
     )
+    scale: str = setting(
+        "moving",
+        "Gather at every pixel (full), at a quarter of them and upsample (half), or at a quarter while a view moves"
+        " (moving); at every pixel with a near field.",
+        choices=("full", "half", "moving"),
+    )
     reflections: float = setting(
         0.6,
         "Largest roughness of coats that reflect by a ray per pixel and frame; others reflect the VPLs. 0: all do.",
@@ -86,21 +94,28 @@ def near_radius(near_field: NearField | None) -> float:
 
 @dataclass
 class Gathered:
-    """The light of VPLs at each pixel, from those of its class; 0 where there is no lit surface.
+    """The light of VPLs at each pixel of a grid, from those of its class; 0 where there is no lit surface.
 
     irradiance: (r, g, b) in W/m2, and the depth of `shared/denoise/plane.wgsl`, 0 without a surface.
     normals: packed by the same file. glossy: the radiance of coats, W/(m2 sr), over `coat_tint` of `common/coat.wgsl`;
-    None without coated materials. interleave: side of the squares of pixels that divide the VPLs. clusters: the light
-    lists. compensated: the bound's loss is to be added. near_field: the part left out; None without a near field.
+    None without coated materials. stride: picture pixels between the grid's pixels. interleave: side of the squares of
+    the grid's pixels that divide the VPLs. clusters: the light lists. compensated: the bound's loss is to be added.
+    near_field: the part left out; None without a near field.
     """
 
     irradiance: Buffer
     glossy: Buffer | None
     normals: Buffer
+    stride: int
     interleave: int
     clusters: Clusters
     compensated: bool = False
     near_field: NearField | None = None
+
+    @property
+    def grid(self) -> dict[str, float]:
+        """The constants of `wgsl/shared/upsample/grid_pixel.wgsl`."""
+        return grid_constants(self.stride)
 
 
 def declare_gather(
@@ -112,12 +127,17 @@ def declare_gather(
     ism: Ism | None,
     seed: int,
     near_field: NearField | None = None,
+    stride: int = 1,
 ) -> Gathered:
-    """Declare the light of VPLs at each pixel; `ism` is needed if `settings.visibility` is "ism"."""
+    """Declare the light of VPLs at each pixel of a grid; `ism` is needed if `settings.visibility` is "ism".
+
+    `stride`: of the grid, 1 or 2 pixels.
+    """
     n, exact = settings.interleave, settings.visibility == "exact"
+    size = grid_size(graph, stride)
     coated = scene.features["HAS_COATS"]
     compensated = settings.compensation and settings.clamping != "none"
-    layers = _layers(graph, coated)
+    layers = _layers(graph, size, coated)
     clusters = declare_clusters(graph, settings.culling, gbuffer, vpls, n)
     shader = f"many_light/gather/{settings.visibility}.wgsl"
     visibility, constants = _visibility(settings, scene, ism)
@@ -127,7 +147,7 @@ def declare_gather(
         graph.compute(
             f"gather_{first}" if first else "gather",
             shader,
-            over=_threads(graph.size, n),
+            over=_threads(size, n),
             reads={
                 "surfaces": gbuffer.surfaces,
                 "distance": gbuffer.distance,
@@ -143,6 +163,7 @@ def declare_gather(
                 **vpls.constants,
                 **clusters.constants,
                 **constants,
+                **grid_constants(stride),
                 "INTERLEAVE": n,
                 "ADDED": exact,
                 "BOUNDED": settings.clamping == "disc",
@@ -151,7 +172,7 @@ def declare_gather(
             clear=[layers[name] for name in ("irradiance", "glossy")] if exact and not first else (),
         )
     glossy = layers["glossy"] if coated else None
-    return Gathered(layers["irradiance"], glossy, layers["normals"], n, clusters, compensated, near_field)
+    return Gathered(layers["irradiance"], glossy, layers["normals"], stride, n, clusters, compensated, near_field)
 
 
 def _visibility(
@@ -172,9 +193,9 @@ def _threads(size: tuple[int, int], interleave: int) -> tuple[int, int]:
     return -(-size[0] // block[0]) * _GROUP[0], -(-size[1] // block[1]) * interleave**2 * _GROUP[1]
 
 
-def _layers(graph: Graph, coated: bool) -> dict[str, Buffer]:
+def _layers(graph: Graph, size: tuple[int, int], coated: bool) -> dict[str, Buffer]:
     """Return the buffers that gathering writes, by their names in `Gathered`; one element if a layer is not needed."""
-    width, height = graph.size
+    width, height = size
 
     def layer(name: str, dtype: DTypeLike, needed: bool = True, nonnegative: bool = False) -> Buffer:
         count = width * height if needed else 1

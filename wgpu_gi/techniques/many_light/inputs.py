@@ -20,10 +20,20 @@ class VplInputs:
 
 @dataclass
 class ManyLightInputs(DeferredInputs):
-    """The scene inputs of many-light."""
+    """The scene inputs of many-light.
+
+    gather_stride: picture pixels between those that gather, along rows and columns. previews: 1 in still pictures.
+    """
 
     vpl: VplInputs
+    gather_stride: int
+    previews: bool
+
+    @property
+    def is_preview(self) -> bool:
+        """True if a still picture's frames gather at more pixels."""
+        return self.previews
 
     def shape(self) -> tuple[object, ...]:
         """Return the values whose change forces the passes to be redeclared."""
-        return (*super().shape(), self.vpl.rsm_texels)
+        return (*super().shape(), self.vpl.rsm_texels, self.gather_stride)

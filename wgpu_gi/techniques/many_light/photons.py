@@ -13,6 +13,7 @@ from math import ceil
 
 from ...gpu.graph import Graph
 from ...gpu.wgsl.load import load
+from ..shared.denoise import grid_size
 from ..shared.gbuffer import Gbuffer
 from .gather import Gathered, GatherSettings, near_radius
 from .inputs import ManyLightInputs
@@ -71,8 +72,9 @@ def declare_photons(
     graph.compute(
         "photons/resolve",
         "many_light/photons/resolve.wgsl",
-        over=graph.size,
+        over=grid_size(graph, gathered.stride),
         reads={**read, **layers},
         writes={"irradiance": gathered.irradiance, "glossy": gathered.glossy},
         params=shared,
+        constants=gathered.grid,
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Handle
+from ..shared.denoise import grid_size
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from .gather import Gathered, GatherSettings
@@ -35,7 +36,7 @@ def declare_reflections(
     graph.compute(
         "gather/reflections",
         SHADER,
-        over=graph.size,
+        over=grid_size(graph, gathered.stride),
         reads={
             **scene.surfaces,
             **scene.lights,
@@ -46,5 +47,5 @@ def declare_reflections(
         },
         writes={"glossy": gathered.glossy},
         params={"vpl_count": vpls.count, "seed": seed, "widest": settings.reflections**2},
-        constants={**scene.constants(SHADER), **vpls.constants, "REFLECTS_VPLS": bounces != 1},
+        constants={**scene.constants(SHADER), **vpls.constants, **gathered.grid, "REFLECTS_VPLS": bounces != 1},
     )

@@ -79,4 +79,7 @@ def many_light_inputs(shot: Shot, settings: ManyLightOptions) -> ManyLightInputs
         layout, state.rsm_texels = rsm_layout(lights, count, settings.rsm.texels, state.rsm_light)
         upload.resources.records("rsm_lights", layout)
     instances, cdf, rsm_lights = (shot.graph.share(f"scene/{name}", *upload.resources[name]) for name in RESOURCES)
-    return ManyLightInputs(**vars(deferred), vpl=VplInputs(instances, cdf, rsm_lights, state.rsm_texels))
+    vpl = VplInputs(instances, cdf, rsm_lights, state.rsm_texels)
+    previews = settings.gather.scale == "moving" and shot.preview and not settings.ssdo.near_field
+    coarse = previews or (settings.gather.scale == "half" and not settings.ssdo.near_field)
+    return ManyLightInputs(**vars(deferred), vpl=vpl, gather_stride=2 if coarse else 1, previews=previews)

@@ -6,8 +6,7 @@ from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..shared.gbuffer import Gbuffer
-from .clusters import Clusters
-from .gather import GatherSettings
+from .gather import Gathered
 from .inputs import ManyLightInputs
 from .ism import Ism
 from .lobes import Lobes
@@ -54,10 +53,9 @@ def declare_vpl_view(graph: Graph, vpls: Vpls) -> dict[str, Buffer]:
     return {"vpl/flux": picture}
 
 
-def declare_list_view(
-    graph: Graph, settings: GatherSettings, gbuffer: Gbuffer, clusters: Clusters, vpls: Vpls
-) -> dict[str, Buffer]:
+def declare_list_view(graph: Graph, gbuffer: Gbuffer, gathered: Gathered, vpls: Vpls) -> dict[str, Buffer]:
     """Declare the number of lights in each pixel's list; return no view without culling."""
+    clusters = gathered.clusters
     if not clusters.constants["CULLED"]:
         return {}
     picture = _picture(graph, "gather_lists")
@@ -68,7 +66,11 @@ def declare_list_view(
         reads={"lists": clusters.reads["lists"], "distance": gbuffer.distance},
         writes={"picture": picture},
         params={"vpl_count": vpls.count},
-        constants={"INTERLEAVE": settings.interleave, "SLICES": clusters.constants["SLICES"]},
+        constants={
+            "INTERLEAVE": gathered.interleave,
+            "STRIDE": gathered.stride,
+            "SLICES": clusters.constants["SLICES"],
+        },
     )
     return {"gather/lists": picture}
 

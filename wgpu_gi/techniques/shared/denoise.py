@@ -54,10 +54,14 @@ class DenoiseSettings(KnownAttributes):
 
 @dataclass(frozen=True)
 class Filtered:
-    """Filtered light, (r, g, b, depth) per pixel, or radiance; the mean luminance of the blur and its variance."""
+    """Filtered light, (r, g, b, depth) per pixel, or radiance; the mean luminance of the blur and its variance.
+
+    glossy: the coats' light over their tint, W/(m2 sr), unless the light is radiance.
+    """
 
     light: Buffer
     guide: Buffer | None
+    glossy: Buffer | None = None
 
 
 @dataclass(frozen=True)
@@ -114,17 +118,18 @@ def declare_filter(
     glossy: Buffer | None = None,
     reflected: bool = False,
     stride: int = 1,
+    moves: bool = False,
 ) -> Filtered:
     """Declare the blur of irradiance, W/m2, over squares of `radius` pixels, and `levels` of the a-trous filter.
 
     A grid of stride 2 has one level fewer, for the same reach. light, normals, frames, stride: as in `declare_blur`.
     glossy: the coats' light over their tint, W/(m2 sr), blurred by no more than their lobes. reflected: the result is
-    radiance, W/(m2 sr); needs a stride of 1.
+    radiance, W/(m2 sr); needs a stride of 1. moves: the grid is that of `wgsl/shared/upsample/grid_pixel.wgsl`.
     """
     size = grid_size(graph, stride)
     levels = max(levels + 1 - stride.bit_length(), 0) if radius > 1 else 0
     guided = radius > 1 and frames > GUIDED_FROM
-    neighbours = _declare_neighbours(graph, name, light, normals, None, stride, "view", guided=guided)
+    neighbours = _declare_neighbours(graph, name, light, normals, None, stride, "view", guided=guided, moves=moves)
     guide: Buffer | None = None
     if levels:
         # Two more values per pixel are the blur's own: `blur.wgsl`.
@@ -136,12 +141,13 @@ def declare_filter(
         "COAT_LOBES": glossy is not None,
         "FILTERED": guide is not None,
         "LAST": reflected and guide is None,
+        "MOVES": moves,
     }
     blurred = _declare_tent(graph, name, gbuffer, size, light, normals, neighbours, guide, constants, "view", glossy)
     if guide is None:
-        return Filtered(blurred.light, None)
+        return Filtered(blurred.light, None, blurred.glossy)
     result = _declare_levels(graph, name, gbuffer, blurred, normals, guide, levels, constants, reflected=reflected)
-    return Filtered(result, guide)
+    return Filtered(result, guide, blurred.glossy)
 
 
 def _declare_levels(
@@ -179,7 +185,7 @@ def _declare_levels(
             constants={
                 "STEP": FIRST_STEP << k,
                 "LAST": reflected and k == levels - 1,
-                **{key: constants[key] for key in ("STRIDE", "GUIDED", "HAS_COATS")},
+                **{key: constants[key] for key in ("STRIDE", "MOVES", "GUIDED", "HAS_COATS")},
             },
         )
         light, guide = found, after
@@ -231,7 +237,9 @@ def _declare_tent(
     else:
         graph.skip(f"{name}/rows", "nothing is blurred")
     blurred = layer(f"{name}/columns")
-    kept = layer(f"{name}/glossy_columns") if glossy is not None and guide is not None else None
+    # Ratios and radiance contain the coats' light.
+    separate = glossy is not None and not (constants.get("LAST") or constants.get("RATIO"))
+    kept = layer(f"{name}/glossy_columns") if separate else None
     graph.compute(
         f"{name}/columns",
         SHADER,
@@ -255,6 +263,7 @@ def _declare_neighbours(
     *,
     guided: bool,
     shares: bool = False,
+    moves: bool = False,
 ) -> Handle:
     """Declare the guide of the blur: mean light and its variance, of each pixel and of the 3x3 pixels around it.
 
@@ -288,7 +297,7 @@ def _declare_neighbours(
             "moments": moments,
         },
         writes={"neighbours": neighbours},
-        constants={"FIRST": variances is not None, "SHARES": shares, "STRIDE": stride},
+        constants={"FIRST": variances is not None, "SHARES": shares, "STRIDE": stride, "MOVES": moves},
         uniforms=uniforms,
     )
     return neighbours

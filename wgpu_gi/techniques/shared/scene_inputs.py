@@ -31,6 +31,11 @@ class SceneInputs:
     features: dict[str, bool]
     upload: SceneUpload
 
+    @property
+    def is_preview(self) -> bool:
+        """True if the frame is coarser than those of a still picture."""
+        return False
+
     def constants(self, shader: str) -> dict[str, bool]:
         """Return the HAS_ constants that `shader` declares; code for absent features is compiled out."""
         declared = load(shader).overrides

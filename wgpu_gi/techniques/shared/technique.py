@@ -39,7 +39,8 @@ class Shot:
     """One frame to render: the scene, its copy on the GPU, and the camera.
 
     `frame`: number in a still picture, 0 to `frames` - 1; negative for the warm-up frames before. `drawn`: number of
-    the frames before this picture whose random numbers it must not repeat.
+    the frames before this picture whose random numbers it must not repeat. `preview`: the view moves, and a still
+    picture will start over.
     """
 
     graph: Graph
@@ -51,6 +52,7 @@ class Shot:
     frames: int
     drawn: int
     kept: Kept
+    preview: bool
 
 
 @dataclass

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,16 @@ from ...gpu.handles import Buffer, Resource
 from .gbuffer import Gbuffer
 from .scene_inputs import SceneInputs
 
-SHADER = "shared/upsample/upsample.wgsl"
+SHADER, ONCE = "shared/upsample/upsample.wgsl", "shared/upsample/planes.wgsl"
+
+
+@dataclass(frozen=True)
+class Upsampled:
+    """Light at all pixels: radiance (r, g, b, 1), W/(m2 sr); or (r, g, b, depth), packed normals, the coats' light."""
+
+    light: Buffer
+    normals: Buffer
+    glossy: Buffer | None
 
 
 @dataclass(frozen=True)
@@ -110,3 +120,47 @@ def declare_upsampling(
         constants={**scene.constants(SHADER), **guide.constants, "REFLECTED": reflected},
     )
     return fine
+
+
+def grid_constants(stride: int) -> dict[str, float]:
+    """Return the constants of `wgsl/shared/upsample/grid_pixel.wgsl`, whose grid moves from frame to frame."""
+    return {"STRIDE": stride, "MOVES": stride > 1}
+
+
+def declare_upsampling_once(
+    graph: Graph,
+    scene: SceneInputs,
+    name: str,
+    gbuffer: Gbuffer,
+    light: Buffer,
+    normals: Buffer,
+    glossy: Buffer | None,
+    *,
+    reflected: bool,
+) -> Upsampled:
+    """Declare the light of a grid of stride 2 at all pixels, without a stored guide.
+
+    light: irradiance, W/m2, with the depth of `wgsl/shared/denoise/plane.wgsl`. normals: packed by that file. glossy:
+    the coats' light over their tint, W/(m2 sr). reflected: the result is radiance.
+    """
+    width, height = graph.size
+    layer = partial(graph.buffer, dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    fine = layer(f"{name}/fine")
+    fine_glossy = layer(f"{name}/fine_glossy") if glossy is not None and not reflected else None
+    fine_normals = graph.buffer(f"{name}/fine_normals", dtype=np.uint32, count=1 if reflected else width * height)
+    nothing = graph.buffer(f"{name}/no_glossy", dtype=FOUR_FLOATS, count=1)
+    graph.compute(
+        f"{name}/upsample",
+        ONCE,
+        over=(width // 2 + 1, height // 2 + 1),
+        reads={
+            "light": light,
+            "normals": normals,
+            "glossy": glossy or graph.neutral("buffer"),
+            "surfaces": gbuffer.surfaces,
+            "distance": gbuffer.distance,
+        },
+        writes={"fine": fine, "fine_normals": fine_normals, "fine_glossy": fine_glossy or nothing},
+        constants={**scene.constants(ONCE), **grid_constants(2), "REFLECTED": reflected},
+    )
+    return Upsampled(fine, fine_normals, fine_glossy)

@@ -4,7 +4,7 @@ Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space"
 has several points instead of one, and the first hidden point counts; directions are drawn by the cosine; squares of
 pixels share a set of directions (interleaved sampling, Keller and Heidrich 2001), which the blur averages; coated
 pixels also search along directions drawn from their coat; rays trace directions that leave the screen (`rays.py`);
-at half resolution other pixels start the search in each frame (`wgsl/ssdo/grid_pixel.wgsl`).
+at half resolution other pixels start the search in each frame (`wgsl/shared/upsample/grid_pixel.wgsl`).
 """
 
 from __future__ import annotations

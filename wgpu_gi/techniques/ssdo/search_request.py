@@ -168,7 +168,7 @@ class SearchRequest:
 
 
 def moves(stride: int, number: int = 0) -> bool:
-    """Return whether the grid of source `number` moves from frame to frame: `wgsl/ssdo/grid_pixel.wgsl`."""
+    """Return whether the grid of source `number` moves from frame to frame: `wgsl/shared/upsample/grid_pixel.wgsl`."""
     return number == 0 and stride == 2
 
 

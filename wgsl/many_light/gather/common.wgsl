@@ -5,6 +5,7 @@
 #import "many_light/gather/bound.wgsl"
 #import "many_light/gather/clusters.wgsl"
 #import "many_light/gather/receiver.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 #import "common/coat.wgsl"
 
 override CULLED: bool = true;        // clusters have light lists
@@ -24,9 +25,9 @@ struct Params {
     near_radius: f32, // r_max of the near field, heights of the picture
 }
 
-// Returns the start of the list of a pixel's cluster.
-fn list_of(pixel: vec2u, class_number: u32) -> u32 {
-    let inside = min(pixel, view.size - 1u);
+// Returns the start of the list of the cluster of a pixel of the grid.
+fn list_of(place: vec2u, class_number: u32) -> u32 {
+    let inside = grid_pixel(place);
     let tile = tile_of(inside, view.size);
     var cluster = tile;
     if (SLICES > 1u) {
@@ -52,11 +53,13 @@ fn shine_at(r: Receiver, vpl: Vpl, reach: f32) -> Shine {
     return shine_of(r.brdf, r.eye_loss, r.normal, r.to_eye, vpl.position - r.position, reach, vpl.area);
 }
 
-fn load_receivers(pixel: vec2u) -> Receivers {
+fn load_receivers(place: vec2u) -> Receivers {
     let step = vec2u(0u, INTERLEAVE);
     return Receivers(
-        load_receiver(pixel, params.near_radius), load_receiver(pixel + step, params.near_radius),
-        load_receiver(pixel + 2u * step, params.near_radius), load_receiver(pixel + 3u * step, params.near_radius));
+        load_receiver(grid_pixel(place), params.near_radius),
+        load_receiver(grid_pixel(place + step), params.near_radius),
+        load_receiver(grid_pixel(place + 2u * step), params.near_radius),
+        load_receiver(grid_pixel(place + 3u * step), params.near_radius));
 }
 
 // Returns the share of a VPL's light that the near field finds at distance 0.
@@ -87,12 +90,12 @@ fn store_results(place: Place, colors: mat4x3f, coats: mat4x3f, at: Receivers) {
     store(place.pixel + 3u * step, colors[3], coats[3], at.d);
 }
 
-// Stores the results of a pixel: irradiance and the coat's radiance.
-fn store(pixel: vec2u, color: vec3f, coat: vec3f, receiver: Receiver) {
-    if (pixel.y >= view.size.y) {
+// Stores the results of a pixel of the grid: irradiance and the coat's radiance.
+fn store(place: vec2u, color: vec3f, coat: vec3f, receiver: Receiver) {
+    if (place.y >= grid_size().y) {
         return;
     }
-    let index = pixel.y * view.size.x + pixel.x;
+    let index = place.y * grid_size().x + place.x;
     var sum = color;
     if (ADDED) {
         sum += irradiance[index].rgb;

@@ -8,12 +8,13 @@
 // lights, of a constant environment, and of one VPL, each with a shadow ray. The light that the bound removes at y
 // comes from the path's next segment.
 //
-// In: G-buffer, scene, VPLs. Out: irradiance, W/m2, added at one of SPACING pixels, times SPACING. Errs dark after
+// In: G-buffer, scene, VPLs. Out: irradiance, W/m2, added at one of SPACING pixels of the grid, times SPACING. Errs dark after
 // SEGMENTS, and by the part of the coats' light that the bound removes.
 #import "scene/sequence.wgsl"
 #import "deferred/environment/reflectance.wgsl"
 #import "many_light/gather/hit_light.wgsl"
 #import "many_light/gather/receiver.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 #import "many_light/near_field/share.wgsl"
 
 override SEGMENTS: u32 = 2u;  // most segments of a path; 1: y reflects direct light only
@@ -40,7 +41,7 @@ const BLOCK: u32 = 4u;
 
 // Where a path starts: the pixel's surface, on the side that the camera sees.
 struct Start {
-    pixel: vec2u,
+    pixel: vec2u,     // of the grid
     at: Receiver,
     side: vec3f,      // geometric normal
     proposed: f32,    // q, m2; 0: there is nothing to light
@@ -52,10 +53,10 @@ struct Start {
 fn start_of(place: vec2u) -> Start {
     // Take one pixel in a row of SPACING: another in the next row, and in the next frame.
     let pixel = vec2u(SPACING * place.x + (place.y + sequence.index) % SPACING, place.y);
-    let at = load_receiver(pixel, params.near_radius);
+    let at = load_receiver(grid_pixel(pixel), params.near_radius);
     let block = hash2(place.x / BLOCK, hash2(place.y / BLOCK, params.seed));
     let index = (sequence.index * BLOCK + place.y % BLOCK) * BLOCK + place.x % BLOCK;
-    let lit = all(pixel < view.size) && at.depth > 0.0;
+    let lit = all(pixel < grid_size()) && at.depth > 0.0;
     let faces_eye = dot(at.geometric_normal, at.to_eye) > 0.0;
     let side = select(-at.geometric_normal, at.geometric_normal, faces_eye);
     return Start(pixel, at, side, select(0.0, PROPOSED * mean_bound[0], lit), block, index);
@@ -145,6 +146,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let segment = first_segment(start);
     let hit = trace(segment.ray, segment.reach);
     if (hit.triangle != NONE) {
-        irradiance[start.pixel.y * view.size.x + start.pixel.x] += vec4f(light_of_path(start, segment.ray, hit), 0.0);
+        irradiance[start.pixel.y * grid_size().x + start.pixel.x] += vec4f(light_of_path(start, segment.ray, hit), 0.0);
     }
 }

@@ -56,7 +56,7 @@ fn fluxes_of(vpl: Vpl, at: Receivers) -> mat3x4f {
 
 // Gathers from the VPLs of some words of the pixels' class and stores the results.
 fn gather(place: Place, first_word: u32, word_count: u32) {
-    if (any(place.pixel >= view.size)) {
+    if (any(place.pixel >= grid_size())) {
         return;
     }
     let at = load_receivers(place.pixel);

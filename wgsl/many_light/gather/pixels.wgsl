@@ -14,7 +14,7 @@ const GROUP_Y: u32 = 8u;
 const PIXELS: u32 = 4u;
 
 struct Place {
-    pixel: vec2u,         // the first; the others follow INTERLEAVE rows apart
+    pixel: vec2u,         // the first of the grid; the others follow INTERLEAVE rows apart
     class_number: u32,    // of their VPLs, below INTERLEAVE^2
 }
 

@@ -1,4 +1,4 @@
-// One invocation finds the light that a pixel's coat reflects by a ray, where the lobe is narrow: VPLs are too sparse for
+// One invocation finds the light that the coat at a pixel of the grid reflects by a ray, where the lobe is narrow: VPLs are too sparse for
 // such a lobe.
 //
 // L / tint = f_r cos / density L(y) / tint, the ray's direction drawn from the coat; L(y) of `hit_light.wgsl`. The base's
@@ -8,6 +8,7 @@
 #import "deferred/environment/reflectance.wgsl"
 #import "many_light/gather/hit_light.wgsl"
 #import "many_light/gather/receiver.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> glossy: array<vec4f>;
 @group(1) @binding(19) var<uniform> params: Params;
@@ -39,10 +40,10 @@ fn light_of_hit(hit: Hit, direction: vec3f, index: u32, block: u32) -> vec3f {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= view.size)) {
+    if (any(id.xy >= grid_size())) {
         return;
     }
-    let at = load_receiver(id.xy, 0.0);
+    let at = load_receiver(grid_pixel(id.xy), 0.0);
     if (at.depth <= 0.0 || !at.brdf.glossy || at.brdf.alpha > params.widest) {
         return;
     }
@@ -65,5 +66,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             light = drawn.weight * light_of_hit(hit, direction, index, block);
         }
     }
-    glossy[id.y * view.size.x + id.x] = vec4f(light / coat_tint(at.brdf, at.normal, at.to_eye), 1.0);
+    glossy[id.y * grid_size().x + id.x] = vec4f(light / coat_tint(at.brdf, at.normal, at.to_eye), 1.0);
 }

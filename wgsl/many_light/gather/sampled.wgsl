@@ -135,7 +135,7 @@ fn random_numbers(pixel: vec2u) -> vec4f {
 @compute @workgroup_size(GROUP_X, GROUP_Y)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
     let place = place_of(group, thread);
-    if (any(place.pixel >= view.size)) {
+    if (any(place.pixel >= grid_size())) {
         return;
     }
     let at = load_receivers(place.pixel);

@@ -5,6 +5,7 @@
 #import "many_light/gather/classes.wgsl"
 #import "many_light/gather/clusters.wgsl"
 #import "shared/gbuffer/load.wgsl"
+#import "shared/upsample/grid.wgsl"
 #import "scene/sequence.wgsl"
 
 @group(1) @binding(11) var<storage, read> lists: array<u32>;
@@ -29,7 +30,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         if (SLICES > 1u) {
             cluster = tile * SLICES + slice_of(Slicing(lists[2u * tile], lists[2u * tile + 1u]), seen);
         }
-        let class_number = class_of(pixel, sequence.index);
+        let class_number = class_of(pixel / STRIDE, sequence.index);
         let list = cluster * class_count() + class_number;
         let first = first_list(view.size) + list * words_per_class(params.vpl_count);
         for (var word = 0u; word < words_of_class(params.vpl_count, class_number); word += 1u) {

@@ -35,7 +35,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let own = light[index];
     let own_guide = guide[index];
     let normal = unpack_view_normal(normals[index]) * PER_NORMAL;
-    let plane = tangent_plane(id.xy * STRIDE, own.w, unpack_view_normal(normals[index]));
+    let plane = tangent_plane(grid_pixel(id.xy), own.w, unpack_view_normal(normals[index]));
     let scale = plane_scale(STEP * STRIDE);
     let across = plane.across * f32(STEP * STRIDE);
 

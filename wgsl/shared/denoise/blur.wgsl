@@ -79,7 +79,7 @@ fn tent_reach(pixel: vec2u, lobes: bool) -> f32 {
     if (!lobes) {
         return f32(RADIUS);
     }
-    let roughness = load_surface(pixel * STRIDE).roughness;
+    let roughness = load_surface(grid_pixel(pixel)).roughness;
     let angle = 2.0 * length(view.right) / f32(view.size.x);
     let lobe = 1.0 + roughness * roughness / angle;
     return select(min(lobe, f32(RADIUS)), f32(RADIUS), view.orthographic != 0u);
@@ -91,7 +91,7 @@ fn load_center(pixel: vec2u) -> Center {
     let normal = unpack_view_normal(normals[index]);
     let depth = light[index].w;
     return Center(
-        normal, depth, tangent_plane(inside * STRIDE, depth, normal), load_neighbours(index), tent_reach(inside, LOBES),
+        normal, depth, tangent_plane(grid_pixel(inside), depth, normal), load_neighbours(index), tent_reach(inside, LOBES),
         tent_reach(inside, COAT_LOBES));
 }
 

@@ -2,10 +2,8 @@
 // and the variance of that mean. The guide comes from the frames of a still picture, in its first frames from
 // neighbours.
 #import "shared/denoise/plane.wgsl"
-#import "scene/sequence.wgsl"
+#import "shared/upsample/grid_pixel.wgsl"
 #import "common/math.wgsl"
-
-override STRIDE: u32 = 1u;  // picture pixels per side of a pixel of the filtered grid
 
 // A neighbour has weight 0 if its distance from the tangent plane exceeds this share of the filter's reach, in pixel
 // widths: surfaces that bend by 7 degrees stay together. Smaller values leave more noise in a single frame of Sponza,
@@ -21,10 +19,6 @@ const GUIDED_FROM: u32 = 2u;
 // The variance of a blurred pixel is that of the pixels in its tent over this number. A tent of half-width 4 has 34
 // independent pixels, but few values of a wide distribution mostly underestimate its variance.
 const INDEPENDENT_PIXELS: f32 = 9.0;
-
-fn grid_size() -> vec2u {
-    return (view.size + STRIDE - 1u) / STRIDE;
-}
 
 // Returns the factor that scales distances from the tangent plane, in pixel widths, to 1 where weights reach 0.
 // `reach`: of the filter, pixels.

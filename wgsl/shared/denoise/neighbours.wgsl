@@ -44,7 +44,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let index = id.y * grid_size().x + id.x;
     let depth = light[index].w;
     let normal = unpack_view_normal(normals[index]);
-    let plane = tangent_plane(id.xy * STRIDE, depth, normal);
+    let plane = tangent_plane(grid_pixel(id.xy), depth, normal);
     var sum = vec3f(0.0);
     for (var k = 0; k < 9; k += 1) {
         let offset = vec2i(k % 3, k / 3) - 1;

@@ -13,14 +13,12 @@ override COARSE_CENTRED: bool = false;  // true: a coarse pixel samples its squa
 // pixels that a coarse pixel represents.
 const WEIGHT_FLOOR: f32 = 1e-4;
 
-// Exponent of n . n_k. SSIL by rays, 160x90, 16 frames, relMSE of exponents 1 and 4: Sponza (a) 4.33, 4.29, its gallery
+// The exponent 4 of n . n_k: SSIL by rays, 160x90, 16 frames, relMSE of exponents 1 and 4: Sponza (a) 4.33, 4.29, its gallery
 // 13.6, 10.5, a curtained room .048, .017; Cornell the same. 16 lists twice the pixels for 0.1 less in Sponza. With the
 // distance from the fine surface's plane alone, Sponza (a), 320x180, has 1.17 instead of 0.83: round columns and the
 // undersides of arches take the light of other parts.
-const NORMAL_POWER: f32 = 4.0;
-
 struct GuideSurface {
-    position: vec3f,  // metres from the camera, along the axes of the world
+    position: vec3f,  // metres from the camera, along the axes of the world or of the camera
     normal: vec3f,    // unit
     exists: bool,
 }
@@ -36,7 +34,8 @@ fn similarity(fine: GuideSurface, other: GuideSurface, per_metre: f32) -> f32 {
     let way = other.position - fine.position;
     let off_plane = max(abs(dot(fine.normal, way)), abs(dot(other.normal, way))) * per_metre;
     let aligned = max(dot(fine.normal, other.normal), 0.0);
-    let similar = max(1.0 - off_plane * off_plane, 0.0) * pow(aligned, NORMAL_POWER);
+    let squared = aligned * aligned;
+    let similar = max(1.0 - off_plane * off_plane, 0.0) * squared * squared;
     return select(0.0, similar, other.exists);
 }
 

@@ -1,4 +1,4 @@
-// The grid of pixels that the search starts from: every STRIDE-th pixel of every STRIDE-th row.
+// A grid of every STRIDE-th pixel of every STRIDE-th row of the picture, at which a technique computes its light.
 #import "scene/info.wgsl"
 
 override STRIDE: u32 = 1u;
