@@ -57,8 +57,8 @@ class GpuFrame:
         self._declared: tuple[object, ...] | None = None
         self._inputs: tuple[Any, ...] | None = None  # all that determines the picture
         self._rested = False  # nothing has moved in the last step
-        self._preview = False  # the frame may be a preview
-        self._previewed = False  # the last frame was coarser than those of a still picture
+        self._preview = False  # the last frame may have been a preview
+        self._previewed = False  # it was one
 
     def invalidate(self, declaration: bool = False) -> None:
         """Upload everything again in the next step and restart the average; with `declaration`, declare it, too."""
@@ -158,7 +158,7 @@ class GpuFrame:
             return
         self._declared = None
         self.graph.begin(view.size)
-        self._sources = declare_frame(self.graph, view.settings, inputs, view.frames)
+        self._sources = declare_frame(self.graph, view.settings, inputs, 1 if inputs.is_preview else view.frames)
         wanted = [self.source(name, view.settings.gi).handle for name in show]
         self.graph.compile([handle for handle in wanted if handle is not None])
         self._declared = declared

@@ -36,7 +36,8 @@ class EmitterInputs:
 class DeferredInputs(RasterInputs):
     """The scene inputs of deferred techniques.
 
-    before_from_now: each instance's transform to the previous frame. frames: number of frames of a still picture.
+    before_from_now: each instance's transform to the previous frame. frames: number of frames of a still picture; 1 in
+    previews. preview: the still picture starts over without this frame.
     """
 
     direct: DirectInputs
@@ -44,6 +45,12 @@ class DeferredInputs(RasterInputs):
     shadows: ShadowDraws
     before_from_now: Shared
     frames: int
+    preview: bool
+
+    @property
+    def is_preview(self) -> bool:
+        """The field `preview`."""
+        return self.preview
 
     def shape(self) -> tuple[object, ...]:
         """Return the values whose change forces the passes to be redeclared."""

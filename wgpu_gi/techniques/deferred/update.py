@@ -148,7 +148,8 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
         emitters=EmitterInputs(emitters, state.leaves),
         shadows=state.shadows,
         before_from_now=motion,
-        frames=shot.frames,
+        frames=1 if shot.preview else shot.frames,
+        preview=shot.preview and shot.frames > 1,
     )
 
 

@@ -22,17 +22,11 @@ class VplInputs:
 class ManyLightInputs(DeferredInputs):
     """The scene inputs of many-light.
 
-    gather_stride: picture pixels between those that gather, along rows and columns. previews: 1 in still pictures.
+    gather_stride: picture pixels between those that gather, along rows and columns.
     """
 
     vpl: VplInputs
     gather_stride: int
-    previews: bool
-
-    @property
-    def is_preview(self) -> bool:
-        """True if a still picture's frames gather at more pixels."""
-        return self.previews
 
     def shape(self) -> tuple[object, ...]:
         """Return the values whose change forces the passes to be redeclared."""

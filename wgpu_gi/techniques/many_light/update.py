@@ -80,6 +80,7 @@ def many_light_inputs(shot: Shot, settings: ManyLightOptions) -> ManyLightInputs
         upload.resources.records("rsm_lights", layout)
     instances, cdf, rsm_lights = (shot.graph.share(f"scene/{name}", *upload.resources[name]) for name in RESOURCES)
     vpl = VplInputs(instances, cdf, rsm_lights, state.rsm_texels)
-    previews = settings.gather.scale == "moving" and shot.preview and not settings.ssdo.near_field
-    coarse = previews or (settings.gather.scale == "half" and not settings.ssdo.near_field)
-    return ManyLightInputs(**vars(deferred), vpl=vpl, gather_stride=2 if coarse else 1, previews=previews)
+    scale, moves = settings.gather.scale, shot.preview
+    coarse = (scale == "half" or (scale == "moving" and moves)) and not settings.ssdo.near_field
+    deferred.preview |= moves and coarse and scale == "moving"
+    return ManyLightInputs(**vars(deferred), vpl=vpl, gather_stride=2 if coarse else 1)

@@ -33,7 +33,7 @@ class SceneInputs:
 
     @property
     def is_preview(self) -> bool:
-        """True if the frame is coarser than those of a still picture."""
+        """True if the still picture starts over without this frame."""
         return False
 
     def constants(self, shader: str) -> dict[str, bool]:
