@@ -69,16 +69,23 @@ def declare_denoise(
         return fine.light, None
     gathered = replace(gathered, irradiance=fine.light, normals=fine.normals, glossy=fine.glossy, stride=1)
     gathered, rejected = history.declare(graph, scene, gbuffer, gathered, COARSE_STEP)
-    return _declare_filter(graph, UNFILTERED, gbuffer, gathered, frames, reflected=True).light, rejected
+    return _declare_filter(graph, UNFILTERED, gbuffer, gathered, frames, "denoise/fine", reflected=True).light, rejected
 
 
 def _declare_filter(
-    graph: Graph, settings: DenoiseSettings, gbuffer: Gbuffer, gathered: Gathered, frames: int, *, reflected: bool
+    graph: Graph,
+    settings: DenoiseSettings,
+    gbuffer: Gbuffer,
+    gathered: Gathered,
+    frames: int,
+    name: str = "denoise",
+    *,
+    reflected: bool,
 ) -> Filtered:
     """Declare the blur of irradiance; `frames`: number per still picture. `reflected`: the result is radiance."""
     return declare_filter(
         graph,
-        "denoise",
+        name,
         gbuffer,
         gathered.irradiance,
         gathered.normals,
