@@ -13,6 +13,7 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.scenes import courtyard
+from wgpu_gi.techniques.many_light import update
 from wgpu_gi.techniques.many_light.gather import GatherSettings
 
 SHOW = ("radiance",)
@@ -122,7 +123,8 @@ def test_views_of_imperfect_shadow_maps_show_distances(mode):
     assert 0.2 < (shown["ism/samples"] > 0).mean() <= (shown["ism/atlas"] > 0).mean()
 
 
-def test_a_preview_gathers_at_half_resolution_and_no_still_picture_contains_it():
+def test_a_preview_gathers_at_half_resolution_and_no_still_picture_contains_it(monkeypatch):
+    monkeypatch.setattr(update, "COARSE_PIXELS", 1)
     settings = make_settings("many-light", frames=2)
     camera = Camera.look_at((2.7, 2.7, -7.0), (2.7, 2.7, 0.0))
     scene = SCENES["cornell-point"]()

@@ -62,8 +62,8 @@ class GatherSettings(KnownAttributes):
     )
     scale: str = setting(
         "moving",
-        "Gather at every pixel (full), at a quarter of them and upsample (half), or at a quarter while a view moves"
-        " (moving); at every pixel with a near field.",
+        "Gather at every pixel (full), at a quarter of them and upsample (half), or at a quarter while a view of"
+        " 1280x720 pixels or more moves (moving); at every pixel with a near field.",
         choices=("full", "half", "moving"),
     )
     reflections: float = setting(
