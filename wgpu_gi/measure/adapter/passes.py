@@ -116,7 +116,7 @@ def _moving(renderer: Renderer, scene: Scene, camera: Camera) -> Callable[[bool]
         number += 1
         renderer.camera = orbit(camera, radius, number / ORBIT_FRAMES)
         started = clock()
-        renderer.step(show=SHOW, force=True, timings=timings)
+        renderer.step(show=SHOW, force=True, timings=timings, preview=True)
         device.wait()
         return clock() - started
 
@@ -139,7 +139,7 @@ def measure_threads(scene: Scene, camera: Camera, budget: Budget, adapter: str |
                 renderer.camera = orbit(camera, radius, number / ORBIT_FRAMES)
                 renderer.graph.device.wait()  # the frame before: its threads must not take this one's core
                 started = time.thread_time()
-                renderer.step(show=SHOW)
+                renderer.step(show=SHOW, preview=True)
                 times.append((time.thread_time() - started) * 1e3)
             found.append(MainThread(variant.title, median(times[THREAD_WARM_UP:]), len(renderer.graph.last_run)))
         finally:
