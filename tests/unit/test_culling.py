@@ -9,6 +9,7 @@ import pytest
 from helpers.medley import at, medley
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.gpu.draw_calls import DrawEncoder
 from wgpu_gi.scene.scene import Instance
 from wgpu_gi.techniques.shared import culling
 from wgpu_gi.techniques.shared.culling import CameraDraws, ViewCulling, visible
@@ -164,7 +165,7 @@ def test_a_view_at_rest_is_culled_once(monkeypatch):
         found = []
         for part in (solid, masked):
             encoder = Recorder()
-            part(encoder)
+            part(DrawEncoder(encoder, None, False))
             found.append(encoder.calls)
         return found
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.gpu.draw_calls import DrawEncoder
 from wgpu_gi.gpu.wgsl.load import load
 from wgpu_gi.techniques.deferred.shadow_casters import FILTER, Receivers, casters, needed_texels
 from wgpu_gi.techniques.deferred.shadow_draws import ShadowDraws
@@ -126,7 +127,7 @@ def test_maps_are_drawn_again_once_the_camera_leaves_them():
         receivers = None if camera is None else Receivers(view_of(camera, 1.0), BOX)
         shadows.update(views, draws, receivers)
         recorder = Recorder()
-        shadows.record(recorder, False)
+        shadows.record(DrawEncoder(recorder, None, False), False)
         return recorder.indices, shadows.version, recorder.rectangle[2:]
 
     few, version, rectangle = drawn(camera)

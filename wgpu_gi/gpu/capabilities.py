@@ -7,7 +7,7 @@ thousands of threads, and its system resets it if a submission takes too long (2
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,7 @@ class Capabilities:
     least_walks: int  # walks of light that occupy all threads
     compiles_at_dispatch: bool  # a pipeline is compiled when it is first used, on one thread; else when it is made
     serial_cells: int  # voxels that one invocation sets for a triangle, while its neighbours may have few
+    multi_draw: bool = False  # one command draws a buffer of draw calls
 
 
 # llvmpipe (Mesa 22) ends loops after 65,535 iterations, counted over all loops of a SIMD group of 8, which in Sponza
@@ -51,15 +52,17 @@ GPU = Capabilities(
 )
 
 # Optional features that are used where they are present, and what happens without them.
+MULTI_DRAW = ("indirect-first-instance", "multi-draw-indirect-count")  # without the latter, wgpu emulates it
 COSTS = {
     "timestamp-query": "timings of passes wait for the GPU before and after each one",
     "float32-filterable": "32-bit float textures cannot be filtered by hardware",
+    **dict.fromkeys(MULTI_DRAW, "draws of G-buffers and shadow maps are recorded one by one"),
 }
 
 
-def capabilities_of(kind: str) -> Capabilities:
-    """Return the capabilities of an adapter of a kind, such as "CPU" or "DiscreteGPU"."""
-    return CPU if kind == "CPU" else GPU
+def capabilities_of(kind: str, features: Iterable[str]) -> Capabilities:
+    """Return the capabilities of an adapter of a kind, such as "CPU" or "DiscreteGPU", with these features."""
+    return replace(CPU if kind == "CPU" else GPU, multi_draw=set(features).issuperset(MULTI_DRAW))
 
 
 def costs_of(features: Iterable[str]) -> list[str]:

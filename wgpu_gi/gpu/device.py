@@ -119,7 +119,7 @@ class Device:
             raise GiError(f"adapter {self.adapter_name!r} refused a device: {reason(error)}") from error
         self.pipelines = Pipelines(self.gpu)
         self.features = set(self.gpu.features)
-        self.capabilities = capabilities_of(info["adapter_type"])
+        self.capabilities = capabilities_of(info["adapter_type"], self.features)
         self.limits: dict[str, int] = dict(self.gpu.limits)
         self.render_timestamps = "timestamp-query" in self.features
         self.compute_timestamps = self.render_timestamps and not _compute_timestamps_lie(self.driver, self.is_cpu)

@@ -13,6 +13,7 @@ from ..errors import GiError
 from .bind_groups import bind_groups, bound_object, write_params
 from .bindings import MAX_GROUPS
 from .device import Device
+from .draw_calls import DrawEncoder
 from .handles import Resource
 from .messages import reason
 from .passes import Chunk, Pass, PassState, RasterState
@@ -205,7 +206,7 @@ class _Frame:
         if raster.index is not None:
             encoder.set_index_buffer(raster.index.view.resource.object(raster.index.view.previous), "uint32")
         if callable(raster.draw):
-            raster.draw(encoder)
+            raster.draw(DrawEncoder(encoder, self.gpu, self.device.capabilities.multi_draw))
         elif raster.index is not None:
             encoder.draw_indexed(*raster.draw)
         else:

@@ -13,13 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import GiError
+from ...gpu.draw_calls import DrawCalls
 from ...upload.draw_list import DrawList
 from ..shared.culling import ViewCulling
 from .shadow_casters import Receivers, casters, needed_texels
 
 Viewport = tuple[float, ...]  # x, y, width, height; least and greatest depth
 Rectangle = tuple[int, ...]  # x, y, width, height
-Call = tuple[int, ...]  # of draw_indexed
+
+
+class ViewDraws(NamedTuple):
+    """The draw calls of a view: a range of those of all views."""
+
+    viewport: Viewport
+    needed: Rectangle
+    first: int
+    calls: int
 
 
 class Parts(NamedTuple):
@@ -43,7 +52,7 @@ class ShadowDraws:
     def __init__(self) -> None:
         self.culling = ViewCulling()
         self.version = 0
-        self._calls: dict[bool, list[tuple[Viewport, Rectangle, list[Call]]]] = {}
+        self._calls: dict[bool, tuple[DrawCalls, list[ViewDraws]]] = {}
         self._receivers: Receivers | None = None  # that the maps are drawn for; None: for all points
         self._drawn: Parts | None = None  # for `_receivers`; None: to be found
         self._camera = b""
@@ -70,11 +79,11 @@ class ShadowDraws:
         """Record the draws of all views."""
         if masked not in self._calls:
             self._calls[masked] = self._find_calls(masked)
-        for viewport, needed, calls in self._calls[masked]:
+        calls, views = self._calls[masked]
+        for viewport, needed, first, count in views:
             encoder.set_viewport(*viewport)
             encoder.set_scissor_rect(*needed)
-            for call in calls:
-                encoder.draw_indexed(*call)
+            encoder.draw_all(calls, first, count)
 
     def _lacks_casters(self, receivers: Receivers | None) -> bool:
         """Tell whether the maps lack clusters or texels that `receivers` need."""
@@ -97,8 +106,8 @@ class ShadowDraws:
         views = self.culling.views
         return Parts(casters(views, receivers, self.culling.boxes, wide), needed_texels(views, receivers, wide))
 
-    def _find_calls(self, masked: bool) -> list[tuple[Viewport, Rectangle, list[Call]]]:
-        """Return viewport, scissor rectangle and draw calls of each view that sees any cluster."""
+    def _find_calls(self, masked: bool) -> tuple[DrawCalls, list[ViewDraws]]:
+        """Return the draw calls of all views that see any cluster."""
         assert self.culling.draws is not None
         bits = slot_bits(self.culling.draws)
         views = self.culling.views
@@ -106,14 +115,15 @@ class ShadowDraws:
         if self._receivers is not None:
             drawn = self._drawn_parts()
             chosen, texels = drawn.casters, drawn.texels
-        found: list[tuple[Viewport, Rectangle, list[Call]]] = []
+        calls: list[tuple[int, int, int, int, int]] = []
+        found: list[ViewDraws] = []
         for number, runs in enumerate(self.culling.runs(masked, chosen)):
             if runs and texels[number, 2:].all():
                 view = views[number]
-                numbered = ((n, instances, first, 0, number << bits | slot) for first, n, slot, instances in runs)
                 viewport = (*view["corner"].tolist(), *view["size"].tolist(), 0.0, 1.0)
-                found.append((viewport, tuple(int(x) for x in texels[number]), list(numbered)))
-        return found
+                found.append(ViewDraws(viewport, tuple(int(x) for x in texels[number]), len(calls), len(runs)))
+                calls += [(n, instances, first, 0, number << bits | slot) for first, n, slot, instances in runs]
+        return DrawCalls(calls), found
 
 
 @dataclass(frozen=True)

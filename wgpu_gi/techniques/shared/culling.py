@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...gpu.draw_calls import DrawCalls
 from ...gpu.handles import Uniform
 from ...upload.draw_list import DrawCall, DrawList
 from ...upload.scene_upload import SceneUpload
@@ -75,6 +76,8 @@ class ViewCulling:
         self.boxes: NDArray[np.float32] = np.zeros((0, 2, 3), np.float32)
         self._shown: NDArray[np.bool_] | None = None
         self._runs: dict[bool, list[list[DrawCall]]] = {}
+        self._calls = {False: DrawCalls(), True: DrawCalls()}  # of the first view
+        self._stale = set(self._calls)
 
     def update(self, views: NDArray[np.void], draws: DrawList) -> bool:
         """Set the views and the draw list; return whether anything changed."""
@@ -83,6 +86,7 @@ class ViewCulling:
         if same and views.tobytes() == self.views.tobytes():
             return False
         self.views, self.draws, self.boxes, self._shown, self._runs = views, draws, boxes, None, {}
+        self._stale = set(self._calls)
         return True
 
     def runs(self, masked: bool, chosen: NDArray[np.bool_] | None = None) -> list[list[DrawCall]]:
@@ -95,6 +99,14 @@ class ViewCulling:
         if masked not in self._runs:
             self._runs[masked] = [self.draws.visible(shown, masked) for shown in self._shown]
         return self._runs[masked]
+
+    def calls(self, masked: bool) -> DrawCalls:
+        """Return the draw calls of the first view."""
+        if masked in self._stale:
+            self._stale.remove(masked)
+            runs = self.runs(masked)[0]
+            self._calls[masked].set([(count, instances, first, 0, slot) for first, count, slot, instances in runs])
+        return self._calls[masked]
 
 
 @dataclass(frozen=True)
@@ -113,5 +125,4 @@ class CameraDraws:
         """Record the draws."""
         assert self.upload.draws is not None
         self.culling.update(np.frombuffer(self.view.data, self.view.dtype), self.upload.draws)
-        for first, count, slot, instances in self.culling.runs(self.masked)[0]:
-            encoder.draw_indexed(count, instances, first, 0, slot)
+        encoder.draw_all(self.culling.calls(self.masked))
