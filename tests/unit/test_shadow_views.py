@@ -362,6 +362,19 @@ def test_no_lights():
     assert len(result.records) == 0 and visible(result.records, BOX[None]).shape == (0, 1)
 
 
+@pytest.mark.parametrize("size", [(64, 36), (640, 360), (360, 640), (1920, 1080), (7680, 4320)])
+@pytest.mark.parametrize("eye", [(0, 0, 25), (0, 0, 5), (-9, 0, 5)])
+def test_automatic_sides_of_sun_maps_follow_the_picture_but_add_no_map(eye, size):
+    camera = Camera.look_at(eye, (0, 0, 0))
+    sun = light(DIRECT_SUN, direction=(0.2, -1, 0.1))
+    found = lay_out(sun, camera, size=size).records
+    sides = {side: lay_out(sun, camera, size=size, sun=side).records for side in 2 ** np.arange(6, 12)}
+    (side,) = np.unique(found["size"][:, 0]).tolist()
+    assert np.array_equal(found, sides[side])
+    enough = [s for s, records in sides.items() if s >= min(max(size), 2048) and len(records) <= len(sides[2048])]
+    assert side == min(enough)
+
+
 def test_atlas_is_no_larger_than_needed():
     result = lay_out(light(DIRECT_POINT), point=128)
     assert (result.records["size"] == 128).all() and result.atlas_size == 512
@@ -377,7 +390,7 @@ def test_all_kinds_share_the_atlas():
         spot(1.3, position=(-5, 1, 0), direction=(0, -1, 0)),
         light(DIRECT_AREA, (3, 0, 0), (0, 1, 0), area=0.1, both_sides=1),
     )
-    result = lay_out(lights)
+    result = lay_out(lights, sun=2048)
     assert result.lights["view_count"].tolist() == [1, *[5] * 16, 6, 1, 5, 6]
     assert lights["view_count"].sum() == 0  # those passed in are left as they were
     assert result.atlas_size == 4096
@@ -398,7 +411,7 @@ def test_a_small_atlas_reduces_resolution(atlas):
         light(DIRECT_POINT, (0, 0, 5)),
         light(DIRECT_POINT, (0, 0, 5), color=(0.1,) * 3),
     )
-    result = lay_out(lights, atlas=atlas)
+    result = lay_out(lights, atlas=atlas, sun=2048)
     assert result.atlas_size <= atlas
     sun, bright, dim = result.records["size"][result.lights["first_view"], 0]
     assert sun >= bright >= dim >= SMALLEST

@@ -32,6 +32,8 @@ NEAR_EMITTER = 1e-5
 # at its edge as at its centre.
 WIDEST_COSINE = 0.5
 DIMMEST_SIDE = 1 / 8  # least side over that of the most important light of its kind: tools/README.md, "Constants"
+# Greatest automatic side of a sun's maps, texels; the least is the power of two that the picture's longer side reaches.
+LARGEST_SUN = 2048
 PROBES = 64  # surface points at which lights are compared: tools/README.md, "Constants"
 ROUNDING = 1e-6  # of cosines and versines: 17 roundings of float32
 
@@ -53,8 +55,12 @@ class ShadowSettings(KnownAttributes):
         range=(256, MAX_TEXTURE_SIDE),
         presets={"low": 2048, "high": MAX_TEXTURE_SIDE},
     )
-    sun: int = setting(
-        2048, "Side of each map of a sun.", "texels", range=(16, MAX_TEXTURE_SIDE), presets={"low": 1024, "high": 4096}
+    sun: int | None = setting(
+        None,
+        "Side of each map of a sun; none: automatic, by the size of the picture.",
+        "texels",
+        range=(16, MAX_TEXTURE_SIDE),
+        presets={"low": 1024, "high": 4096},
     )
     spot: int = setting(
         512, "Side of the map of a spot.", "texels", range=(16, MAX_TEXTURE_SIDE), presets={"low": 256, "high": 2048}
@@ -138,11 +144,7 @@ def build_shadow_views(
         radius, box = 1.0, None
     centre = np.asarray(centre, np.float64)
     samples = np.asarray(surface_samples, np.float64).reshape(-1, 3)
-    suns = {}
-    for k in np.flatnonzero(lights["kind"] == DIRECT_SUN).tolist():
-        axes = sun_axes(lights["direction"][k].astype(np.float64), box)
-        whole = SunMap(axes[:2] @ centre, np.full(2, radius)) if box is None else fit_scene(axes, box)
-        suns[k] = _Sun(axes, fit_view(axes, whole, _power_of_two(settings.sun), view, samples, settings.cascades))
+    suns, sun_side = _fit_suns(lights, settings, centre, radius, view, samples, box)
     counts = _view_counts(lights, suns)
     first = np.cumsum(counts) - counts
     light = np.repeat(np.arange(len(lights)), counts)
@@ -153,7 +155,7 @@ def build_shadow_views(
         flat[first[k] + counts[k] - 1] = sun.maps[-1].flat
 
     importance = _importance(lights, samples if len(samples) else centre[None], radius)
-    sides = _wanted_sides(lights["kind"], counts, importance, settings)
+    sides = _wanted_sides(lights["kind"], counts, importance, settings, sun_side)
     # Distribute half of the atlas by importance, half equally.
     share = 0.5 * importance / importance.sum() + 0.5 / len(lights) if len(lights) else importance
     weights = np.bincount(light, np.where(flat, 0.5, 1.0), len(lights)).astype(np.float64)
@@ -181,6 +183,39 @@ def frames_from_normals(normals: NDArray[np.float64]) -> NDArray[np.float64]:
     b = x * y * a
     tangent = np.stack([1 + s * x * x * a, s * b, -s * x], 1)
     return np.stack([tangent, np.stack([b, s + y * y * a, -y], 1), normals], 1)
+
+
+def _fit_suns(
+    lights: NDArray[np.void],
+    settings: ShadowSettings,
+    centre: NDArray[np.float64],
+    radius: float,
+    view: NDArray[np.void],
+    samples: NDArray[np.float64],
+    box: NDArray[np.float64] | None,
+) -> tuple[dict[int, _Sun], int]:
+    """Return the maps of each sun by its number among the lights, and their side; arguments as `build_shadow_views`."""
+
+    def fit(side: int) -> dict[int, _Sun]:
+        suns = {}
+        for k in np.flatnonzero(lights["kind"] == DIRECT_SUN).tolist():
+            axes = sun_axes(lights["direction"][k].astype(np.float64), box)
+            whole = SunMap(axes[:2] @ centre, np.full(2, radius)) if box is None else fit_scene(axes, box)
+            suns[k] = _Sun(axes, fit_view(axes, whole, side, view, samples, settings.cascades))
+        return suns
+
+    largest = _power_of_two(settings.sun or LARGEST_SUN)
+    suns = fit(largest)
+    if settings.sun is not None or not suns:
+        return suns, largest
+    # Use the least side that needs as few maps: a map costs more than its texels.
+    side = min(largest, max(_power_of_two(2 * int(view["size"].max()) - 1), SMALLEST))
+    while side < largest:
+        fewer_texels = fit(side)
+        if sum(len(sun.maps) for sun in fewer_texels.values()) <= sum(len(sun.maps) for sun in suns.values()):
+            return fewer_texels, side
+        side *= 2
+    return suns, largest
 
 
 def _power_of_two(side: int) -> int:
@@ -221,13 +256,17 @@ def _importance(lights: NDArray[np.void], probes: NDArray[np.float64], radius: f
 
 
 def _wanted_sides(
-    kind: NDArray[np.uint32], counts: NDArray[np.int64], importance: NDArray[np.float64], settings: ShadowSettings
+    kind: NDArray[np.uint32],
+    counts: NDArray[np.int64],
+    importance: NDArray[np.float64],
+    settings: ShadowSettings,
+    sun_side: int,
 ) -> NDArray[np.int64]:
     """Return the sides of each light's maps: the full side for the most important of its kind, texels by importance."""
     full = np.zeros(len(kind), np.int64)
     relative = np.ones(len(kind))
     for which, side in (
-        (DIRECT_SUN, settings.sun),
+        (DIRECT_SUN, sun_side),
         (DIRECT_SPOT, settings.spot),
         (DIRECT_POINT, settings.point),
         (DIRECT_AREA, settings.area),
