@@ -94,7 +94,7 @@ def _declare_layer(
     graph.compute(
         f"{name}/sky{suffix}",
         sky,
-        over=distance,
+        over=(width, -(-height // 8)),
         reads={"environment": scene.lights["environment"], "visibility": visibility},
         writes={**results, **found.tiles},
         constants=scene.constants(sky),

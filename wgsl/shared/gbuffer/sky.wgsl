@@ -1,5 +1,5 @@
-// One invocation writes the environment to a pixel that shows no surface; one workgroup lists its tile of 8x8 pixels if
-// any pixel shows a surface.
+// One invocation writes the environment to those of eight pixels, one below the other, that show no surface; eight list
+// their tile of 8x8 pixels if any pixel shows a surface.
 //
 // In: visibility, environment. Out, for pixels without a surface: an empty surface, distance 0, emission W/(m2 sr),
 // with 1 in its fourth value.
@@ -13,22 +13,25 @@
 @group(1) @binding(15) var<storage, read_write> tile_groups: array<atomic<u32>>;
 @group(1) @binding(33) var visibility: texture_2d<u32>;
 
-var<workgroup> is_seen: atomic<u32>;
+const COLUMNS: u32 = 64u;  // of pixels, a workgroup's
 
-@compute @workgroup_size(8, 8)
-fn main(
-    @builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) thread: u32
-) {
-    let pixel = id.xy;
+var<workgroup> is_seen: array<atomic<u32>, COLUMNS / 8u>;  // 1: the tile shows a surface
+
+@compute @workgroup_size(COLUMNS)
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32) {
     // WebGPU zeroes workgroup memory; wgpu-native 29 does not.
-    if (thread == 0u) {
-        atomicStore(&is_seen, 0u);
+    if (thread < COLUMNS / 8u) {
+        atomicStore(&is_seen[thread], 0u);
     }
     workgroupBarrier();
-    if (all(pixel < view.size)) {
+    var shows_surface = false;
+    for (var row = 0u; row < 8u; row += 1u) {
+        let pixel = vec2u(id.x, 8u * id.y + row);
+        if (any(pixel >= view.size)) {
+            break;
+        }
         if (textureLoad(visibility, pixel, 0).x > 0u) {
-            atomicStore(&is_seen, 1u);
+            shows_surface = true;
         } else {
             let index = pixel.y * view.size.x + pixel.x;
             surfaces[index] = vec4u(0u);
@@ -36,10 +39,13 @@ fn main(
             textureStore(distance, pixel, vec4f(0.0));
         }
     }
+    if (shows_surface) {
+        atomicStore(&is_seen[thread / 8u], 1u);
+    }
     workgroupBarrier();
-    if (thread == 0u && atomicLoad(&is_seen) != 0u) {
+    if (thread % 8u == 0u && atomicLoad(&is_seen[thread / 8u]) != 0u) {
         let slot = atomicAdd(&tile_groups[3], 1u);
-        seen_tiles[slot] = group.y * groups.x + group.x;
+        seen_tiles[slot] = id.y * ((view.size.x + 7u) / 8u) + id.x / 8u;
         atomicMax(&tile_groups[0], min(slot + 1u, TILE_ROW));
         atomicMax(&tile_groups[1], slot / TILE_ROW + 1u);
         atomicStore(&tile_groups[2], 1u);
