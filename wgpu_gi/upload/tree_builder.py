@@ -25,8 +25,8 @@ from .tree_frames import CELL_BITS, frames_of, needed_bits
 from .tree_nodes import NODE, boxes_of, split_trees
 from .wide_bvh import WIDTH, WideBvh
 
-# Fewer triangles are built by `bvh.build_forest`: the device's 13 pipelines take 0.2 to 0.5 s to make, numpy that long
-# for 65,536 triangles.
+# Fewer triangles are built by `bvh.build_forest`: a process's first build takes 0.25 s more than later ones, for its 16
+# pipelines; numpy builds 65,536 triangles in 0.2 s (llvmpipe).
 SMALLEST = 1 << 16
 FOLDER = "scene/hierarchy/"
 GROUP = 256  # threads of a workgroup
@@ -37,7 +37,7 @@ ROUNDS = 24  # submitted at a time; a million triangles take about 70
 MOST_ROUNDS = 1024  # never reached: pairing halves the clusters in two rounds
 UNIFORM_STRIDE = 256  # bytes, WebGPU's alignment of uniform buffers' offsets
 
-LARGEST = 1 << 23  # triangles built at once; nodes count theirs with 24 bits
+LARGEST = 65535 * 128  # triangles built at once: as many as a dispatch of `nearest.wgsl` takes
 BYTES = 32  # of the largest buffer, per triangle
 
 MeshArrays = tuple[NDArray[np.float32], NDArray[np.uint32]]  # positions (v, 3), triangles (n, 3)
@@ -211,7 +211,7 @@ class _Build:
         dtype = load(FOLDER + "clusters.wgsl").struct_dtype("State")
         first = np.zeros(1, dtype)
         first["count"] = first["nodes"] = n
-        first["search"], first["merge"] = (self.groups, 1, 1, 0), (round_up(n, 4 * GROUP), 1, 1, 0)
+        first["search"], first["merge"] = (round_up(n, 128), 1, 1, 0), (round_up(n, 1024), 1, 1, 0)
         states = [
             work.upload(first, dtype, wgpu.BufferUsage.INDIRECT),
             work.buffer(dtype.itemsize // 4, wgpu.BufferUsage.INDIRECT),

@@ -65,8 +65,11 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) th
     // Sum the outcomes of the threads before.
     let first = (group.x * THREADS + thread) * PLACES;
     var own = 0u;
+    var outcomes = 0u;  // two bits each
     for (var k = 0u; k < PLACES; k += 1u) {
-        own += outcome_of(first + k);
+        let outcome = outcome_of(first + k);
+        own += outcome;
+        outcomes |= min(outcome, 2u) << (2u * k);
     }
     sums[thread] = own;
     workgroupBarrier();
@@ -87,10 +90,10 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) th
     var node = state.nodes + blocks[group.x].y + (before >> 16u);
     for (var k = 0u; k < PLACES; k += 1u) {
         let i = first + k;
-        let outcome = outcome_of(i);
+        let outcome = (outcomes >> (2u * k)) & 3u;
         if (outcome != 0u) {
             var cluster = clusters[source + i];
-            if (outcome == MERGES) {
+            if (outcome == 2u) {
                 make_node(node, cluster.node, clusters[source + nearest[i]].node);
                 cluster.node = node;
                 node += 1u;

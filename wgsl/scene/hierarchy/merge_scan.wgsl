@@ -45,7 +45,7 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         next.nodes = state.nodes + total.y;
         next.pairing = u32(total.y * FEW < state.count);
         next.round = state.round + u32(state.count > 0u);
-        next.search = array<u32, 4>((total.x + 255u) / 256u, 1u, 1u, 0u);
+        next.search = array<u32, 4>((total.x + 127u) / 128u, 1u, 1u, 0u);
         next.merge = array<u32, 4>((total.x + 1023u) / 1024u, 1u, 1u, 0u);
         ends[next.round] = next.nodes;
     }
