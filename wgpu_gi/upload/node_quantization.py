@@ -57,21 +57,34 @@ class QuantizationGrid:
 
         `first_node` and `first_item` are where the nodes and the leaves' items will lie.
         """
-        exists = (bvh.child != EMPTY)[..., None]
-        steps = [np.floor((bvh.low - self.low) * self.scale - PAD), np.ceil((bvh.high - self.low) * self.scale + PAD)]
-        low, high = (np.clip(c, 0, LAST_STEP).astype(np.int64) for c in steps)
+        exists = bvh.child != EMPTY
+        # Absent children have infinite boxes, which give the last step as the lower corner and 0 as the upper one.
+        low, high = self._steps(bvh.low, np.floor, -PAD), self._steps(bvh.high, np.ceil, PAD)
         # The node's frame: the lowest corner, and the least shift with which the highest fits into 8 bits.
-        origin = np.where(exists, low, LAST_STEP).min(1)
-        extent = np.where(exists, high, 0).max(1) - origin
-        shift = sum(((extent + (1 << s) - 1 >> s) > LAST_CODE).astype(np.int64) for s in range(MAX_SHIFT))
-        low = np.where(exists, low - origin[:, None] >> shift[:, None], LAST_CODE)
-        high = np.where(exists, high - origin[:, None] + (1 << shift[:, None]) - 1 >> shift[:, None], 0)
+        origin = np.minimum(np.minimum(low[:, 0], low[:, 1]), np.minimum(low[:, 2], low[:, 3]))
+        extent = np.maximum(np.maximum(high[:, 0], high[:, 1]), np.maximum(high[:, 2], high[:, 3])) - origin
+        shift = np.zeros_like(extent)
+        for s in range(MAX_SHIFT):
+            shift += extent + (1 << s) - 1 >> s > LAST_CODE
+        low = low - origin[:, None] >> shift[:, None]
+        high = high - origin[:, None] + (1 << shift[:, None]) - 1 >> shift[:, None]
+        low[~exists], high[~exists] = LAST_CODE, 0
         packed = np.zeros(len(bvh.child), dtype)
         packed["frame"][:, 0] = origin[:, 0] | origin[:, 1] << 16
-        packed["frame"][:, 1] = origin[:, 2] | (shift << [16, 20, 24]).sum(1)
-        for axis, name in enumerate("xyz"):
-            for side, codes in enumerate((low, high)):
-                packed[name][:, side] = (codes[:, :, axis] << [0, 8, 16, 24]).sum(1)
+        packed["frame"][:, 1] = origin[:, 2] | shift[:, 0] << 16 | shift[:, 1] << 20 | shift[:, 2] << 24
+        for side, codes in enumerate((low, high)):
+            # A byte for each child, axis by axis.
+            words = np.ascontiguousarray(codes.transpose(0, 2, 1), np.uint8).view("<u4")[..., 0]
+            for axis, name in enumerate("xyz"):
+                packed[name][:, side] = words[:, axis]
         moved = np.where(bvh.child >= LEAF_FLAG, np.uint32(first_item), np.uint32(first_node))
-        packed["children"] = np.where(exists[..., 0], bvh.child + moved, EMPTY)
+        packed["children"] = np.where(exists, bvh.child + moved, EMPTY)
         return packed
+
+    def _steps(self, corners: NDArray[np.float32], rounding: np.ufunc, pad: float) -> NDArray[np.int32]:
+        """Return corners (n, 4, 3) in steps of the grid, shifted by `pad` and rounded."""
+        steps = corners - self.low
+        steps *= self.scale
+        steps += pad
+        np.clip(rounding(steps, out=steps), 0, LAST_STEP, out=steps)
+        return steps.astype(np.int32)
