@@ -37,7 +37,7 @@ CPU = Capabilities(
     chunk_seconds=(0.1, 0.2, 0.3),
     least_walks=1,
     compiles_at_dispatch=True,
-    serial_cells=200,  # Sponza, 640x360: 24 ms; with 64 or 32 voxels, 30 and 35 ms
+    serial_cells=200,  # CPU time / 2 in Sponza at 640x360: 21.5 ms; with 64 or 32 voxels, 25 and 29
 )
 # A step waits for memory, about 1 us in a divergent group of threads, so one invocation takes up to 0.2 s. Two chunks
 # take less than one of a CPU: the next is queued while one runs, so the GPU never waits for the CPU.
