@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.medley import at, medley
@@ -12,7 +14,7 @@ from wgpu_gi.errors import GiError
 from wgpu_gi.options import MAX_PIXELS, TECHNIQUES, CameraSettings, Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in import scenes as builtin
-from wgpu_gi.scene.built_in.shapes import box, grid
+from wgpu_gi.scene.built_in.shapes import box, grid, sphere
 from wgpu_gi.scene.scene import DirectionalLight, Instance, Scene
 from wgpu_gi.techniques.reference import PathSettings
 from wgpu_gi.webgpu_limits import MAX_TEXTURE_SIDE
@@ -160,6 +162,28 @@ def test_exposure_keeps_path_samples():
 
 
 # ------------------------------------------------------------------------------------------------ Moving instances
+
+
+@pytest.mark.parametrize("smallest", [1, 1 << 16], ids=["on the device", "by numpy"])
+def test_a_deformed_mesh_looks_as_in_a_new_renderer(monkeypatch, smallest):
+    """Its tree is refitted: the new mesh has the same array of triangles."""
+    monkeypatch.setattr("wgpu_gi.upload.tree_builder.SMALLEST", smallest)
+    ball = sphere(radius=1.0, subdivisions=3)
+    scene = Scene([Instance(ball)], [DirectionalLight((-0.3, -1, -0.5), 3.0)])
+    camera = Camera.look_at((0, 1, 4), (0, 0, 0))
+    settings = Settings(gi="path", spp=4)
+    with Renderer(scene, size=(64, 48), camera=camera, settings=settings) as renderer:
+        renderer.run()
+        before = renderer.read_back()
+        wave = ball.positions + 0.3 * np.sin(5 * ball.positions[:, [1, 2, 0]])
+        scene.instances[0].mesh = replace(ball, positions=wave.astype(np.float32))
+        renderer.run()
+        after = renderer.read_back()
+    with Renderer(scene, size=(64, 48), camera=camera, settings=settings) as renderer:
+        renderer.run()
+        expected = renderer.read_back()
+    assert np.abs(after - before).mean() > 0.05 * before.mean()
+    assert np.allclose(after, expected, rtol=1e-4, atol=1e-4 * expected.mean())
 
 
 def test_shadow_follows_its_caster():

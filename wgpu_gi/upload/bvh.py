@@ -1,7 +1,8 @@
 """Bounding volume hierarchies by the binned surface area heuristic (SAH), built level by level with numpy.
 
 Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies". Departure: built breadth-first, so that
-every step is an array operation over all nodes of a level.
+every step is an array operation over all nodes of a level. It builds the top level and meshes of few triangles
+(`mesh_trees`); for the trees that the device builds, it is the reference.
 """
 
 from __future__ import annotations
