@@ -3,8 +3,8 @@
 // E = sum_k w_k E_k / sum_k w_k over the four pixels of the grid around the four, w_k of
 // `shared/upsample/weights.wgsl`, the grid's surfaces by their depths and normals. Without a similar surface among
 // them, more of the grid counts, by similarity alone. In: light of the grid, with depths; its normals; the coats'
-// light; G-buffer. Out: reflected radiance, W/(m2 sr); or the light, with the pixels' depths and normals, and that of coats. The
-// mean of a plane stays. Errs where no surface of the grid is similar: the least dissimilar ones count.
+// light; G-buffer. Out: reflected radiance, W/(m2 sr); or the light, with the pixels' depths and normals, and that of
+// coats. The mean of a plane stays. Errs where no surface of the grid is similar: the least dissimilar ones count.
 #import "shared/denoise/reflected.wgsl"
 #import "shared/denoise/plane.wgsl"
 #import "shared/upsample/grid_pixel.wgsl"
@@ -19,8 +19,10 @@ override REFLECTED: bool = true;
 @group(1) @binding(15) var<storage, read_write> fine_glossy: array<vec4f>;
 @group(1) @binding(16) var<storage, read_write> fine_normals: array<u32>;
 
-// Bilinear weights times similarities below this sum: more of the grid counts.
-const LEAST_REPRESENTED: f32 = 0.05;
+// Bilinear weights times similarities below this sum: more of the grid counts. Many-light, a frame of 320x180, relMSE
+// with 0, 0.05, 0.3, 0.6, 1: Sponza 4.5, 4.3, 3.26, 3.18, 3.36, without the worst 0.1 % of its pixels .78, .66, .65,
+// .66, .72; Cornell's point light .0112, .0150 with 0.3, 1.
+const LEAST_REPRESENTED: f32 = 0.3;
 // Pixels of the grid around a pixel that count then.
 const REACH: i32 = 2;
 
