@@ -58,13 +58,15 @@ def footprints(count=1500, seed=0, octaves=7):
         ((33, 64), ("mirror", "clamp")),
     ],
 )
-def test_levels_are_blended_as_wide_as_the_footprint(evaluate, size, wraps):
+def test_levels_are_blended_by_the_area_of_the_footprint(evaluate, size, wraps):
     pixels = picture(size[1], size[0])
     uv, x, y = footprints()
     got = read(evaluate, scene_with(Texture(Image(pixels), *wraps)), METALLIC_ROUGHNESS, uv, x, y)
-    width = np.maximum(np.linalg.norm(x * size, axis=1), np.linalg.norm(y * size, axis=1))
+    a, b = (side.astype(np.float32) * np.array(size, np.float64) for side in (x, y))
+    longer = np.maximum((a**2).sum(1), (b**2).sum(1))
+    area = np.maximum(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), longer / 64)
     levels = [level / 255 for level in mip_levels(pixels, "data")]
-    assert np.abs(got - trilinear(levels, uv, np.log2(width), wraps)).max() < 2e-3
+    assert np.abs(got - trilinear(levels, uv, 0.5 * np.log2(area), wraps)).max() < 2e-3
 
 
 def test_colours_are_filtered_as_light(evaluate):

@@ -2,8 +2,10 @@
 //
 // Level k has the size of the image divided by 2^k, rounded down. A footprint is filtered by `anisotropy` samples at most
 // along its longer axis, each bilinear in two levels (McCormack et al. 1999, "Feline", with equal weights): the level
-// whose texels are as wide as the distance of the samples. A footprint longer than that is blurred across; one smaller
-// than a texel reads the finest level.
+// whose texels have the area that each sample stands for. A footprint too long for its samples is blurred across and
+// aliases along it; one smaller than a texel reads the finest level. Sponza, aisle, 640x360, relMSE of a frame of direct
+// light against 256 jittered ones, at most 1, 2, 4 samples: 0.0111, 0.0067, 0.0064; with texels as long as the samples'
+// distance 0.0159, 0.0075, 0.0068; points 0.0252.
 
 // texture flags; above them the number of mip levels below the finest
 const PRESENT: u32 = 1u;
@@ -29,6 +31,7 @@ struct TextureSlot {
 }
 
 const BORDER: u32 = 1u;      // texels around each level: its neighbours by the wrap modes
+const LONGEST: f32 = 64.0;   // length of a footprint over its width: edge-on surfaces would read the finest level
 const LEVEL_ROWS: u32 = 3u;  // `upload/texture_atlas.py`, `level_corner`
 
 override HAS_DEEP_MAPS: bool = true;  // textures of 16 bits a channel
@@ -46,17 +49,18 @@ struct Image {
 
 // A mip level in the atlas.
 struct Level {
-    corner: vec2u,  // texels
-    size: vec2u,
+    size: vec2f,    // texels
+    corner: vec2f,
     layer: u32,
-    low: u32,       // rows from the high to the low bytes of 16-bit channels
+    low: u32,       // rows from the high to the low bytes of 16-bit channels; 0: they have 8 bits
+    nearest: bool,
 }
 
 fn halves(pair: u32) -> vec2u {
     return vec2u(pair & 0xffffu, pair >> 16u);
 }
 
-fn level_of(image: Image, level: u32) -> Level {
+fn level_of(image: Image, level: u32, nearest: bool) -> Level {
     // Level 1 is followed by a column of the coarser ones; `level_corner` in `upload/texture_atlas.py`.
     let size = halves(image.place.y);
     let layers = halves(image.place.w);
@@ -66,9 +70,10 @@ fn level_of(image: Image, level: u32) -> Level {
     let chain = halves(image.place.z) + select(vec2u(0u), column, level > 1u);
     let chain_rows = first.y + LEVEL_ROWS * (image.flags >> LEVELS_SHIFT);
     let finest = level == 0u;
+    let low = select(chain_rows, size.y + 2u * BORDER, finest);
     return Level(
-        select(chain, halves(image.place.x), finest), max(size >> vec2u(level), vec2u(1u)),
-        select(layers.y, layers.x, finest), select(chain_rows, size.y + 2u * BORDER, finest));
+        vec2f(max(size >> vec2u(level), vec2u(1u))), vec2f(select(chain, halves(image.place.x), finest)),
+        select(layers.y, layers.x, finest), select(0u, low, (image.flags & SIXTEEN_BITS) != 0u), nearest);
 }
 
 // Returns texture coordinates wrapped into 0 .. 1 on each axis by the modes.
@@ -91,22 +96,22 @@ fn load_texel(x: i32, y: i32, layer: i32, low: i32) -> vec4f {
 }
 
 // Returns the value of a level at wrapped coordinates, bilinear or nearest.
-fn read_level(image: Image, uv: vec2f, number: u32, nearest: bool) -> vec4f {
-    let level = level_of(image, number);
-    let size = vec2f(level.size);
-    let bilinear = uv * size;
-    let texel = select(bilinear, min(floor(bilinear), size - 1.0) + 0.5, nearest);
-    if (image.srgb) {
-        let page = vec2f(textureDimensions(atlas_srgb));
-        return textureSampleLevel(atlas_srgb, atlas_sampler, (vec2f(level.corner) + texel) / page, level.layer, 0.0);
+fn read_level(level: Level, srgb: bool, uv: vec2f) -> vec4f {
+    var texel = uv * level.size;
+    if (level.nearest) {
+        texel = min(floor(texel), level.size - 1.0) + 0.5;
+    }
+    if (srgb) {
+        let page = 1.0 / vec2f(textureDimensions(atlas_srgb));
+        return textureSampleLevel(atlas_srgb, atlas_sampler, (level.corner + texel) * page, level.layer, 0.0);
     }
     // Data are interpolated here: llvmpipe's sampler rounds the result to 8 bits, which shows in shiny normal maps, and
     // loading a texel that is not sRGB-coded costs a fifth of its bilinear sample.
     let base = floor(texel - 0.5);
     let fraction = texel - 0.5 - base;
-    let place = vec2i(level.corner) + vec2i(base);
+    let place = vec2i(level.corner + base);
     let layer = i32(level.layer);
-    let low = select(0, i32(level.low), (image.flags & SIXTEEN_BITS) != 0u);
+    let low = i32(level.low);
     let top = mix(
         load_texel(place.x, place.y, layer, low), load_texel(place.x + 1, place.y, layer, low), fraction.x);
     let bottom = mix(
@@ -116,17 +121,16 @@ fn read_level(image: Image, uv: vec2f, number: u32, nearest: bool) -> vec4f {
 
 // Returns the value of the finest level at a point.
 fn read_point(image: Image, uv: vec2f) -> vec4f {
-    return read_level(image, wrap(image.flags, uv), 0u, (image.flags & MAG_NEAREST) != 0u);
+    let level = level_of(image, 0u, (image.flags & MAG_NEAREST) != 0u);
+    return read_level(level, image.srgb, wrap(image.flags, uv));
 }
 
-// Returns the value between two levels; `level`: the finer one, plus the share of the coarser.
-fn read_between(image: Image, uv: vec2f, level: f32, nearest: bool) -> vec4f {
+// Returns the value between two levels; `share`: of the coarser one.
+fn read_between(image: Image, uv: vec2f, finer: Level, coarser: Level, share: f32) -> vec4f {
     let at = wrap(image.flags, uv);
-    let finer = u32(level);
-    let share = level - f32(finer);
-    let value = read_level(image, at, finer, nearest);
+    let value = read_level(finer, image.srgb, at);
     if (share > 0.0) {
-        return mix(value, read_level(image, at, finer + 1u, nearest), share);
+        return mix(value, read_level(coarser, image.srgb, at), share);
     }
     return value;
 }
@@ -139,19 +143,26 @@ fn read_over(image: Image, uv: vec2f, x: vec2f, y: vec2f, most: f32) -> vec4f {
     let y_squared = dot(y * size, y * size);
     let longer = select(y, x, x_squared > y_squared);
     let squared = max(x_squared, y_squared);
-    let area = abs(x.x * y.y - x.y * y.x) * size.x * size.y;
+    let area = max(abs(x.x * y.y - x.y * y.x) * size.x * size.y, squared / LONGEST);
     // Divide it into samples that are as long as wide. Nearest filters take one.
     let is_nearest = (image.flags & MIN_NEAREST) != 0u;
     let limit = select(most, 1.0, is_nearest || squared <= 1.0);
     let samples = clamp(ceil(squared / max(area, 1e-20)), 1.0, max(limit, 1.0));
-    let exact = 0.5 * log2(max(squared / (samples * samples), 1e-20));
+    let exact = 0.5 * log2(max(area / samples, 1e-20));
     let nearest = select(is_nearest, (image.flags & MAG_NEAREST) != 0u, exact <= 0.0);
     let rounded = select(exact, round(exact), (image.flags & MIP_NEAREST) != 0u);
     let level = clamp(rounded, 0.0, f32(image.flags >> LEVELS_SHIFT));
+    let number = u32(level);
+    let finer = level_of(image, number, nearest);
+    let coarser = level_of(image, number + 1u, nearest);
+    let share = level - f32(number);
     // The first sample stands before the loop: most pixels take one, and loops cost CPU drivers more than they hold.
-    var sum = read_between(image, uv + longer * (0.5 / samples - 0.5), level, nearest);
+    let step = longer / samples;
+    var at = uv + 0.5 * (step - longer);
+    var sum = read_between(image, at, finer, coarser, share);
     for (var k = 1.5; k < samples; k += 1.0) {
-        sum += read_between(image, uv + longer * (k / samples - 0.5), level, nearest);
+        at += step;
+        sum += read_between(image, at, finer, coarser, share);
     }
     return sum / samples;
 }

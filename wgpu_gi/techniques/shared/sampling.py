@@ -33,7 +33,7 @@ class CameraSettings(KnownAttributes):
         range=(0, 4),
     )
     anisotropy: int = setting(
-        4, "Most samples of a texture along the longer side of a pixel's footprint.", "samples", range=(1, 8)
+        2, "Most samples of a texture along the longer side of a pixel's footprint.", "samples", range=(1, 8)
     )
 
 

@@ -63,11 +63,12 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         store(texel, PackedVpl(vec4u(0u), vec4u(0u), vec4u(0u), vec4u(0u)));
         return;
     }
-    // The area is the inverse density of rays on the surface.
-    let s = surface_at(hit, sent.ray.direction);
-    let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
+    // The area is the inverse density of rays on the surface; textures are averaged over the texel's beam.
     let falloff = select(1.0 / (hit.distance * hit.distance), 1.0, sent.parallel);
-    let area = 1.0 / max(texels * sent.ray_density * cosine * falloff, 1e-30);
+    let density = max(texels * sent.ray_density * falloff, 1e-30);
+    let s = surface_of_cone(hit, sent.ray.direction, inverseSqrt(density));
+    let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
+    let area = 1.0 / max(density * cosine, 1e-30);
     let nearness = select(1.0 / hit.distance, 0.0, sent.parallel);
     let flux = sent.flux * (light.probability / texels);
     store(texel, pack_vpl(reflect_flux(s, sent.ray.direction, flux, area, nearness)));

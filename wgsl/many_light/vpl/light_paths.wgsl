@@ -107,11 +107,13 @@ fn light_vertex(light: Light, count: f32, choice: f32, u_point: vec2f, u_directi
     if (hit.triangle == NONE || max3(sent.flux) <= 0.0) {
         return Vpl(vec3f(0.0), vec3f(0.0, 0.0, 1.0), vec3f(0.0), 0.0, no_lobe(), false);
     }
-    // The area is the inverse density of such rays on the surface, of all cells of a textured triangle together.
-    let s = surface_at(hit, sent.ray.direction);
-    let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
+    // The area is the inverse density of such rays on the surface, of all cells of a textured triangle together; textures
+    // are averaged over it.
     let falloff = select(1.0 / (hit.distance * hit.distance), 1.0, sent.parallel);
-    let area = 1.0 / max(count * light.of_triangle * sent.ray_density * cosine * falloff, 1e-30);
+    let density = max(count * light.of_triangle * sent.ray_density * falloff, 1e-30);
+    let s = surface_of_cone(hit, sent.ray.direction, inverseSqrt(density));
+    let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
+    let area = 1.0 / max(density * cosine, 1e-30);
     let nearness = select(1.0 / hit.distance, 0.0, sent.parallel);
     return reflect_flux(s, sent.ray.direction, sent.flux / count, area, nearness);
 }
