@@ -320,7 +320,7 @@ def test_jittered_frames_are_averaged(monkeypatch):
     scene = medley()
     maps = direct_module.DirectSettings(emitters="maps")  # whose samples are those of a single frame
     chosen = settings(jitter=True, direct=maps)
-    chosen.camera.frames = 5
+    chosen.camera.frames, chosen.camera.footprint = 5, 0.0  # unjittered frames show textures at pixel centres
     renderer = Renderer(scene, size=SIZE, settings=chosen)
     progress = []
     assert [renderer.step(progress.append, show=layers) for _ in range(7)] == [True] * 5 + [False] * 2
