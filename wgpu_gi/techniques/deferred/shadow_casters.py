@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ..shared.culling import SIDES, reaches_inside
 
 # Widening of the camera's frustum for the casters that are drawn, so that the maps stay while the camera moves a
-# little: share of the picture's half width and height, and of the scene's radius.
+# little: share of the picture's half width and height, and of the scene's radius. Twice the step of a moving benchmark
+# picture (`measure/bench.py`, ORBIT_RADIUS); not tuned.
 ROOM = 0.1
 ROOM_AROUND = 0.01
 JITTER = 1.0  # pixels at the picture's edges: its points are jittered by up to half a pixel

@@ -151,7 +151,8 @@ struct Verdict {
 }
 
 // Shadow rays end at this many times the height above the receiver's plane of the highest texel around the point, plus
-// CLEAR_OF_PLANE.
+// CLEAR_OF_PLANE. In three views of Sponza at 640x360, 2 and 4 err like rays to the sun, 1 gives 5 more wrong pixels, and
+// 0.5 gives 1 to 4 %; all take the same time.
 const REACH_OVER_TEXELS: f32 = 2.0;
 
 // Returns a verdict of lit if no texel around the point shows anything above its plane and the 2x2 nearest show the plane
