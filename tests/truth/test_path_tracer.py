@@ -6,7 +6,6 @@ the built-in courtyard with `--env 0`, `leak_corridor_a` the corridor with `--ca
 """
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.resources import resource_dir
 from wgpu_gi.scene.scene import Environment
 
-REFERENCES = Path(__file__).parent / "references"
+REFERENCES = resource_dir("scenes") / "references"
 # Scene, environment that replaces its own, samples per pixel for all bounces, and bound of relMSE of the full picture:
 # our noise plus that of the reference.
 CASES: dict[str, tuple[str, Environment | None, int, float]] = {
