@@ -49,8 +49,9 @@ class FakeRenderer:
         if timings:
             self.graph.timing.samples["path/trace"] = [1.0] * self.settings.spp
 
-    def step(self, *, show, force, timings):
+    def step(self, *, show, force, timings, preview):
         moved, self.seen = self.seen is not self.camera, self.camera
+        assert not moved or preview  # frames of a moving camera may be previews
         self.frames.append((moved, force, timings))
         ran = {"shade": 2.0 * len(self.frames)} if moved or force else {}
         ran |= {"maps": 10.0} if force else {}
