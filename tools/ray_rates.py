@@ -7,7 +7,7 @@ Three sets of rays, one of each a pixel:
   bounce   first hits in directions drawn by the cosine from the camera's hits
   shadow   whether anything lies between a pixel's hit and the bounce ray's hit of another, random pixel
 Rates are rays per second of CPU time, times the number of cores: the rate of a machine with nothing else to do. On a
-GPU they are of wall time. Embree needs `pip install embreex`; it traces single rays, on one thread, and its rate is
+GPU they are of wall time. Embree needs the package embreex; it traces single rays, on one thread, and its rate is
 multiplied by the number of cores as well. Shares of hits tell whether both trace the same.
 """
 

@@ -44,7 +44,7 @@ def scene():
     material = Material("all")
     for f in dataclasses.fields(Material):
         if f.name.endswith("_texture"):
-            setattr(material, f.name, Texture(image()))
+            setattr(material, f.name, Texture(image(), min_filter="nearest"))
     first = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), material)
     return Scene(
         [Instance(first, name="first"), Instance(first), Instance(box((0, 0, 0), (1, 1, 1)))],
