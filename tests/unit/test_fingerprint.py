@@ -76,8 +76,9 @@ def others(kind: type, name: str, value: Any) -> list[Any]:
         found.append(None)
     if isinstance(value, bool):
         return [*found, not value]
-    if get_origin(hint) is Literal:
-        return [choice for choice in get_args(hint) if choice != value]
+    literals = [kind for kind in (hint, *get_args(hint)) if get_origin(kind) is Literal]
+    if literals:
+        return [*found, *[choice for choice in get_args(literals[0]) if choice != value]]
     if isinstance(value, (int, float)):
         return [*found, value + 0.125]
     if isinstance(value, np.ndarray):
