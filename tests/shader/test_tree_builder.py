@@ -14,7 +14,7 @@ from wgpu_gi.upload import mesh_trees
 from wgpu_gi.upload.bvh import build_bvh
 from wgpu_gi.upload.mesh_data import prepare_meshes
 from wgpu_gi.upload.mesh_trees import tree_cost
-from wgpu_gi.upload.tree_builder import TreeBuilder
+from wgpu_gi.upload.tree_builder import NODE_BYTES, VERTEX_BYTES, TreeBuilder
 from wgpu_gi.upload.wide_bvh import collapse
 
 DEEPEST = 14  # WIDE_LEVELS of wgsl/scene/hierarchy/clusters.wgsl
@@ -133,6 +133,31 @@ def test_a_deformed_mesh_is_rebuilt_once_its_tree_has_become_expensive(builder, 
     assert not np.array_equal(rebuilt.bvh.order, before.bvh.order)
     assert tree_cost(rebuilt.bvh) < mesh_trees.REBUILD * before.built_cost
     check(rebuilt.bvh, shuffled[triangles])
+
+
+def test_nodes_beyond_the_largest_buffer_come_in_parts(builder, monkeypatch):
+    corners = soup(2000, size=0.02)
+    (whole,) = builder.build([arrays(corners)])
+    monkeypatch.setattr(builder, "limit", 100 * NODE_BYTES)
+    (parts,) = builder.build([arrays(corners)])
+    assert len(whole.child) > 300
+    assert parts.child.tobytes() == whole.child.tobytes() and parts.low.tobytes() == whole.low.tobytes()
+
+
+def test_vertices_and_nodes_beyond_the_largest_buffer_are_left_to_numpy(builder):
+    vertices, nodes = builder.limit // VERTEX_BYTES, builder.limit // NODE_BYTES
+    assert builder.fits(100_000, vertices, nodes)
+    assert not builder.fits(100_000, vertices + 1) and not builder.fits(100_000, 1, nodes + 1)
+
+
+def test_triangles_changed_in_place_get_a_new_tree(builder):
+    """A new mesh with the same array of triangles, of other vertices, is no deformed one."""
+    positions, triangles = arrays(soup(500, size=0.02))
+    (before,) = prepare_meshes([Mesh(positions, triangles, materials=[Material()])], DTYPES["vertices"])
+    triangles[:] = np.random.default_rng(1).permutation(triangles.ravel()).reshape(-1, 3)
+    changed = Mesh(positions, triangles, materials=[Material()])
+    (after,) = prepare_meshes([changed], DTYPES["vertices"], None, [before])
+    check(after.bvh, positions[triangles])
 
 
 def test_few_triangles_are_left_to_numpy(builder):

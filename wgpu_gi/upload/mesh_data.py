@@ -77,7 +77,8 @@ def prepare_meshes(
     found: dict[int, MeshData] = {}
     for mesh in meshes:
         old = known.get((id(mesh.triangles), len(mesh.positions)))
-        if old is not None:
+        # The array may have been changed in place since.
+        if old is not None and np.array_equal(np.asarray(mesh.triangles)[old.bvh.order], old.indices):
             tree = refit_tree(old.bvh, np.asarray(mesh.positions, np.float32), old.indices, builder)
             if tree_cost(tree) <= REBUILD * old.built_cost:
                 found[id(mesh)] = _in_leaf_order(mesh, tree, old.built_cost, vertex_dtype)

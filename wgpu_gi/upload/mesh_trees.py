@@ -33,7 +33,8 @@ def refit_tree(
     tree: WideBvh, positions: NDArray[np.float32], triangles: NDArray[np.uint32], builder: TreeBuilder | None
 ) -> WideBvh:
     """Return `tree` with boxes refitted to moved vertices (v, 3); `triangles` (n, 3) are in leaf order."""
-    if builder is not None and builder.suits(len(triangles)):
+    count = len(triangles)
+    if builder is not None and builder.suits(count) and builder.fits(count, len(positions), len(tree.child)):
         return builder.refit(tree, positions, triangles)
     corners = positions[triangles]
     return refit(tree, corners.min(1), corners.max(1))
@@ -66,7 +67,8 @@ def _batches(meshes: Sequence[Mesh], size: int) -> Iterator[list[Mesh]]:
 
 
 def _on_device(meshes: list[Mesh], builder: TreeBuilder) -> list[WideBvh]:
-    if sum(len(mesh.triangles) for mesh in meshes) > builder.largest:
+    triangles, vertices = sum(len(m.triangles) for m in meshes), sum(len(m.positions) for m in meshes)
+    if not builder.fits(triangles, vertices):
         return _by_numpy(meshes)
     return builder.build([(mesh.positions, mesh.triangles) for mesh in meshes])
 

@@ -38,7 +38,9 @@ MOST_ROUNDS = 1024  # never reached: pairing halves the clusters in two rounds
 UNIFORM_STRIDE = 256  # bytes, WebGPU's alignment of uniform buffers' offsets
 
 LARGEST = 65535 * 128  # triangles built at once: as many as a dispatch of `nearest.wgsl` takes
-BYTES = 32  # of the largest buffer, per triangle
+BYTES = 32  # of the largest buffer, per triangle; the others depend on vertices and nodes
+VERTEX_BYTES = 12
+NODE_BYTES = WIDTH * NODE.itemsize
 
 MeshArrays = tuple[NDArray[np.float32], NDArray[np.uint32]]  # positions (v, 3), triangles (n, 3)
 
@@ -48,18 +50,22 @@ class TreeBuilder:
 
     def __init__(self, device: Device) -> None:
         self.device = device
-        limit = int(device.limits["max-storage-buffer-binding-size"])
-        self.largest = min(LARGEST, limit // BYTES)  # triangles that `build` takes
+        self.limit = int(device.limits["max-storage-buffer-binding-size"])
+        self.largest = min(LARGEST, self.limit // BYTES)  # triangles that `build` takes
 
     def suits(self, count: int) -> bool:
         """Tell whether so many triangles are worth the device, and fit into its buffers."""
         return SMALLEST <= count <= self.largest
 
+    def fits(self, triangles: int, vertices: int, nodes: int = 0) -> bool:
+        """Tell whether meshes fit into the device's buffers; `nodes`: of the tree to refit."""
+        return triangles <= self.largest and max(VERTEX_BYTES * vertices, NODE_BYTES * nodes) <= self.limit
+
     def build(self, meshes: Sequence[MeshArrays]) -> list[WideBvh]:
-        """Return the hierarchies of meshes with finite positions and at least one triangle each, `largest` together."""
+        """Return the hierarchies of meshes that fit, with finite positions and at least one triangle each."""
         work = _Work(self.device)
         try:
-            return _Build(work, meshes).run()
+            return _Build(work, meshes, self.limit // NODE_BYTES).run()
         finally:
             work.release()
 
@@ -133,10 +139,10 @@ class _Work:
 
 
 class _Build:
-    """The trees of several meshes, from triangles to wide nodes."""
+    """The trees of several meshes, from triangles to wide nodes; a buffer holds up to `most_nodes` of these."""
 
-    def __init__(self, work: _Work, meshes: Sequence[MeshArrays]) -> None:
-        self.work = work
+    def __init__(self, work: _Work, meshes: Sequence[MeshArrays], most_nodes: int) -> None:
+        self.work, self.most_nodes = work, most_nodes
         self.counts = np.array([len(triangles) for _, triangles in meshes])
         self.firsts = np.cumsum(self.counts) - self.counts
         self.count = n = int(self.counts.sum())
@@ -253,9 +259,13 @@ class _Build:
         work.run("scan", 1, {"counts": blocks})
         work.run("number_write", self.groups, {"wide": wide, "blocks": blocks})
         count = int(work.read(blocks, np.uint32, 4 * self.groups)[0])
-        records = work.buffer(max(count, 1) * WIDTH * NODE.itemsize // 4)
-        work.run("emit", round_up(n, GROUP), buffers | {"nodes": records})
-        found = work.read(records, NODE)[: count * WIDTH].reshape(count, WIDTH)
+        part = max(min(count, self.most_nodes), 1)
+        records = work.buffer(part * NODE_BYTES // 4)
+        firsts_of_parts = work.uniforms(np.arange(0, max(count, 1), part)[:, None])
+        found = np.empty((count, WIDTH), NODE)
+        for number, first in enumerate(range(0, count, part)):
+            work.run("emit", round_up(n, GROUP), buffers | {"nodes": records, "params": firsts_of_parts(number)})
+            found[first : first + part] = work.read(records, NODE).reshape(part, WIDTH)[: count - first]
         return found, work.read(order, np.uint32).astype(np.int64)
 
 

@@ -1,4 +1,6 @@
 // Each invocation writes a wide node: its children's boxes in metres, and references to them.
+//
+// Out: as many nodes, from `first` on, as the buffer holds.
 #import "scene/hierarchy/clusters.wgsl"
 
 struct Wide {
@@ -18,6 +20,11 @@ struct Child {
 @group(1) @binding(2) var<storage, read> kids: array<vec4u>;
 @group(1) @binding(3) var<storage, read> wide: array<Wide>;
 @group(1) @binding(4) var<storage, read_write> nodes: array<array<Child, 4>>;
+@group(1) @binding(5) var<uniform> params: Part;
+
+struct Part {
+    first: u32,  // number of the first node, from 0
+}
 
 @compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -25,7 +32,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let own = wide[id.x];
-    if (own.number == 0u) {
+    // Places before the part wrap around to places behind it.
+    let place = own.number - 1u - params.first;
+    if (own.number == 0u || place >= arrayLength(&nodes)) {
         return;
     }
     let leaves = arrayLength(&wide);
@@ -45,6 +54,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
             first += triangles_of(facts);
         }
-        nodes[own.number - 1u][k] = child;
+        nodes[place][k] = child;
     }
 }
