@@ -40,6 +40,11 @@ def test_a_report_survives_its_file(tmp_path):
         lambda d: d.update(schema="wgpu_gi.bench"),
         lambda d: d.update(limits=[1]),
         lambda d: d.update(seconds=None),
+        lambda d: d.update(memory=float("inf")),
+        lambda d: d["machine"].update(packages=["wgpu_gi"]),
+        lambda d: d["scenes"][0]["techniques"][0]["passes"].update(gather="slow"),
+        lambda d: d["builds"][0].update(ms=float("nan")),
+        lambda d: d["tests"].update(names=3),
     ],
 )
 def test_a_damaged_report_is_refused_in_a_sentence(tmp_path, change):
@@ -121,6 +126,13 @@ def test_budget_notes_what_does_not_fit():
     assert budget.left_out[1] == "a late step: the time was over"
 
 
+def test_a_step_that_fails_is_left_out_and_the_report_goes_on():
+    budget = Budget(1000.0)
+    with budget.noting("error of ssil"):
+        raise GiError("the shader does not compile")
+    assert budget.left_out == ["error of ssil: the shader does not compile"]
+
+
 def test_processor_clock_does_not_count_waiting():
     import time
 
@@ -168,6 +180,7 @@ def test_outcomes_of_the_checkouts_tests_are_read(tmp_path, monkeypatch):
         (["missing.json"], "missing.json: cannot be read"),
         (["--against", "missing.json"], "missing.json: cannot be read"),
         (["a.json", "--against", "b.json"], "without --against"),
+        (["-o", "a", "--against", "a.json"], "a.json would replace the report to compare with"),
         (["--sponza", "missing.glb"], "missing.glb"),
         (["--adapter", "none such"], "no adapter is called"),
     ],

@@ -32,6 +32,8 @@ def report(arguments: Namespace) -> int:
         raise GiError("reports that are given are shown as they are, without --against, --sponza or --adapter")
     for path in (json_path, page_path) if measures else (page_path,):
         check_writable(path)
+    if any(json_path.resolve() == Path(path).resolve() for path in arguments.against):
+        raise GiError(f"{json_path} would replace the report to compare with; -o NAME gives this one another name")
     others = [load_json(path) for path in (arguments.report or arguments.against)]
     scene = None if arguments.sponza is None else sponza(arguments.sponza)
 

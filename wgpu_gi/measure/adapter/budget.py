@@ -1,9 +1,12 @@
-"""The time of a report: what does not fit is left out, with a sentence."""
+"""The time of a report: what does not fit, or fails, is left out, with a sentence."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from ...errors import GiError
 
 
 class Budget:
@@ -37,3 +40,11 @@ class Budget:
         why = f"it takes about {seconds:.0f} s, and {max(left, 0):.0f} s were left" if left > 0 else "the time was over"
         self.left_out.append(f"{what}: {why}")
         return False
+
+    @contextmanager
+    def noting(self, what: str) -> Iterator[None]:
+        """Note that a step was left out if it raises GiError, and go on: a report on a faulty driver tells the most."""
+        try:
+            yield
+        except GiError as error:
+            self.left_out.append(f"{what}: {error}")

@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import wgpu
+
 from ...errors import GiError
 from ...options import Settings
 from ..stress.studio import Studio, Trouble
@@ -100,8 +102,8 @@ def run_check(check: Check, tools: Tools) -> CheckResult:
         deviation = float(check.run(tools))
     except Trouble as trouble:
         note = trouble.sentence
-    except GiError as error:
-        note = str(error)
+    except (GiError, wgpu.GPUError) as error:
+        note = " ".join(str(error).split())
     # NaN is no deviation within the bound.
     passed = deviation is not None and deviation <= check.bound
     if deviation is not None and not abs(deviation) < float("inf"):

@@ -13,7 +13,6 @@ from statistics import median
 import numpy as np
 
 from ...camera import Camera
-from ...errors import GiError
 from ...options import TECHNIQUES
 from ...renderer import Renderer
 from ...scene.scene import Scene
@@ -39,13 +38,10 @@ def measure_scene(name: str, scene: Scene, camera: Camera, budget: Budget, adapt
         what = f"{variant.title} in {name} at {SIZE[0]}x{SIZE[1]}"
         if not budget.allows(what):
             continue
-        try:
+        with budget.noting(what):
             times = _measure(variant, variant.scene(scene), camera, budget, what, adapter)
-        except GiError as error:
-            budget.left_out.append(f"{what}: {error}")
-            continue
-        if times is not None:
-            found.techniques.append(times)
+            if times is not None:
+                found.techniques.append(times)
     return found
 
 
@@ -128,12 +124,16 @@ def measure_threads(scene: Scene, camera: Camera, budget: Budget, adapter: str |
     found = []
     radius = ORBIT_RADIUS * float(np.linalg.norm(np.ptp(scene.bounds(), axis=0))) or ORBIT_RADIUS
     for variant in VARIANTS:
-        if TECHNIQUES[variant.gi].averages_samples or not budget.allows(f"main thread of {variant.title}"):
+        what = f"main thread of {variant.title}"
+        if TECHNIQUES[variant.gi].averages_samples or not budget.allows(what):
             continue
-        renderer = Renderer(
-            variant.scene(scene), size=THREAD_SIZE, camera=camera, settings=variant.settings(), adapter=adapter
-        )
-        try:
+        settings = variant.settings()
+        with (
+            budget.noting(what),
+            Renderer(
+                variant.scene(scene), size=THREAD_SIZE, camera=camera, settings=settings, adapter=adapter
+            ) as renderer,
+        ):
             times = []
             for number in range(-THREAD_WARM_UP, THREAD_FRAMES):
                 renderer.camera = orbit(camera, radius, number / ORBIT_FRAMES)
@@ -142,6 +142,4 @@ def measure_threads(scene: Scene, camera: Camera, budget: Budget, adapter: str |
                 renderer.step(show=SHOW, preview=True)
                 times.append((time.thread_time() - started) * 1e3)
             found.append(MainThread(variant.title, median(times[THREAD_WARM_UP:]), len(renderer.graph.last_run)))
-        finally:
-            renderer.close()
     return found

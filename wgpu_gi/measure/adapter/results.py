@@ -8,7 +8,8 @@ why.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -175,7 +176,7 @@ def load_json(path: str | Path) -> AdapterReport:
         return _report(document)
     except OSError as error:
         raise GiError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         raise GiError(f"{path}: not a report of wgpu-gi report") from None
 
 
@@ -187,8 +188,8 @@ def _report(d: Mapping[str, Any]) -> AdapterReport:
         techniques = [_of(PassTimes, t) for t in scene["techniques"]]
         scenes.append(SceneTimes(str(scene["scene"]), (int(width), int(height)), techniques))
     machine = dict(d["machine"])
-    if not isinstance(machine["adapter"], str):
-        raise TypeError("adapter")
+    if not isinstance(machine["adapter"], str) or not isinstance(machine.get("packages", {}), dict):
+        raise TypeError("machine")
     return AdapterReport(
         machine,
         [str(name) for name in d["features"]],
@@ -208,12 +209,20 @@ def _report(d: Mapping[str, Any]) -> AdapterReport:
     )
 
 
-TYPES: dict[str, tuple[type, ...]] = {
-    "float": (int, float),
-    "float | None": (int, float, type(None)),
-    "int": (int,),
-    "bool": (bool,),
-    "str": (str,),
+def _is_number(value: object) -> bool:
+    """Tell whether a value is a finite number that a float can hold."""
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
+# By the annotation of a field: whether a value fits.
+FITS: dict[str, Callable[[Any], bool]] = {
+    "float": _is_number,
+    "float | None": lambda value: value is None or _is_number(value),
+    "int": lambda value: isinstance(value, int) and _is_number(value),
+    "bool": lambda value: isinstance(value, bool),
+    "str": lambda value: isinstance(value, str),
+    "list[str]": lambda value: isinstance(value, list) and all(isinstance(item, str) for item in value),
+    "dict[str, float]": lambda value: isinstance(value, dict) and all(map(_is_number, value.values())),
 }
 
 
@@ -221,6 +230,6 @@ def _of(kind: Any, values: Mapping[str, Any]) -> Any:
     """Return a record of a dataclass. Raises TypeError for a missing or an unknown field, or one of another type."""
     made = kind(**values)
     for name, wanted in kind.__annotations__.items():
-        if not isinstance(getattr(made, name), TYPES.get(wanted, (object,))):
+        if not FITS[wanted](getattr(made, name)):
             raise TypeError(name)
     return made

@@ -20,7 +20,7 @@ PATH_SPP = 16
 def measure_errors(budget: Budget, adapter: str | None = None) -> list[TruthError]:
     """Return the errors of the full picture at medium quality, all materials Lambert, less the noise of the truth.
 
-    SSDO is compared with one bounce, the others with all.
+    SSDO is compared with one bounce, the others with all. The budget notes techniques that fail, too.
     """
     found = []
     for name, title in SCENES.items():
@@ -28,8 +28,10 @@ def measure_errors(budget: Budget, adapter: str | None = None) -> list[TruthErro
         renderer = Renderer(scene, size=SIZE, adapter=adapter)
         try:
             for gi in TECHNIQUES:
-                if budget.allows(f"error of {gi} in {title}"):
-                    found.append(_measure(renderer, gi, name, title))
+                what = f"error of {gi} in {title}"
+                if budget.allows(what):
+                    with budget.noting(what):
+                        found.append(_measure(renderer, gi, name, title))
         finally:
             renderer.close()
     return found
