@@ -226,6 +226,8 @@ def test_cornell_equals_the_file_in_scenes(kind):
     assert ours.cameras[0].yfov == pytest.approx(file.cameras[0].yfov) and ours.cameras[0].name == file.cameras[0].name
 
 
-def test_every_scene_folder_has_a_licence():
-    for file in resource_dir("scenes").rglob("*.glb"):
+def test_every_folder_of_scenes_and_references_has_a_licence():
+    files = [file for kind in ("*.glb", "*.npz") for file in resource_dir("scenes").rglob(kind)]
+    assert len(files) > 8
+    for file in files:
         assert file.name in (file.parent / "LICENSE").read_text()
