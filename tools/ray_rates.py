@@ -27,8 +27,12 @@ import numpy as np
 import wgpu
 from numpy.typing import NDArray
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # also where the package is not installed
+
 import wgpu_gi as gi
 from wgpu_gi.camera import Camera
+from wgpu_gi.cli.arguments import parse_size
+from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
 from wgpu_gi.gpu.wgsl.load import load, refresh
@@ -210,27 +214,30 @@ def embree(scene: Any, kind: str, rays: Rays, rounds: int) -> tuple[NDArray[np.b
 
 
 def point(text: str) -> tuple[float, float, float]:
-    """Return the point that "x,y,z" names."""
+    """Return the point that "x,y,z" names. Raises ValueError for other texts."""
     x, y, z = (float(n) for n in text.split(","))
     return x, y, z
 
 
 def main() -> None:
-    """Print a table of each scene."""
+    """Print a table of each scene. Raises GiError for a scene that cannot be read."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", default=["cornell"])
-    parser.add_argument("--size", default="640x360")
+    parser.add_argument("--size", type=parse_size, default=(640, 360))
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--position")
-    parser.add_argument("--target")
+    parser.add_argument("--position", type=point)
+    parser.add_argument("--target", type=point)
     options = parser.parse_args()
-    width, height = (int(n) for n in options.size.split("x"))
-    size = width, height
+    size = options.size
+    if options.rounds < 1 or min(size) < 1:
+        parser.error("--rounds and both sides of --size must be at least 1")
+    if (options.position is None) != (options.target is None):
+        parser.error("--position and --target belong together")
     for name in options.scenes:
         scene = gi.load(name)
         camera = scene.cameras[0] if scene.cameras else gi.Camera.look_at((0, 0, 1), (0, 0, 0))
-        if options.position and options.target:
-            camera = gi.Camera.look_at(point(options.position), point(options.target), (0, 1, 0), 60)
+        if options.position is not None:
+            camera = gi.Camera.look_at(options.position, options.target, (0, 1, 0), 60)
         print(f"{name}: {sum(len(i.mesh.triangles) for i in scene.instances)} triangles, {size[0]}x{size[1]}")
         with tempfile.TemporaryDirectory() as folder:
             tracer = Tracer(scene, Path(folder))
@@ -250,4 +257,8 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except GiError as error:
+        print(f"ray_rates.py: error: {error}", file=sys.stderr)
+        sys.exit(2)
