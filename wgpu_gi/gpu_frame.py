@@ -58,7 +58,7 @@ class GpuFrame:
         self._inputs: tuple[Any, ...] | None = None  # all that determines the picture
         self._rested = False  # nothing has moved in the last step
         self._preview = False  # the last frame may have been a preview
-        self._previewed = False  # it was one
+        self.shows_preview = False  # it was one
 
     def invalidate(self, declaration: bool = False) -> None:
         """Upload everything again in the next step and restart the average; with `declaration`, declare it, too."""
@@ -101,7 +101,7 @@ class GpuFrame:
         known = before[len(seen)] if before else None
         inputs = (*seen, known if settings == known else copy_of(settings))
         # No preview is among the frames of a still picture.
-        previewed, self._preview = self._previewed, preview and not still
+        previewed, self._preview = self.shows_preview, preview and not still
         goes_on, up_to_date = same and not previewed, None
         if still and not same:
             # Only settings differ: keep the frames averaged so far unless a pass of the mean has become stale.
@@ -124,7 +124,7 @@ class GpuFrame:
         found = self._send(view, scene)
         self._inputs = inputs
         self._declare(view, show, found)
-        self._previewed = found.is_preview
+        self.shows_preview = found.is_preview
 
     def _send(self, view: View, scene: Fingerprint) -> SceneInputs:
         """Update the GPU data of the scene that the technique needs; return the inputs of the technique."""

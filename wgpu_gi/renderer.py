@@ -175,6 +175,11 @@ class Renderer(KnownAttributes):
         if hasattr(self, "_gpu"):
             self._device.discard(*self._gpu.releases)
 
+    @property
+    def shows_preview(self) -> bool:
+        """True if the last step rendered a preview, which the still picture of the same view replaces."""
+        return self._gpu.shows_preview
+
     @contextmanager
     def _alone(self) -> Iterator[None]:
         """Use the device and this renderer. Raises GiError if another thread uses this renderer."""

@@ -314,6 +314,19 @@ def test_point_under_the_mouse_lies_on_its_ray():
     assert session.point_at(0.5, 0.5) is None
 
 
+def test_a_picture_saved_during_a_move_is_no_preview(tmp_path, monkeypatch):
+    """Many-light gathers at half resolution while the view moves."""
+    monkeypatch.setattr("wgpu_gi.techniques.many_light.update.COARSE_PIXELS", 1)
+    session = make_session("many-light")
+    settle(session)
+    moved(session)
+    renderer = session.renderer
+    renderer.step(show=(DISPLAY,), preview=True)
+    assert renderer.size == session.size and renderer.shows_preview and "gather/upsample" in renderer.graph.last_run
+    save(session, tmp_path)
+    assert not renderer.shows_preview and "gather/upsample" not in renderer.graph.last_run
+
+
 def test_a_compiling_frame_is_abandoned_on_a_change_and_goes_on(monkeypatch):
     session = make_session()
     monkeypatch.setattr(session.renderer._device, "pipelines", Pipelines(session.renderer._device.gpu))

@@ -231,9 +231,9 @@ class Session:
         return ran or exposed
 
     def render_full_size(self) -> None:
-        """End a move, and render until the picture has its full size."""
+        """End a move, and render until the picture has its full size and is no preview."""
         self._moved = -math.inf
-        while self.renderer.size != self.size and not self.error:
+        while (self.renderer.size != self.size or self.renderer.shows_preview) and not self.error:
             self.step()
 
     def status(self) -> str:
