@@ -82,28 +82,31 @@ class Evaluator:
 
         # Declare one pass, and run it.
         buffer = self.device.gpu.create_buffer_with_data(data=words, usage=wgpu.BufferUsage.STORAGE)
-        graph = Graph(self.device, shader_root=self.folder)
-        graph.begin()
-        reads: dict[str, Handle] = {"input": graph.share("input", buffer)} if values else {}
-        constants: dict[str, bool] = {}
-        if scene is not None:
-            handles, constants = self._share(graph, scene)
-            reads |= handles
-        output = graph.buffer("result", dtype=np.uint32, count=n * width)
-        graph.compute("evaluate", "evaluate.wgsl", over=n, reads=reads, writes={"result": output}, constants=constants)
-        graph.compile([output])
-        graph.run()
-        result: NDArray = graph.read_back(output)
-        graph.release()
-        buffer.destroy()
+        graph, upload = Graph(self.device, shader_root=self.folder), SceneUpload(self.device)
+        try:
+            graph.begin()
+            reads: dict[str, Handle] = {"input": graph.share("input", buffer)} if values else {}
+            constants: dict[str, bool] = {}
+            if scene is not None:
+                handles, constants = self._share(graph, upload, scene)
+                reads |= handles
+            output = graph.buffer("result", dtype=np.uint32, count=n * width)
+            written: dict[str, Handle] = {"result": output}
+            graph.compute("evaluate", "evaluate.wgsl", over=n, reads=reads, writes=written, constants=constants)
+            graph.compile([output])
+            graph.run()
+            result: NDArray = graph.read_back(output)
+        finally:
+            graph.release()
+            upload.release()
+            buffer.destroy()
         if returns != "u32":
             result = result.view(np.float32)
         return result if width == 1 else result.reshape(n, width)
 
-    def _share(self, graph: Graph, scene: Scene) -> tuple[dict[str, Handle], dict[str, bool]]:
+    def _share(self, graph: Graph, upload: SceneUpload, scene: Scene) -> tuple[dict[str, Handle], dict[str, bool]]:
         """Upload the scene; return the resources that the shader reads, and its constants."""
         source = load("evaluate.wgsl", self.folder)
-        upload = SceneUpload(self.device)
         upload.update(scene)
         graph.uniform("view", upload.view(Camera(), (1, 1), False))
         inputs = share_scene(graph, upload)
