@@ -21,7 +21,9 @@ fn no_footprint() -> HitFootprint {
 }
 
 // Returns how the weights at a hit change when the ray's origin and direction change, all in the triangle's space.
-fn weight_change(t: Triangle, at: vec2f, origin: vec3f, direction: vec3f, by_origin: vec3f, by_direction: vec3f) -> vec2f {
+fn weight_change(
+    t: Triangle, at: vec2f, origin: vec3f, direction: vec3f, by_origin: vec3f, by_direction: vec3f
+) -> vec2f {
     // The derivative of the quotients of `hit_plane`.
     let s = origin - t.anchor;
     let p = cross(direction, t.edge2);

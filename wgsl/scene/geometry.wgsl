@@ -2,9 +2,9 @@
 //
 // Meshes with one instance lie in the world's tree itself; rays enter the tree of any other mesh through an instance's
 // transform. A node has up to four children. Their boxes are 8-bit integers in the node's frame, which lies on a grid of
-// 16 bits that spans the tree, rounded outwards: coordinate = origin + (code << shift). Nodes, triangles and vertices are read-only storage textures: loads limit the traversal, and CPU drivers
-// load a texel in half the time of a buffer's vec4 (llvmpipe, whole traversal: Cornell 217 -> 115 ns, Sponza 847 ->
-// 539).
+// 16 bits that spans the tree, rounded outwards: coordinate = origin + (code << shift). Nodes, triangles and vertices
+// are read-only storage textures: loads limit the traversal, and CPU drivers load a texel in half the time of a
+// buffer's vec4 (llvmpipe, whole traversal: Cornell 217 -> 115 ns, Sponza 847 -> 539).
 #import "scene/info.wgsl"
 #import "scene/materials.wgsl"
 

@@ -1,11 +1,11 @@
 // Textures: their places in the atlases, as `upload/texture_atlas.py` packs them, and their filters.
 //
-// Level k has the size of the image divided by 2^k, rounded down. A footprint is filtered by `anisotropy` samples at most
-// along its longer axis, each bilinear in two levels (McCormack et al. 1999, "Feline", with equal weights): the level
-// whose texels have the area that each sample stands for. A footprint too long for its samples is blurred across and
-// aliases along it; one smaller than a texel reads the finest level. Sponza, aisle, 640x360, relMSE of a frame of direct
-// light against 256 jittered ones, at most 1, 2, 4 samples: 0.0111, 0.0067, 0.0064; with texels as long as the samples'
-// distance 0.0159, 0.0075, 0.0068; points 0.0252.
+// Level k has the size of the image divided by 2^k, rounded down. A footprint is filtered by `anisotropy` samples at
+// most along its longer axis, each bilinear in two levels (McCormack et al. 1999, "Feline", with equal weights): the
+// level whose texels have the area that each sample stands for. A footprint too long for its samples is blurred across
+// and aliases along it; one smaller than a texel reads the finest level. Sponza, aisle, 640x360, relMSE of a frame of
+// direct light against 256 jittered ones, at most 1, 2, 4 samples: 0.0111, 0.0067, 0.0064; with texels as long as the
+// samples' distance 0.0159, 0.0075, 0.0068; points 0.0252.
 
 // texture flags; above them the number of mip levels below the finest
 const PRESENT: u32 = 1u;

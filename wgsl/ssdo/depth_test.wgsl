@@ -6,8 +6,8 @@
 const RASTER_ROUNDING: f32 = 4e-6;
 // Error of a tangent plane's depth, relative to its terms. tools/README.md, "Constants".
 const PLANE_ROUNDING: f32 = 1e-5;
-// Rasterisers snap corners to a grid of 1/16 pixel or finer (Vulkan's least `subPixelPrecisionBits` is 4), which shifts a
-// triangle's depths by up to this many pixels along each axis. SwiftShader's grid is that coarse.
+// Rasterisers snap corners to a grid of 1/16 pixel or finer (Vulkan's least `subPixelPrecisionBits` is 4), which shifts
+// a triangle's depths by up to this many pixels along each axis. SwiftShader's grid is that coarse.
 const SNAP: f32 = 1.0 / 32.0;
 // Distance in pixels from the receiver's own place within which a further camera's depths are ignored: if it sees the
 // receiver's surface edge-on or not at all, these pixels show other surfaces. tools/README.md, "Constants".

@@ -151,14 +151,14 @@ struct Verdict {
 }
 
 // Shadow rays end at this many times the height above the receiver's plane of the highest texel around the point, plus
-// CLEAR_OF_PLANE. In three views of Sponza at 640x360, 2 and 4 err like rays to the sun, 1 gives 5 more wrong pixels, and
-// 0.5 gives 1 to 4 %; all take the same time.
+// CLEAR_OF_PLANE. In three views of Sponza at 640x360, 2 and 4 err like rays to the sun, 1 gives 5 more wrong pixels,
+// and 0.5 gives 1 to 4 %; all take the same time.
 const REACH_OVER_TEXELS: f32 = 2.0;
 
-// Returns a verdict of lit if no texel around the point shows anything above its plane and the 2x2 nearest show the plane
-// itself, of shadowed if all show a blocker well above it. Undecided are a shadow's edge, a contact, geometry finer
-// than the texels, and depths too coarse for them. The 2x2 texels around the point must agree; with cut-outs, such
-// as leaves, which are often finer than texels, the 4x4 around it.
+// Returns a verdict of lit if no texel around the point shows anything above its plane and the 2x2 nearest show the
+// plane itself, of shadowed if all show a blocker well above it. Undecided are a shadow's edge, a contact, geometry
+// finer than the texels, and depths too coarse for them. The 2x2 texels around the point must agree; with cut-outs,
+// such as leaves, which are often finer than texels, the 4x4 around it.
 //
 // Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
 // lamp near / (q . forward) = near (n_x q_x / q_z + n_y q_y / q_z + n_z) / k.

@@ -8,8 +8,8 @@
 // lights, of a constant environment, and of one VPL, each with a shadow ray. The light that the bound removes at y
 // comes from the path's next segment.
 //
-// In: G-buffer, scene, VPLs. Out: irradiance, W/m2, added at one of SPACING pixels of the grid, times SPACING. Errs dark after
-// SEGMENTS, and by the part of the coats' light that the bound removes.
+// In: G-buffer, scene, VPLs. Out: irradiance, W/m2, added at one of SPACING pixels of the grid, times SPACING. Errs
+// dark after SEGMENTS, and by the part of the coats' light that the bound removes.
 #import "scene/sequence.wgsl"
 #import "deferred/environment/reflectance.wgsl"
 #import "many_light/gather/hit_light.wgsl"

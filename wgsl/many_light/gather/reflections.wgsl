@@ -1,5 +1,5 @@
-// One invocation finds the light that the coat at a pixel of the grid reflects by a ray, where the lobe is narrow: VPLs are too sparse for
-// such a lobe.
+// One invocation finds the light that the coat at a pixel of the grid reflects by a ray, where the lobe is narrow: VPLs
+// are too sparse for such a lobe.
 //
 // L / tint = f_r cos / density L(y) / tint, the ray's direction drawn from the coat; L(y) of `hit_light.wgsl`. The base's
 // light stays that of the VPLs. In: G-buffer, scene, VPLs. Out: the coat's radiance over `coat_tint`, W/(m2 sr), instead of

@@ -1,5 +1,5 @@
-// One invocation adds the light that photons have left at a pixel of the grid: E = deposit unit / width^2 of the pixel. In: deposits. In and
-// out: irradiance, W/m2; coats' radiance over `coat_tint`, W/(m2 sr). Exact.
+// One invocation adds the light that photons have left at a pixel of the grid: E = deposit unit / width^2 of the pixel.
+// In: deposits. In and out: irradiance, W/m2; coats' radiance over `coat_tint`, W/(m2 sr). Exact.
 #import "shared/gbuffer/load.wgsl"
 #import "many_light/photons/deposits.wgsl"
 #import "shared/upsample/grid_pixel.wgsl"

@@ -107,8 +107,8 @@ fn light_vertex(light: Light, count: f32, choice: f32, u_point: vec2f, u_directi
     if (hit.triangle == NONE || max3(sent.flux) <= 0.0) {
         return Vpl(vec3f(0.0), vec3f(0.0, 0.0, 1.0), vec3f(0.0), 0.0, no_lobe(), false);
     }
-    // The area is the inverse density of such rays on the surface, of all cells of a textured triangle together; textures
-    // are averaged over it.
+    // The area is the inverse density of such rays on the surface, of all cells of a textured triangle together;
+    // textures are averaged over it.
     let falloff = select(1.0 / (hit.distance * hit.distance), 1.0, sent.parallel);
     let density = max(count * light.of_triangle * sent.ray_density * falloff, 1e-30);
     let s = surface_of_cone(hit, sent.ray.direction, inverseSqrt(density));

@@ -1,7 +1,7 @@
 // One workgroup makes all blocks' sums of weights cumulative: 448 blocks at quality medium, 1,792 at high.
 //
-// Each thread adds a span of consecutive blocks; the spans' sums become cumulative by rows of ROW. The order is fixed, so
-// results repeat, and rounding never makes a sum smaller than the one before it. In, out: weights.
+// Each thread adds a span of consecutive blocks; the spans' sums become cumulative by rows of ROW. The order is fixed,
+// so results repeat, and rounding never makes a sum smaller than the one before it. In, out: weights.
 
 @group(1) @binding(11) var<storage, read> block_sums: array<f32>;
 @group(1) @binding(12) var<storage, read_write> totals: array<f32>;

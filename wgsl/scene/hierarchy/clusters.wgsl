@@ -16,9 +16,9 @@ struct State {
     merge: array<u32, 4>,   // of `merge_count.wgsl` and `merge.wgsl`
 }
 
-// Wide levels of a tree; the top level takes the rest of `STACK_LEVELS` of upload/wide_bvh.py. With 13, the dragon's tree of
-// 871,306 triangles costs 5 % more. Clusters merge only while the others could be paired within
-// the rest, which takes log4 of their number.
+// Wide levels of a tree; the top level takes the rest of `STACK_LEVELS` of upload/wide_bvh.py. With 13, the dragon's
+// tree of 871,306 triangles costs 5 % more. Clusters merge only while the others could be paired within the rest, which
+// takes log4 of their number.
 const WIDE_LEVELS: u32 = 14u;
 // A node becomes a leaf if testing its triangles costs no more than visiting it.
 const MAX_LEAF: u32 = 4u;

@@ -13,10 +13,10 @@ override COARSE_CENTRED: bool = false;  // true: a coarse pixel samples its squa
 // pixels that a coarse pixel represents.
 const WEIGHT_FLOOR: f32 = 1e-4;
 
-// The exponent 4 of n . n_k: SSIL by rays, 160x90, 16 frames, relMSE of exponents 1 and 4: Sponza (a) 4.33, 4.29, its gallery
-// 13.6, 10.5, a curtained room .048, .017; Cornell the same. 16 lists twice the pixels for 0.1 less in Sponza. With the
-// distance from the fine surface's plane alone, Sponza (a), 320x180, has 1.17 instead of 0.83: round columns and the
-// undersides of arches take the light of other parts.
+// The exponent 4 of n . n_k: SSIL by rays, 160x90, 16 frames, relMSE of exponents 1 and 4: Sponza (a) 4.33, 4.29, its
+// gallery 13.6, 10.5, a curtained room .048, .017; Cornell the same. 16 lists twice the pixels for 0.1 less in Sponza.
+// With the distance from the fine surface's plane alone, Sponza (a), 320x180, has 1.17 instead of 0.83: round columns
+// and the undersides of arches take the light of other parts.
 struct GuideSurface {
     position: vec3f,  // metres from the camera, along the axes of the world or of the camera
     normal: vec3f,    // unit
