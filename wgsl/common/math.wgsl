@@ -15,10 +15,6 @@ fn max3(v: vec3f) -> f32 {
     return max(v.x, max(v.y, v.z));
 }
 
-fn min3(v: vec3f) -> f32 {
-    return min(v.x, min(v.y, v.z));
-}
-
 // Returns whether no component is infinite or NaN. Tests the exponents' bits: WGSL may assume that NaN does not occur.
 fn is_finite(v: vec3f) -> bool {
     return all((bitcast<vec3u>(v) & vec3u(0x7f800000u)) != vec3u(0x7f800000u));

@@ -22,43 +22,6 @@ fn interleave(cell: vec3u) -> u32 {
     return (spread(cell.x) << 2u) | (spread(cell.y) << 1u) | spread(cell.z);
 }
 
-// Returns a cell's coordinates turned so that their interleaved bits are its place on a Hilbert curve.
-// Skilling 2004, "Programming the Hilbert curve".
-fn hilbert(cell: vec3u) -> vec3u {
-    var x = cell;
-    for (var q = 1u << 19u; q > 1u; q >>= 1u) {
-        let p = q - 1u;
-        // Invert the lower bits of x, or exchange them with those of another axis.
-        if ((x.x & q) != 0u) {
-            x.x ^= p;
-        }
-        if ((x.y & q) != 0u) {
-            x.x ^= p;
-        } else {
-            let t = (x.x ^ x.y) & p;
-            x.x ^= t;
-            x.y ^= t;
-        }
-        if ((x.z & q) != 0u) {
-            x.x ^= p;
-        } else {
-            let t = (x.x ^ x.z) & p;
-            x.x ^= t;
-            x.z ^= t;
-        }
-    }
-    // Gray code.
-    x.y ^= x.x;
-    x.z ^= x.y;
-    var t = 0u;
-    for (var q = 1u << 19u; q > 1u; q >>= 1u) {
-        if ((x.z & q) != 0u) {
-            t ^= q - 1u;
-        }
-    }
-    return x ^ vec3u(t);
-}
-
 @compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let i = id.x;
@@ -68,7 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let box = triangle_box(i);
     let frame = frames[tree_of(i)];
     let centre = 0.5 * box.low + 0.5 * box.high;
-    var cell = vec3u(clamp((centre - frame.low) * frame.cells, vec3f(0.0), vec3f(LAST_CELL)));
+    let cell = vec3u(clamp((centre - frame.low) * frame.cells, vec3f(0.0), vec3f(LAST_CELL)));
     pairs[i] = vec2u(interleave(cell), i);
     high_keys[i] = interleave(cell >> vec3u(10u));
 }
