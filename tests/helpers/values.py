@@ -235,6 +235,8 @@ _TABLE: list[tuple[tuple[str, ...], Callable[[], tuple[list[Any], list[Any]]]]] 
     ),
     (("wrap_u", "wrap_v"), lambda: (_WORDS, ["clamp", "mirror"])),
     (("filter",), lambda: (_WORDS, ["nearest"])),
+    (("min_filter",), lambda: ([w for w in _WORDS if w is not None], [None, "linear", "nearest"])),
+    (("mip_filter",), lambda: (_WORDS, ["nearest", "none"])),
     (("texcoord",), lambda: ([None, "0", 2, -1, 0.5, [], True], [1])),
     (("offset", "scale"), lambda: _vector(2, -1, [*SMALL_AND_LARGE, -1.0, 0.5])),
     (("rotation",), lambda: (NUMBERS, [*SMALL_AND_LARGE, -1, -1e300])),
