@@ -10,16 +10,18 @@ from .options import Settings
 from .techniques.deferred import declare_direct_light
 from .techniques.many_light import declare_many_light
 from .techniques.reference import declare_primary, declare_reference
+from .techniques.shared.antialias import declare_antialias
 from .techniques.shared.composite import declare_display, declare_mean, declare_sum
 from .techniques.ssao import declare_ssao
 from .techniques.ssdo import declare_ssdo
 from .techniques.ssil import declare_ssil
 
 
-def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int) -> dict[str, Source]:
+def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int, aliased: str | None) -> dict[str, Source]:
     """Declare the passes of a frame; return its buffers and views by name.
 
-    `scene` is the return value of the technique's `inputs`; `frames`: number of frames of a still picture.
+    `scene` is the return value of the technique's `inputs`; `frames`: number of frames of a still picture; `aliased`:
+    why radiance is not anti-aliased over moving frames, None if it is, empty for a still picture.
     """
     # Light: each technique is a folder of techniques/.
     match settings.gi:
@@ -37,8 +39,12 @@ def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int) -> 
             light = declare_ssil(graph, settings, scene)
         case _:
             raise AssertionError(settings.gi)
-    # Radiance is the sum of the layers; a still picture is the mean of its frames.
+    # Radiance is the sum of the layers, anti-aliased over moving frames; a still picture is the mean of its frames.
     radiance = light.radiance or declare_sum(graph, light.emission, light.direct, light.indirect)
+    if aliased is None:
+        radiance = declare_antialias(graph, settings.camera.antialias, radiance, light)
+    elif aliased:
+        graph.skip("antialias", aliased)
     layers = {"radiance": radiance, "direct": light.direct, "indirect": light.indirect, "emission": light.emission}
     if frames > 1:
         layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}

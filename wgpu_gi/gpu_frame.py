@@ -16,7 +16,7 @@ from .errors import GiError
 from .frame import declare_frame
 from .gpu.device import Device
 from .gpu.graph import Graph
-from .options import Settings, check_size, picture_count, technique_of
+from .options import Settings, check_size, picture_count, technique_of, why_aliased
 from .scene.scene import Scene
 from .techniques.shared.composite import MEANS
 from .techniques.shared.scene_inputs import SceneInputs
@@ -28,17 +28,26 @@ DRAWN = 1 << 16  # frames after which random numbers repeat
 
 
 class View(NamedTuple):
-    """What a frame shows: a scene from a camera, at a size; the exposure of `settings` is that of `display`."""
+    """What a frame shows: a scene from a camera, at a size; the exposure of `settings` is that of `display`.
+
+    `moving`: it is a frame of a moving picture, to be anti-aliased over time.
+    """
 
     scene: Scene
     camera: Camera
     size: tuple[int, int]
     settings: Settings
+    moving: bool = False
+
+    @property
+    def aliased(self) -> str | None:
+        """Why the frame is not anti-aliased over time; None if it is, empty for a still picture."""
+        return why_aliased(self.settings) if self.moving else ""
 
     @property
     def frames(self) -> int:
-        """Number of frames of a still picture."""
-        return picture_count(self.settings, self.scene)
+        """Number of frames of a still picture; one of a moving picture."""
+        return 1 if self.aliased is None else picture_count(self.settings, self.scene)
 
 
 class GpuFrame:
@@ -52,6 +61,8 @@ class GpuFrame:
         self.index = 0  # among the frames of a still picture; negative during the warm-up
         self._drawn = 0  # which random numbers the first frame of the picture draws
         self._undrawn = 0  # the first that no frame has drawn
+        self._moving = -1  # number of the frame in an anti-aliased moving picture
+        self._repeated = 0  # frames of it since its view has last changed
         self.refining = False  # the technique has planned more runs than were declared
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
@@ -69,7 +80,8 @@ class GpuFrame:
     def forget(self) -> None:
         """Drop all state of earlier frames but the GPU's copy of the scene."""
         self.graph.release()
-        self.graph, self.kept, self._sources, self._undrawn = Graph(self._device), Kept(), {}, 0
+        self.graph, self.kept, self._sources = Graph(self._device), Kept(), {}
+        self._undrawn, self._moving = 0, -1
         self.invalidate(declaration=True)
 
     def release(self) -> None:
@@ -89,12 +101,13 @@ class GpuFrame:
         check_size(view.size, self._device)
         settings, camera, frames = view.settings, view.camera, view.frames
         pose = (np.asarray(camera.world_from_view).tobytes(), camera.yfov, camera.orthographic_height)
-        seen = (Fingerprint(view.scene), pose, view.size, show, frames)
+        aliased = view.aliased
+        seen = (Fingerprint(view.scene), pose, view.size, show, frames, aliased)
         before = self._inputs or ()
         refining, self.refining = self.refining, False
         still = not force and seen == before[: len(seen)]
         same = still and not refining and (settings,) == before[len(seen) :]
-        if same and self._rested and self.index + 1 >= frames:
+        if same and self._rested and self._is_complete(view):
             return
         # One more step after the last change sets all motion to zero.
         self._rested = same
@@ -102,7 +115,7 @@ class GpuFrame:
         inputs = (*seen, known if settings == known else copy_of(settings))
         # No preview is among the frames of a still picture.
         previewed, self._preview = self.shows_preview, preview and not still
-        goes_on, up_to_date = same and not previewed, None
+        goes_on, up_to_date = same and not previewed and aliased is not None, None
         if still and not same:
             # Only settings differ: keep the frames averaged so far unless a pass of the mean has become stale.
             self._update(view, inputs)
@@ -113,10 +126,20 @@ class GpuFrame:
             self.index = min(self.index + 1, frames - 1)
         else:
             # An average over moving frames needs new samples; without it, noise that stands still flickers less.
-            self.index, self._drawn = first, self._undrawn % DRAWN if settings.temporal.frames > 1 else 0
+            averages = settings.temporal.frames > 1 or aliased is None
+            self._moving = self._moving + 1 if aliased is None else -1
+            self._repeated = self._repeated + 1 if same else 0
+            self.index = min(first + max(self._moving, 0), 0)
+            self._drawn = self._undrawn % DRAWN if averages else 0
         self._undrawn = self._drawn + max(self.index, 0) + 1
         if (self.index, self._drawn) != up_to_date:
             self._update(view, inputs)
+
+    def _is_complete(self, view: View) -> bool:
+        """Return whether another frame of the same view would not improve the picture."""
+        if view.aliased is None:
+            return self._repeated >= view.settings.camera.antialias
+        return self.index + 1 >= view.frames
 
     def _update(self, view: View, inputs: tuple[Any, ...]) -> None:
         """Update the GPU's copy of the scene, and the declaration."""
@@ -145,6 +168,7 @@ class GpuFrame:
             self.index,
             view.frames,
             self._drawn,
+            None if self._moving < 0 else self._moving,
             self.kept,
             self._preview,
         )
@@ -158,7 +182,8 @@ class GpuFrame:
             return
         self._declared = None
         self.graph.begin(view.size)
-        self._sources = declare_frame(self.graph, view.settings, inputs, 1 if inputs.is_preview else view.frames)
+        frames = 1 if inputs.is_preview else view.frames
+        self._sources = declare_frame(self.graph, view.settings, inputs, frames, view.aliased)
         wanted = [self.source(name, view.settings.gi).handle for name in show]
         self.graph.compile([handle for handle in wanted if handle is not None])
         self._declared = declared

@@ -91,7 +91,7 @@ def technique_of(gi: str) -> Technique:
 def uses(gi: str, name: str) -> bool:
     """Return whether a technique uses a setting, by the section of its name."""
     technique = technique_of(gi)
-    if name == "camera.frames":
+    if name in ("camera.frames", "camera.antialias"):
         return not technique.averages_samples
     return name.partition(".")[0] in {*FOR_ALL, *technique.sections}
 
@@ -103,6 +103,15 @@ def picture_count(settings: Settings, scene: Scene) -> int:
         return 1
     varies = settings.camera.jitter or technique.is_random or draws_emitters(settings.direct, scene)
     return settings.camera.frames if varies else 1
+
+
+def why_aliased(settings: Settings) -> str | None:
+    """Return why the frames of a moving picture are not anti-aliased over time; None if they are."""
+    if technique_of(settings.gi).averages_samples:
+        return "the technique averages jittered samples"
+    if not settings.camera.jitter:
+        return "camera.jitter is false"
+    return "camera.antialias is 1" if settings.camera.antialias == 1 else None
 
 
 def check_size(size: tuple[int, int], device: Device | None = None) -> None:

@@ -38,7 +38,9 @@ class Renderer(KnownAttributes):
 
     Change `scene`, `camera`, `settings` or `size` between frames; the next `run` uploads what changed and runs the
     passes that depend on it. A new exposure keeps the frames averaged so far. A new `spp` keeps the samples if the
-    result is bit for bit that of a new renderer. Pictures are (height, width, 3) float32 linear radiance, row 0 on top.
+    result is bit for bit that of a new renderer. With `moving`, pictures are single frames, and their radiance is
+    anti-aliased over those before (`camera.antialias`). Pictures are (height, width, 3) float32 linear radiance, row 0
+    on top.
 
     A Renderer serves one thread at a time; a second thread gets a GiError while the first renders. Renderers in
     several threads take turns at the GPU, frame by frame. A new process must be spawned, not forked.
@@ -55,6 +57,7 @@ class Renderer(KnownAttributes):
         "_shaders",
         "automatic_exposure",
         "camera",
+        "moving",
         "on_compile",
         "scene",
         "settings",
@@ -99,6 +102,7 @@ class Renderer(KnownAttributes):
         self.automatic_exposure = 0.0  # EV of `display` while `settings.exposure` is None; a viewer sets it
         # Receives how many pipelines of a new frame are compiled, and how many there are, as long as that takes.
         self.on_compile: Callable[[int, int], None] | None = None
+        self.moving = False  # the next frames are those of a moving picture
         self._ran: dict[str, Stale] = {}  # why each pass ran, in the last step that ran any
         self._complete = False  # every pixel is known to have all its samples
 
@@ -211,11 +215,12 @@ class Renderer(KnownAttributes):
 
         `show` names the buffers to read back, None all of the technique; passes that none of them needs do not run.
         `check` raises GiError at the first NaN, infinite or negative value that a pass writes; `timings` measures each
-        pass.
+        pass. While `moving`, it renders one frame, and at first those that bounces of light need to settle.
         """
         with self._reserved():
             while self.step(progress, show=show, check=check, timings=timings):
-                pass
+                if self._view().aliased is None and self._gpu.index >= 0:
+                    break
         if progress is not None:
             progress(1.0)
 
@@ -309,7 +314,7 @@ class Renderer(KnownAttributes):
         return Table("\n".join(lines), ("pass", "ms"), [(name, f"{ms:.2f}") for name, ms in rows])
 
     def _view(self) -> View:
-        return View(self.scene, self.camera, self.size, replace(self.settings, exposure=self.exposure))
+        return View(self.scene, self.camera, self.size, replace(self.settings, exposure=self.exposure), self.moving)
 
     def _check_values(self) -> None:
         """Raise GiError for settings, a size, a camera or a scene that cannot be rendered.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.medley import at, medley, named
@@ -484,6 +486,19 @@ def test_jitter_is_no_motion():
     for _ in range(5):
         assert renderer.step(show=("motion",))
         assert np.abs(renderer.read_back("motion")[..., :2]).max() < STILL
+
+
+def test_motion_of_an_orthographic_camera_has_the_distance_along_its_ray():
+    """As `depth` has: what is at rest, seen by a camera that goes sideways, keeps its distance."""
+    camera = replace(Camera.look_at((1.0, 2.0, 5.0), (0, 1.0, 0)), orthographic_height=4.0)
+    renderer = renderer_of(medley(), show=("motion", "depth"), camera=camera)
+    pose = camera.world_from_view.copy()
+    pose[:3, 3] += 0.3 * pose[:3, 0]
+    renderer.camera = replace(camera, world_from_view=pose)
+    motion, _, depth = motion_of(renderer)
+    seen = depth > 0
+    assert seen.mean() > 0.3 and np.abs(motion[..., 2] - depth)[seen].max() < 1e-4 * depth.max()
+    assert np.abs(motion[..., 0] + 0.3 * SIZE[1] / 4.0)[seen].max() < STILL
 
 
 def test_motion_of_the_sky_is_the_rotation_of_the_camera():

@@ -61,13 +61,14 @@ def test_bench_measures_compares_and_plots(capsys, folder):
 
 def test_moving_pictures_are_measured(capsys, monkeypatch):
     """Light that is averaged over frames lags behind a step of all lights; direct light does not."""
-    monkeypatch.setattr(moving_bench, "SETTLED_FRAMES", 8)
+    monkeypatch.setattr(moving_bench, "SETTLED_FRAMES", 2)
     arguments = [*TINY[:-1], "ssdo", "--moving", "--sweep", "temporal.frames=1,4", "--set", "bounces=1"]
     assert main(["bench", "cornell-point", *arguments, "--json", "m.json"]) == 0
     assert "ghost, camera" in capsys.readouterr().out
     alone, shared = (m.moving for m in load_json("m.json").scenes[0].techniques)
     assert (alone["full"].lag, alone["indirect"].lag) == (1, 1)
     assert shared["full"].lag <= shared["indirect"].lag and 1 < shared["indirect"].lag < 12
+    assert all(set(m) == {"full", "indirect", "aliased", "antialiased"} for m in (alone, shared))
     assert all(m["indirect"].ghost_camera > 0 and m["indirect"].flicker > 0 for m in (alone, shared))
 
 

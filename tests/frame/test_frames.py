@@ -44,13 +44,15 @@ def assert_same_files(one: Path, other: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gi", [*TECHNIQUES, "temporal", "motion"])
+@pytest.mark.parametrize("gi", [*TECHNIQUES, "temporal", "motion", "antialias"])
 def test_shards_and_resumed_runs_equal_one_run(gi, folder, monkeypatch):
     monkeypatch.setattr(cli_frames, "BLOCK", 2)
     monkeypatch.setattr(cli_frames, "WARM_UP", 2)
     arguments = ["--gi", gi, *SMALL_LIGHTS]
     if gi == "temporal":
         arguments = ["--gi", "many-light", *SMALL_LIGHTS, "--set", "temporal.frames=16"]
+    if gi == "antialias":
+        arguments = ["--gi", "none", "--set", "camera.frames=1", "--layers", "motion"]
     if gi == "motion":
         arguments = ["--gi", "none", "--layers", "motion"]
     assert frames(*arguments, output="whole/f_{frame:03d}.npy") == 0

@@ -32,6 +32,7 @@ FLAGS = {"spp": "--spp", "seed": "--seed", "path.visible_only": "--visible-only"
 REASONS = {
     "spp": "averages frames, set by camera.frames",
     "camera.frames": "averages samples, set by --spp",
+    "camera.antialias": "averages jittered samples",
 }
 REMEDIES = dict.fromkeys((NO_LIGHT_NOTE, GLOW_NOTE), "--env or --light set others")
 REMEDIES[NO_CAMERA_NOTE] = "--camera sets another"

@@ -89,6 +89,7 @@ Moving (--moving), against the technique's own converged pictures of the same vi
   lag                 frames until the mean is 90 % there, and stays, after all light steps to 4 times or a quarter
   ghost               relMSE at points that came into view in the last 4 frames, as the camera or an instance moves
   relMSE, bias        of all pixels while the camera moves
+  one sample, anti-aliased: the full picture without and with camera.antialias, against box-filtered pictures
 Truth: --truth path renders it, which may take minutes, and caches it in ~/.cache/wgpu_gi/truth (XDG_CACHE_HOME and
 WGPU_GI_CACHE move it). The folder may be deleted at any time.
 """

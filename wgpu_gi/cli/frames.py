@@ -51,6 +51,7 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
 
     # Load the scene and list what to render.
     renderer = renderer_from(arguments, settings, say)
+    renderer.moving = settings.camera.frames == 1  # pictures of more frames average jittered ones
     sequence = Job(
         frames=arguments.frames,
         shard=arguments.shard or (1, 1),
@@ -207,7 +208,7 @@ def _pictures(renderer: Renderer, sequence: Job, report: Report) -> Pictures:
     show = sequence.show
     options: dict[str, Any] = {"show": show, "check": sequence.check, "timings": sequence.timings}
     pictures: Pictures = {}
-    if "motion" in show:
+    if "motion" in show and not renderer.moving:
         # Only the first step has motion: nothing changes in the later steps.
         renderer.step(**options)
         pictures["motion"] = renderer.read_back("motion")

@@ -33,6 +33,7 @@ from .results import (
 
 SCHEMA, VERSION = "wgpu_gi.bench", 2
 LAYER_TITLES = {"full": "full image", "direct": "direct", "indirect": "indirect"}
+MOVING_TITLES = {**LAYER_TITLES, "aliased": "full, one sample", "antialiased": "full, anti-aliased"}
 MISSING = "-"
 
 # The JSON file.
@@ -146,7 +147,7 @@ def _moving_table(scene: SceneReport) -> tuple[str, Table]:
                 flicker, camera, thing, relmse = (MISSING if v is None else f"{v:.3g}" for v in errors)
                 frames = MISSING if e.lag is None else str(e.lag)
                 cells = [flicker, frames, camera, thing, relmse, f"{e.bias:+.2%}"]
-            table.add_row(m.title if layer == "full" else "", LAYER_TITLES[layer], *cells)
+            table.add_row(m.title if layer == "full" else "", MOVING_TITLES[layer], *cells)
     return f"{_title(scene)}: moving, against each technique's own converged pictures", table
 
 

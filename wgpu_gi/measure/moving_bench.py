@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
-from ..options import Settings
+from ..options import Settings, why_aliased
 from ..pictures.color import REC709_LUMINANCE
 from ..renderer import Renderer
 from ..scene.scene import Instance, Scene
@@ -57,8 +57,48 @@ def measure_moving(
 ) -> dict[str, MovingErrors | None]:
     """Return the metrics of the full picture and of indirect light, over `frames` frames of each motion.
 
-    frames: 2 or more. A layer is None where surfaces are black; ghosts behind an object are None if nothing can move.
+    aliased, antialiased: of the full picture against box-filtered ones, without and with temporal anti-aliasing, if the
+    settings have any. frames: 2 or more. A layer is None where surfaces are black; ghosts behind an object are None if
+    nothing can move.
     """
+
+    single = replace(settings, camera=replace(settings.camera, frames=1, jitter=False))
+    settled = replace(
+        settings,
+        camera=replace(settings.camera, frames=SETTLED_FRAMES, jitter=False),
+        temporal=replace(settings.temporal, frames=1),
+        spp=SETTLED_FRAMES * settings.spp,  # of the path tracer, which averages samples instead of frames
+    )
+    jittered = replace(settings, camera=replace(settings.camera, frames=1, jitter=True))
+    # Each with the settings of its truth: pixel centres, or box filtered.
+    tasks = [({layer: layer for layer in ("full", "indirect")}, single, settled, False)]
+    if why_aliased(jittered) is None:
+        boxed = replace(settled, camera=replace(settled.camera, jitter=True))
+        tasks += [({"full": "aliased"}, single, boxed, False), ({"full": "antialiased"}, jittered, boxed, True)]
+    found: dict[str, MovingErrors | None] = {}
+    for number, (names, own, truth, moving) in enumerate(tasks):
+
+        def part(fraction: float, number: int = number) -> None:
+            report((number + fraction) / len(tasks))
+
+        errors = _measure(scene, camera, size, own, truth, frames, part, adapter, tuple(names), moving)
+        found |= {names[layer]: e for layer, e in errors.items()}
+    return found
+
+
+def _measure(
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    settings: Settings,
+    settled: Settings,
+    frames: int,
+    report: Callable[[float], None],
+    adapter: str | None,
+    layers: tuple[str, ...],
+    moving: bool,
+) -> dict[str, MovingErrors | None]:
+    """Return the metrics of some layers, against pictures with the settings `settled`."""
 
     def opened(settings: Settings) -> Renderer:
         return Renderer(scene, size=size, camera=camera, settings=settings, adapter=adapter)
@@ -66,22 +106,17 @@ def measure_moving(
     def part(first: float, last: float) -> Callable[[float], None]:
         return lambda fraction: report(first + (last - first) * fraction)
 
-    moving = replace(settings, camera=replace(settings.camera, frames=1, jitter=False))
-    settled = replace(
-        settings,
-        camera=replace(settings.camera, frames=SETTLED_FRAMES, jitter=False),
-        temporal=replace(settings.temporal, frames=1),
-        spp=SETTLED_FRAMES * settings.spp,  # of the path tracer, which averages samples instead of frames
-    )
-    with opened(moving) as renderer, opened(settled) as truth:
-        walk = _Run(renderer, truth, partial(_walk, scene, camera))
-        walk.measure(frames, part(0.0, 0.45))
+    with opened(settings) as renderer, opened(settled) as truth:
         number = _object_of(renderer, scene, camera)
-        swing = None if number is None else _Run(renderer, truth, partial(_swing, scene, camera, number), number)
-        if swing is not None:
+        renderer.moving = moving
+        walk = _Run(renderer, truth, partial(_walk, scene, camera), layers)
+        walk.measure(frames, part(0.0, 0.45))
+        swing = None
+        if number is not None:
+            swing = _Run(renderer, truth, _Swing(scene, camera, number), layers)
             swing.measure(frames, part(0.45, 0.9))
-        lags = _lags(renderer, scene, camera, part(0.9, 1.0))
-    return {layer: _errors(layer, walk, swing, lags[layer]) for layer in walk.errors}
+        lags = _lags(renderer, scene, camera, layers, part(0.9, 1.0))
+    return {layer: _errors(layer, walk, swing, lags[layer]) for layer in layers}
 
 
 def _errors(layer: str, walk: _Run, swing: _Run | None, frames_late: int | None) -> MovingErrors | None:
@@ -103,14 +138,18 @@ class _Run:
     """The frames of one motion, each with the converged picture of its view."""
 
     def __init__(
-        self, renderer: Renderer, truth: Renderer, view_at: Callable[[int], View], moved: int | None = None
+        self,
+        renderer: Renderer,
+        truth: Renderer,
+        view_at: Callable[[int], View],
+        layers: tuple[str, ...],
     ) -> None:
-        self.renderer, self.truth, self.view_at, self.moved = renderer, truth, view_at, moved
+        self.renderer, self.truth, self.view_at = renderer, truth, view_at
         self.seen: list[Seen] = []
-        self.errors: dict[str, list[NDArray[np.float64]]] = {"full": [], "indirect": []}
-        self.squared: dict[str, list[NDArray[np.float64]]] = {"full": [], "indirect": []}
-        self.ghosts: dict[str, list[float]] = {"full": [], "indirect": []}  # errors of disoccluded pixels
-        self.light = {"full": (0.0, 0.0), "indirect": (0.0, 0.0)}  # sums of pictures and of truths
+        self.errors: dict[str, list[NDArray[np.float64]]] = {layer: [] for layer in layers}
+        self.squared: dict[str, list[NDArray[np.float64]]] = {layer: [] for layer in layers}
+        self.ghosts: dict[str, list[float]] = {layer: [] for layer in layers}  # errors of disoccluded pixels
+        self.light = dict.fromkeys(layers, (0.0, 0.0))  # sums of pictures and of truths
 
     def measure(self, frames: int, report: Callable[[float], None]) -> None:
         """Render a warm-up and `frames` frames; keep their errors."""
@@ -137,11 +176,10 @@ class _Run:
     def _points_before(self, number: int, pictures: Pictures) -> NDArray[np.float64]:
         """Return where the surface points of a frame were in the last frame, world, (h, w, 3)."""
         points = np.asarray(pictures["position"], np.float64)
-        if self.moved is None:
+        if not isinstance(self.view_at, _Swing):
             return points
-        now, before = (self.view_at(n).scene.instances[self.moved].world_from_local for n in (number, number - 1))
-        change = before @ np.linalg.inv(now)
-        own = pictures["instance"][..., None] == self.moved + 1
+        change = self.view_at.pose(number - 1) @ np.linalg.inv(self.view_at.pose(number))
+        own = pictures["instance"][..., None] == self.view_at.moved + 1
         return np.where(own, points @ change[:3, :3].T + change[:3, 3], points)
 
     def _compare(self, view: View, pictures: Pictures, surface: NDArray[np.bool_], ages: object) -> None:
@@ -180,16 +218,27 @@ def _walk(scene: Scene, camera: Camera, number: int) -> View:
     return View(scene, replace(camera, world_from_view=pose))
 
 
-def _swing(scene: Scene, camera: Camera, moved: int, number: int) -> View:
-    """Return the view of the instance that swings along the camera's right."""
-    shift = np.eye(4)
-    shift[:3, 3] = camera.world_from_view[:3, 0] * (
-        OBJECT_SWING * _diagonal(scene) * np.sin(2 * np.pi * number / WALK_FRAMES)
-    )
-    own = scene.instances[moved]
-    instances: list[Instance] = list(scene.instances)
-    instances[moved] = replace(own, world_from_local=shift @ own.world_from_local)
-    return View(replace(scene, instances=instances), camera)
+class _Swing:
+    """The views of an instance that swings along the camera's right, in place, so that frames know its motion."""
+
+    def __init__(self, scene: Scene, camera: Camera, moved: int) -> None:
+        self.moved, self.camera = moved, camera
+        self._right = camera.world_from_view[:3, 0] * OBJECT_SWING * _diagonal(scene)
+        self._at_rest = np.array(scene.instances[moved].world_from_local, np.float64)
+        instances: list[Instance] = list(scene.instances)
+        instances[moved] = self._instance = replace(scene.instances[moved])
+        self._scene = replace(scene, instances=instances)
+
+    def pose(self, number: int) -> NDArray[np.float64]:
+        """Return the instance's transform in a frame, world_from_local."""
+        shift = np.eye(4)
+        shift[:3, 3] = self._right * np.sin(2 * np.pi * number / WALK_FRAMES)
+        return shift @ self._at_rest
+
+    def __call__(self, number: int) -> View:
+        """Move the instance; return the view of a frame. All its views share one scene."""
+        self._instance.world_from_local = self.pose(number)
+        return View(self._scene, self.camera)
 
 
 def _diagonal(scene: Scene) -> float:
@@ -208,15 +257,17 @@ def _object_of(renderer: Renderer, scene: Scene, camera: Camera) -> int | None:
     return int(counts.argmax()) if counts.any() else None
 
 
-def _lags(renderer: Renderer, scene: Scene, camera: Camera, report: Callable[[float], None]) -> dict[str, int | None]:
+def _lags(
+    renderer: Renderer, scene: Scene, camera: Camera, layers: tuple[str, ...], report: Callable[[float], None]
+) -> dict[str, int | None]:
     """Return for each layer the frames until a step of all light is 90 % there, up or down, whichever takes longer."""
     bright = brightened(scene, STEP)
     # The same random numbers with constant light: the ratio of both has no noise.
-    constant = _means(renderer, camera, [scene] * (WARM_UP + STEP_FRAMES))
+    constant = _means(renderer, camera, layers, [scene] * (WARM_UP + STEP_FRAMES))
     report(1 / 3)
-    up = _means(renderer, camera, [scene] * WARM_UP + [bright] * STEP_FRAMES)
+    up = _means(renderer, camera, layers, [scene] * WARM_UP + [bright] * STEP_FRAMES)
     report(2 / 3)
-    down = _means(renderer, camera, [bright] * WARM_UP + [scene] * STEP_FRAMES)
+    down = _means(renderer, camera, layers, [bright] * WARM_UP + [scene] * STEP_FRAMES)
     report(1.0)
     lags: dict[str, int | None] = {}
     for layer, values in constant.items():
@@ -228,9 +279,9 @@ def _lags(renderer: Renderer, scene: Scene, camera: Camera, report: Callable[[fl
     return lags
 
 
-def _means(renderer: Renderer, camera: Camera, scenes: list[Scene]) -> dict[str, list[float]]:
+def _means(renderer: Renderer, camera: Camera, layers: tuple[str, ...], scenes: list[Scene]) -> dict[str, list[float]]:
     """Return the mean luminance of each layer in frames that show `scenes` one after the other."""
-    means: dict[str, list[float]] = {"full": [], "indirect": []}
+    means: dict[str, list[float]] = {layer: [] for layer in layers}
     renderer.forget()
     renderer.camera = camera
     for scene in scenes:

@@ -58,7 +58,7 @@ class Measurement:
 
     `bounces` are the indirect bounces of the truth, None for all. `errors` are those of a single frame, `settled` those
     of a still picture, the mean of `settled_frames`; both are equal for a technique without random numbers. `variant`
-    holds the settings of `--sweep`; `moving` the errors of `--moving` by layer, None without it.
+    holds the settings of `--sweep`; `moving` the errors of `--moving` by layer (`measure_moving`), None without it.
     """
 
     gi: str

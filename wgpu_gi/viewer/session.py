@@ -278,16 +278,16 @@ class Session:
 
     @contextmanager
     def _smoothed(self, moving: bool) -> Iterator[None]:
-        """Accumulate over SHARED_FRAMES while the camera moves, over RELIT_FRAMES while lights change."""
+        """Anti-alias moving frames; accumulate over SHARED_FRAMES, or over RELIT_FRAMES while lights change."""
         temporal = self.settings.temporal
-        own = temporal.frames
+        own, self.renderer.moving = temporal.frames, moving
         if moving:
             relit = time.monotonic() - self._relit <= REST_SECONDS
             temporal.frames = max(own, RELIT_FRAMES if relit else SHARED_FRAMES)
         try:
             yield
         finally:
-            temporal.frames = own
+            temporal.frames, self.renderer.moving = own, False
 
     def _measures(self, moving: bool) -> bool:
         now = time.monotonic()

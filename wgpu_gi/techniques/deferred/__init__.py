@@ -27,4 +27,4 @@ def declare_direct_light(graph: Graph, settings: DeferredOptions, scene: Deferre
     """Declare direct light, W/(m2 sr); the environment counts as unoccluded."""
     base = declare_base(graph, settings, scene)
     direct = declare_direct(graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, settings.seed)
-    return Light(base.gbuffer.emission, direct, views={"motion": base.motion})
+    return Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)

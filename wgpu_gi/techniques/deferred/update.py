@@ -14,7 +14,7 @@ from ...gpu.wgsl.load import load
 from ...scene.scene import Scene
 from ...upload.direct_lights import DIRECT_SPOT, DIRECT_SUN
 from ...upload.scene_upload import SceneUpload
-from ..shared.sampling import CameraSettings, pixel_offset, sample_footprint
+from ..shared.sampling import CameraSettings, moving_offset, pixel_offset, sample_footprint
 from ..shared.scene_inputs import share_raster
 from ..shared.technique import Shot
 from .direct import DirectSettings
@@ -122,8 +122,10 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
         settings.shadow,
         beyond_picture,
     )
-    jittered = shot.frames if settings.camera.jitter else 1
-    offset = pixel_offset(max(shot.frame, 0), jittered)
+    if shot.moving is not None:
+        offset = moving_offset(shot.moving)
+    else:
+        offset = pixel_offset(max(shot.frame, 0), shot.frames if settings.camera.jitter else 1)
     # The frames so far share the pixel.
     footprint = sample_footprint(settings.camera, max(shot.frame, 0) + 1)
     anisotropy = settings.camera.anisotropy

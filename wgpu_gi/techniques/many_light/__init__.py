@@ -66,7 +66,7 @@ def declare_many_light(graph: Graph, settings: ManyLightOptions, scene: ManyLigh
     direct = declare_direct(
         graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, settings.seed, sky
     )
-    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
+    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
     if reflects:
         light.indirect = _declare_indirect(graph, settings, scene, base, direct, light.views)
     return light

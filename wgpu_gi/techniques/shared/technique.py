@@ -12,7 +12,7 @@ from typing import Any, TypeVar, get_type_hints
 
 from ...camera import Camera
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer
+from ...gpu.handles import Buffer, Texture
 from ...scene.scene import Scene
 from ...upload.scene_upload import SceneUpload
 from .scene_inputs import SceneInputs
@@ -39,8 +39,8 @@ class Shot:
     """One frame to render: the scene, its copy on the GPU, and the camera.
 
     `frame`: number in a still picture, 0 to `frames` - 1; negative for the warm-up frames before. `drawn`: number of
-    the frames before this picture whose random numbers it must not repeat. `preview`: the view moves, and a still
-    picture will start over.
+    the frames before this picture whose random numbers it must not repeat. `moving`: number of the frame in a moving
+    picture that is anti-aliased over time, else None. `preview`: the view moves, and a still picture will start over.
     """
 
     graph: Graph
@@ -51,6 +51,7 @@ class Shot:
     frame: int
     frames: int
     drawn: int
+    moving: int | None
     kept: Kept
     preview: bool
 
@@ -61,7 +62,7 @@ class Light:
 
     emission: sources seen directly. direct: light scattered once. indirect: light scattered more often (None: none).
     radiance: their sum, if the technique computes it. views: further buffers to show, by the names in `Technique.extra`
-    and `Technique.views`.
+    and `Technique.views`. distance: of the surface at each pixel, metres, 0: none; all that have `motion` have it.
     """
 
     emission: Buffer
@@ -69,6 +70,7 @@ class Light:
     indirect: Buffer | None = None
     radiance: Buffer | None = None
     views: dict[str, Buffer] = field(default_factory=dict)
+    distance: Texture | None = None
 
 
 def _no_warm_up(settings: Any) -> int:

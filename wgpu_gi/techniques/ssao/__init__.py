@@ -54,4 +54,4 @@ def declare_ssao(graph: Graph, settings: OcclusionOptions, scene: SsdoInputs) ->
         occlusion.sky,
         sources.layers,
     )
-    return Light(base.gbuffer.emission, direct, views={"motion": base.motion})
+    return Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)

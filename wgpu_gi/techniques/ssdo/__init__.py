@@ -52,7 +52,7 @@ def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Ligh
     direct = declare_direct(
         graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, seed, occlusion.sky, layers
     )
-    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion})
+    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
     # Gather one bounce from the same occluders.
     if bounces:
         light.indirect = declare_bounce(

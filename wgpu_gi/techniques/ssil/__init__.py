@@ -39,7 +39,7 @@ def declare_ssil(graph: Graph, settings: SsilOptions, scene: SsilInputs) -> Ligh
     gbuffer = base.gbuffer
     sky = declare_sky(graph, settings.environment, scene, gbuffer, base.ambient, seed, scene.frames)
     direct = declare_direct(graph, settings.direct, scene, gbuffer, base.shadow_atlas, base.ambient, seed, sky)
-    light = Light(gbuffer.emission, direct, views={"motion": base.motion})
+    light = Light(gbuffer.emission, direct, views={"motion": base.motion}, distance=gbuffer.distance)
     if settings.bounces != 0:
         light.indirect = declare_bounces(
             graph,

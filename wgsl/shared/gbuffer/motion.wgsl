@@ -1,7 +1,7 @@
 // One invocation computes a pixel's motion vector from the previous frame's camera and transforms.
 //
 // In: visibility, distance, transforms. Out: x, y the surface's motion over the picture since the previous frame,
-// pixels, right and down; z its distance from the previous camera, metres; w 1 if it was in front of that camera, else
+// pixels, right and down; z its distance along the previous camera's ray, metres; w 1 if it was in front of it, else
 // 0. The sky moves by the camera's rotation only; its z is 0.
 #import "shared/gbuffer/visible_surface.wgsl"
 
@@ -36,5 +36,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     // Subtract the jitter of both frames; motion is the surface's alone.
     let place = (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view_before.size) - 0.5 + view_before.offset;
     let moved = vec2f(pixel) + view.offset - place;
-    motion[index] = vec4f(moved, select(0.0, length(position - view_before.position), is_seen), 1.0);
+    let from_camera = position - view_before.position;
+    let along_ray = select(
+        length(from_camera), dot(from_camera, view_before.forward), view_before.orthographic != 0u);
+    motion[index] = vec4f(moved, select(0.0, along_ray, is_seen), 1.0);
 }
