@@ -182,7 +182,7 @@ class _Build:
         shifts = work.uniforms(np.arange(0, KEY_BITS, DIGIT)[:, None])
         half = CELL_BITS // 2  # of the bits are in the upper key, the others in the lower one
         work.run("keys", self.groups, self.mesh | {"pairs": pairs, "high_keys": high_keys}, self.constants)
-        # Sort by the keys from the least to the most important, and by their digits likewise.
+        # Radix sort, least significant digit first; of several keys, the least significant first.
         last = KEY_BITS // DIGIT
         tree_digits = round_up(int(len(self.counts) - 1).bit_length(), DIGIT)
         keys = [

@@ -4,6 +4,7 @@
 // children a node: Ylitie et al. 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs",
 // section 3.1. `collapse.wgsl` chooses by these costs.
 #import "scene/hierarchy/pairs.wgsl"
+#import "scene/hierarchy/prefix_sum.wgsl"
 
 @group(1) @binding(2) var<storage, read> blocks: array<vec2u>;  // clusters and new nodes before each block
 @group(1) @binding(3) var<storage, read_write> clusters: array<Cluster>;
@@ -11,8 +12,6 @@
 @group(1) @binding(5) var<storage, read_write> highs: array<vec4f>;
 @group(1) @binding(6) var<storage, read_write> children: array<vec2u>;  // of inner nodes
 @group(1) @binding(7) var<storage, read_write> costs: array<vec2f>;     // of inner nodes, as two and as three
-
-var<workgroup> sums: array<u32, THREADS>;
 
 // Returns the costs of showing a node as one, two and three.
 fn costs_of(node: u32, cost: f32) -> vec3f {
@@ -71,18 +70,8 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) th
         own += outcome;
         outcomes |= min(outcome, 2u) << (2u * k);
     }
-    sums[thread] = own;
-    workgroupBarrier();
-    for (var step = 1u; step < THREADS; step <<= 1u) {
-        var before = 0u;
-        if (thread >= step) {
-            before = sums[thread - step];
-        }
-        workgroupBarrier();
-        sums[thread] += before;
-        workgroupBarrier();
-    }
-    let before = sums[thread] - own;
+    let through = prefix_sum(thread, own);
+    let before = through - own;
     // Move clusters, and make nodes.
     let length = arrayLength(&clusters);
     let source = half_of(state.round, length);

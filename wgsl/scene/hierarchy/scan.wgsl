@@ -1,8 +1,8 @@
 // One workgroup replaces each count by the sum of those before it.
+#import "scene/hierarchy/prefix_sum.wgsl"
 @group(1) @binding(0) var<storage, read_write> counts: array<u32>;
 
 const THREADS: u32 = 256u;
-var<workgroup> sums: array<u32, THREADS>;
 
 @compute @workgroup_size(THREADS)
 fn main(@builtin(local_invocation_index) thread: u32) {
@@ -14,19 +14,9 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         if (i < count) {
             own = counts[i];
         }
-        sums[thread] = own;
-        workgroupBarrier();
-        for (var step = 1u; step < THREADS; step <<= 1u) {
-            var before = 0u;
-            if (thread >= step) {
-                before = sums[thread - step];
-            }
-            workgroupBarrier();
-            sums[thread] += before;
-            workgroupBarrier();
-        }
+        let through = prefix_sum(thread, own);
         if (i < count) {
-            counts[i] = total + sums[thread] - own;
+            counts[i] = total + through - own;
         }
         total += sums[THREADS - 1u];
         workgroupBarrier();
