@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
 
 import numpy as np
 from hypothesis import HealthCheck, settings
@@ -25,7 +25,10 @@ def scenes(kinds: Sequence[str] = KINDS, seeds: int = 1 << 16) -> st.SearchStrat
 
 
 def digest(value: object) -> str:
-    """Return a hash of all numbers, names and arrays of a scene, or of any part of it."""
+    """Return a hash of all numbers, names and arrays of a scene, or of any part of it.
+
+    Fields that have their default are left out, so that a new field changes no hash.
+    """
     result = hashlib.sha256()
     _feed(result, value)
     return result.hexdigest()[:16]
@@ -34,8 +37,9 @@ def digest(value: object) -> str:
 def _feed(result: hashlib._Hash, value: object) -> None:
     if is_dataclass(value):
         for field in fields(value):
-            result.update(field.name.encode())
-            _feed(result, getattr(value, field.name))
+            if not _is_default(field, getattr(value, field.name)):
+                result.update(field.name.encode())
+                _feed(result, getattr(value, field.name))
     elif isinstance(value, np.ndarray):
         result.update(f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
     elif isinstance(value, list | tuple):
@@ -43,3 +47,8 @@ def _feed(result: hashlib._Hash, value: object) -> None:
             _feed(result, item)
     else:
         result.update(repr(value).encode())
+
+
+def _is_default(field: Field, value: object) -> bool:
+    default = field.default if field.default_factory is MISSING else field.default_factory()
+    return type(value) is type(default) and not isinstance(value, np.ndarray) and value == default
