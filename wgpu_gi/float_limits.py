@@ -18,3 +18,9 @@ SMALLEST_HEIGHT, LARGEST_HEIGHT = 1e-12, MAX_COORDINATE
 
 # Texture transforms, and scales of normal maps: products with texture coordinates stay finite.
 LARGEST_FACTOR = 1e9
+
+# Index of refraction: dielectrics have at most 5.
+LARGEST_IOR = 100.0
+
+# Distance in which a volume absorbs light, metres: absorption over any path stays finite.
+SMALLEST_DISTANCE = 1e-12

@@ -7,6 +7,7 @@ from helpers.techniques import make_settings, medley_under_a_sky
 
 from wgpu_gi import load
 from wgpu_gi.gpu import pipelines
+from wgpu_gi.gpu.wgsl.load import load as load_shader
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.settings import apply_quality, describe
@@ -43,6 +44,17 @@ def renderer(request):
     renderer = Renderer(medley_under_a_sky(), size=SIZE, settings=settings)
     renderer.step()
     return renderer
+
+
+def test_every_pass_knows_which_layers_the_scene_has(renderer):
+    """A pass with other HAS_ constants than the rest would read the G-buffer's layers at wrong places."""
+    features = load_shader("common/layers.wgsl").overrides
+    lacking = {
+        name: found
+        for name, p in renderer.graph.passes.items()
+        if (found := [key for key in p.source.overrides if key in features and key not in p.constants])
+    }
+    assert lacking == {}
 
 
 def owner_of(settings, path):

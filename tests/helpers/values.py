@@ -25,6 +25,7 @@ from wgpu_gi.scene.scene import (
 )
 
 NAN, INF = math.nan, math.inf
+_TEXTURES = tuple(field.name for field in fields(Material) if field.name.endswith("_texture"))
 OBJECTS = [None, "x", 5, object(), {}, [None], Material]  # wrong wherever an object of ours belongs
 NUMBERS = [None, "1", [1.0], object(), True, NAN, INF, -INF, 1j, np.zeros(2), 10**5000]
 SMALL_AND_LARGE = [0, 0.0, -0.0, np.float32(0.5), 1e-300, 5e-324, 1e-45, 1e-38, 1e-12, 1e12, 1e20, 3e38, 1e39, 1e300]
@@ -59,10 +60,14 @@ def everything() -> tuple[Scene, Camera]:
     """Return a scene with one object of each class, and its camera."""
     rng = np.random.default_rng(0)
     texture = Texture(Image(rng.integers(64, 256, (4, 4, 4)).astype(np.uint8)))
-    slots = ("base_color", "metallic_roughness", "normal", "occlusion", "emission")
     material = Material("tiles", metallic=0.3, roughness=0.4, emission=(0.5, 0.2, 0.1), alpha_mode="mask")
-    for slot in slots:
-        setattr(material, f"{slot}_texture", texture)
+    material.ior, material.specular, material.specular_color = 1.4, 0.8, (0.9, 0.7, 0.5)
+    material.clearcoat, material.clearcoat_roughness, material.sheen_roughness = 0.5, 0.2, 0.4
+    material.sheen_color, material.anisotropy, material.anisotropy_rotation = (0.3, 0.2, 0.1), 0.5, 0.7
+    material.transmission, material.thickness = 0.3, 0.1
+    material.attenuation_distance, material.attenuation_color = 0.5, (0.4, 0.6, 0.8)
+    for name in _TEXTURES:
+        setattr(material, name, texture)
     sheet = quad((-0.4, 0.3, -0.4), (0.8, 0, 0), (0, 0.8, 0), material)
     sheet.normals = np.tile(np.float32((0, 0, 1)), (4, 1))
     sheet.tangents = np.tile(np.float32((1, 0, 0, 1)), (4, 1))
@@ -223,14 +228,21 @@ _TABLE: list[tuple[tuple[str, ...], Callable[[], tuple[list[Any], list[Any]]]]] 
     (("texcoords1",), _mesh_array("texcoords1", True)),
     (("colors",), _mesh_array("colors", True)),
     (("base_color",), lambda: _vector(4, 0, [0.0, 1e-300, 1e-40, 1.0, 1 + 1e-9, 1e30])),
-    (("metallic", "roughness"), lambda: (_POSITIVE, SMALL_AND_LARGE)),
-    (("emission", "color"), lambda: _vector(3, 0, SMALL_AND_LARGE)),
+    (
+        ("metallic", "roughness", "specular", "clearcoat", "clearcoat_roughness", "sheen_roughness", "anisotropy"),
+        lambda: (_POSITIVE, SMALL_AND_LARGE),
+    ),
+    (("transmission", "thickness"), lambda: (_POSITIVE, SMALL_AND_LARGE)),
+    (("ior",), lambda: ([*_POSITIVE, 0.5, 1e-300, 101.0], [0, 0.0, 1, 1 + 1e-12, 1.33, 100])),
+    (("attenuation_distance",), lambda: ([*_POSITIVE[1:5], NAN, -1.0, 0.0, 1e-300], [None, INF, 1e-12, 1.0, 1e15])),
+    (("sheen_color", "attenuation_color"), lambda: _vector(3, 0, [0.0, 1e-300, 1e-40, 1.0, 1 + 1e-9, 1e30])),
+    (("emission", "color", "specular_color"), lambda: _vector(3, 0, SMALL_AND_LARGE)),
     (("intensity",), lambda: (_POSITIVE, SMALL_AND_LARGE)),
-    (("alpha_mode",), lambda: (_WORDS, ["opaque", "mask"])),
-    (("alpha_cutoff", "normal_scale"), lambda: (NUMBERS, [*SMALL_AND_LARGE, -1, -1e300])),
+    (("alpha_mode",), lambda: (_WORDS, ["opaque", "mask", "blend"])),
+    (("alpha_cutoff", "normal_scale", "clearcoat_normal_scale"), lambda: (NUMBERS, [*SMALL_AND_LARGE, -1, -1e300])),
     (("double_sided", "unlit"), lambda: ([None, "yes", 2, [], object()], [True, np.bool_(True)])),
     (
-        ("base_color_texture", "metallic_roughness_texture", "normal_texture", "occlusion_texture", "emission_texture"),
+        _TEXTURES,
         lambda: ([x for x in OBJECTS if x is not None] + [Image(np.zeros((1, 1, 4), np.uint8)), "a.png"], [None]),
     ),
     (("wrap_u", "wrap_v"), lambda: (_WORDS, ["clamp", "mirror"])),
@@ -239,7 +251,7 @@ _TABLE: list[tuple[tuple[str, ...], Callable[[], tuple[list[Any], list[Any]]]]] 
     (("mip_filter",), lambda: (_WORDS, ["nearest", "none"])),
     (("texcoord",), lambda: ([None, "0", 2, -1, 0.5, [], True], [1])),
     (("offset", "scale"), lambda: _vector(2, -1, [*SMALL_AND_LARGE, -1.0, 0.5])),
-    (("rotation",), lambda: (NUMBERS, [*SMALL_AND_LARGE, -1, -1e300])),
+    (("rotation", "anisotropy_rotation"), lambda: (NUMBERS, [*SMALL_AND_LARGE, -1, -1e300])),
     (("position",), lambda: _vector(3, -1, _PLACES)),
     (
         ("direction",),

@@ -173,7 +173,7 @@ CALLS: dict[str, tuple[Callable[[], Any], str]] = {
     "roughness=text": (lambda: gi.render(of_material(roughness="0.5")), "roughness must be a number from 0 to 1"),
     "alpha_mode=BLEND": (
         lambda: gi.render(of_material(alpha_mode="BLEND")),
-        "alpha_mode must be one of 'opaque', 'mask'",
+        "alpha_mode must be one of 'opaque', 'mask', 'blend'",
     ),
     "negative light": (lambda: gi.render(scene(lights=[gi.PointLight((0, 0, 0), -1)])), "intensity must be a number"),
     "position of two": (lambda: gi.render(scene(lights=[gi.PointLight((0, 0))])), "position must be 3 numbers"),

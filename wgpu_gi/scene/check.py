@@ -6,6 +6,7 @@ A message names the value as Python does: `scene.lights[2].intensity must be a n
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -17,15 +18,31 @@ from ..errors import GiError
 from ..float_limits import (
     LARGEST_FACTOR,
     LARGEST_HEIGHT,
+    LARGEST_IOR,
     LARGEST_LIGHT,
     LARGEST_YFOV,
     MAX_COORDINATE,
+    SMALLEST_DISTANCE,
     SMALLEST_HEIGHT,
     SMALLEST_YFOV,
 )
 from ..webgpu_limits import MAX_TEXTURE_SIDE
 from .mesh_check import materials_fault, mesh_fault, reach_of
-from .rules import Rule, array, choice, fault_of, flag, instance_of, items, number, optional, shown, text, vector
+from .rules import (
+    Rule,
+    array,
+    choice,
+    fault_of,
+    flag,
+    instance_of,
+    is_number,
+    items,
+    number,
+    optional,
+    shown,
+    text,
+    vector,
+)
 from .scene import (
     DirectionalLight,
     Environment,
@@ -68,24 +85,38 @@ _ENVIRONMENT = {
     "rotation": number(unit="radians"),
     "name": text,
 }
-_TEXTURES = (
-    "base_color_texture",
-    "metallic_roughness_texture",
-    "normal_texture",
-    "occlusion_texture",
-    "emission_texture",
-)
+_TEXTURES = tuple(field.name for field in fields(Material) if field.name.endswith("_texture"))
+_FRACTION = number(0, 1)
+_FRACTIONS = vector(3, 0, 1)
+_IOR_WORDS = f"0 or a number from 1 to {LARGEST_IOR:g}"
+_DISTANCE = number(SMALLEST_DISTANCE, MAX_COORDINATE, "metres")
 _MATERIAL = {
     "name": text,
     "base_color": vector(4, 0, 1),
-    "metallic": number(0, 1),
-    "roughness": number(0, 1),
+    "metallic": _FRACTION,
+    "roughness": _FRACTION,
     "emission": _COLOR,
-    "alpha_mode": choice("opaque", "mask"),
+    "alpha_mode": choice("opaque", "mask", "blend"),
     "alpha_cutoff": number(-LARGEST_FACTOR, LARGEST_FACTOR),
     "double_sided": flag,
     "unlit": flag,
     "normal_scale": number(-LARGEST_FACTOR, LARGEST_FACTOR),
+    "ior": Rule(lambda v: is_number(v) and (v == 0 or number(1, LARGEST_IOR).allows(v)), _IOR_WORDS),
+    "specular": _FRACTION,
+    "specular_color": vector(3, 0, LARGEST_FACTOR),
+    "clearcoat": _FRACTION,
+    "clearcoat_roughness": _FRACTION,
+    "clearcoat_normal_scale": number(-LARGEST_FACTOR, LARGEST_FACTOR),
+    "sheen_color": _FRACTIONS,
+    "sheen_roughness": _FRACTION,
+    "transmission": _FRACTION,
+    "thickness": number(0, MAX_COORDINATE, "metres"),
+    "attenuation_distance": Rule(
+        lambda v: v is None or v == math.inf or _DISTANCE.allows(v), f"None or {_DISTANCE.words}"
+    ),
+    "attenuation_color": _FRACTIONS,
+    "anisotropy": _FRACTION,
+    "anisotropy_rotation": number(unit="radians"),
     **dict.fromkeys(_TEXTURES, optional(instance_of(Texture))),
 }
 _PAIR = vector(2, -LARGEST_FACTOR, LARGEST_FACTOR)

@@ -68,10 +68,13 @@ class Texture(KnownAttributes):
 
 @dataclass(eq=False, repr=False, slots=True)
 class Material(KnownAttributes):
-    """glTF metallic-roughness material. Colours are linear; factors multiply their textures.
+    """glTF metallic-roughness material with Khronos' extensions. Colours are linear; factors multiply their textures.
 
     `emission` is radiance in W/(m2 sr) (emissiveFactor times emissiveStrength). Emitters shine from the
     counter-clockwise side, from both when `double_sided`; all surfaces reflect on both sides.
+
+    Alpha mode "mask" cuts out what is below `alpha_cutoff`, "blend" lets light through by 1 - alpha. Names and meanings
+    of the layers are those of KHR_materials_ior, specular, clearcoat, sheen, transmission, volume and anisotropy.
     """
 
     name: str = ""
@@ -79,16 +82,40 @@ class Material(KnownAttributes):
     metallic: float = 0.0
     roughness: float = 1.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    alpha_mode: Literal["opaque", "mask"] = "opaque"
+    alpha_mode: Literal["opaque", "mask", "blend"] = "opaque"
     alpha_cutoff: float = 0.5
     double_sided: bool = False
     unlit: bool = False  # KHR_materials_unlit: radiance is base_color, and no light is reflected
     normal_scale: float = 1.0
+    ior: float = 1.5  # index of refraction, at least 1; 0 stands for infinity
+    specular: float = 1.0  # scales the reflection of dielectrics
+    specular_color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # tints it at normal incidence
+    clearcoat: float = 0.0  # share of the surface under a clear coat
+    clearcoat_roughness: float = 0.0
+    clearcoat_normal_scale: float = 1.0
+    sheen_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sheen_roughness: float = 0.0
+    transmission: float = 0.0  # share of the light past the specular reflection that passes instead of being scattered
+    thickness: float = 0.0  # metres in the mesh's space; 0: a thin wall, without refraction
+    attenuation_distance: float | None = None  # metres after which white light has `attenuation_color`; None: infinite
+    attenuation_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    anisotropy: float = 0.0  # 0 to 1, how much the reflection is stretched along its direction
+    anisotropy_rotation: float = 0.0  # radians, counter-clockwise from the tangent
     base_color_texture: Texture | None = None  # sRGB colour, linear alpha
     metallic_roughness_texture: Texture | None = None  # linear: G roughness, B metallic
     normal_texture: Texture | None = None  # linear, tangent space
     occlusion_texture: Texture | None = None  # loaded, but not used: occlusion is computed
     emission_texture: Texture | None = None  # sRGB colour
+    specular_texture: Texture | None = None  # linear: A
+    specular_color_texture: Texture | None = None  # sRGB colour
+    clearcoat_texture: Texture | None = None  # linear: R
+    clearcoat_roughness_texture: Texture | None = None  # linear: G
+    clearcoat_normal_texture: Texture | None = None  # linear, tangent space
+    sheen_color_texture: Texture | None = None  # sRGB colour
+    sheen_roughness_texture: Texture | None = None  # linear: A
+    transmission_texture: Texture | None = None  # linear: R
+    thickness_texture: Texture | None = None  # linear: G
+    anisotropy_texture: Texture | None = None  # linear: RG direction, B strength
 
 
 @dataclass(eq=False, repr=False, slots=True)

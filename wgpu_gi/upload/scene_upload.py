@@ -23,6 +23,7 @@ from .draw_list import DrawList, RasterMesh, build_draw_list
 from .emitter_tree import NO_EMITTERS, build_emitter_tree
 from .environment import EnvironmentUpload
 from .instance_motion import InstanceMotion
+from .layers import is_clear, layer_features
 from .light_table import LightTable, build_light_table
 from .light_values import emission_key, emitted_radiance, environment_radiance, light_unit
 from .materials import MaterialUpload
@@ -243,7 +244,12 @@ class SceneUpload:
         """Return the HAS_ constants of shaders; pipelines leave out what the scene does not have."""
         emissive = any(emitted_radiance(m).any() for m in materials)
         environment = scene.environment
+        layers = layer_features([] if self.diffuse else [m for m in materials if not m.unlit])
+        blends = any(m.alpha_mode == "blend" for m in materials)
         return {
+            **layers,
+            "HAS_BLENDS": blends,
+            "HAS_SEE_THROUGH": blends or (not self.diffuse and any(map(is_clear, materials))),
             "HAS_INSTANCES": self._hierarchy.has_instances,
             "HAS_MASKS": any(m.alpha_mode == "mask" for m in materials),
             "HAS_TEXTURES": self._materials.has_textures,

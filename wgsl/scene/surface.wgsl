@@ -1,4 +1,5 @@
 // The surface at a hit: position, normals, material.
+#import "common/layers.wgsl"
 #import "scene/footprint.wgsl"
 #import "scene/ray_offset.wgsl"
 #import "scene/facing_normal.wgsl"
@@ -17,6 +18,7 @@ struct Surface {
     metallic: f32,
     roughness: f32,
     emitter_pdf: f32,         // 1/m2
+    layers: Layers,
 }
 
 fn unpack_normal(code: u32) -> vec3f {
@@ -136,6 +138,7 @@ fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFo
     s.unbent_normal = select(s.normal, -s.normal, s.front == inverted);
     let side = select(-s.geometric_normal, s.geometric_normal, s.front);
     s.normal = facing_normal(s.unbent_normal, side, -direction, s.bumped);
+    s.layers = no_layers();
     return s;
 }
 

@@ -76,5 +76,5 @@ def declare_photons(
         reads={**read, **layers},
         writes={"irradiance": gathered.irradiance, "glossy": gathered.glossy},
         params=shared,
-        constants=gathered.grid,
+        constants={**gbuffer.constants("many_light/photons/resolve.wgsl"), **gathered.grid},
     )

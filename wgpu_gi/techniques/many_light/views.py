@@ -67,6 +67,7 @@ def declare_list_view(graph: Graph, gbuffer: Gbuffer, gathered: Gathered, vpls: 
         writes={"picture": picture},
         params={"vpl_count": vpls.count},
         constants={
+            **gbuffer.constants("many_light/views/lists.wgsl"),
             "INTERLEAVE": gathered.interleave,
             "STRIDE": gathered.stride,
             "SLICES": clusters.constants["SLICES"],

@@ -177,6 +177,7 @@ def declare_candidates(
             over=VIEW_SAMPLES,
             reads={"surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
             writes={"view_samples": view_samples},
+            constants=gbuffer.constants("many_light/vpl/view_samples.wgsl"),
         )
     else:
         graph.skip("vpl/view_samples", f"vpl.importance is {settings.importance}")

@@ -183,6 +183,7 @@ def _declare_levels(
             },
             writes={"filtered": found, "filtered_guide": after},
             constants={
+                **gbuffer.constants(FILTER),
                 "STEP": FIRST_STEP << k,
                 "LAST": reflected and k == levels - 1,
                 **{key: constants[key] for key in ("STRIDE", "MOVES", "GUIDED", "HAS_COATS")},
@@ -222,6 +223,7 @@ def _declare_tent(
     nothing = graph.buffer(f"{name}/nothing", dtype=FOUR_FLOATS, count=1)
     no_guide = graph.buffer(f"{name}/no_guide", dtype=TWO_FLOATS, count=1)
     reads = {"normals": normals, "surfaces": gbuffer.surfaces, "neighbours": neighbours}
+    given = {**gbuffer.constants(SHADER), **constants}
     rows, glossy_rows, uniforms = light, glossy, {"view": view}
     if constants["RADIUS"] > 1:
         rows, glossy_rows = layer(f"{name}/rows"), layer(f"{name}/glossy_rows") if glossy else None
@@ -231,7 +233,7 @@ def _declare_tent(
             over=(-(-width // 4), height),
             reads={"light": light, "glossy": glossy or absent, **reads},
             writes={"blurred": rows, "blurred_glossy": glossy_rows or nothing, "guide": guide or no_guide},
-            constants={**constants, "LAST": False, "RATIO": False},
+            constants={**given, "LAST": False, "RATIO": False},
             uniforms=uniforms,
         )
     else:
@@ -246,7 +248,7 @@ def _declare_tent(
         over=(width, -(-height // 4)),
         reads={"light": rows, "glossy": glossy_rows or absent, **reads},
         writes={"blurred": blurred, "blurred_glossy": kept or nothing, "guide": guide or no_guide},
-        constants={**constants, "VERTICAL": True},
+        constants={**given, "VERTICAL": True},
         uniforms=uniforms,
     )
     return _Blurred(blurred, kept)

@@ -6,10 +6,10 @@ exactly.
 
 Raster passes draw only the clusters that `culling` finds in view.
 
-28 bytes per pixel (44 with emission; 4 more with instances). On llvmpipe, Sponza at 640x360, CPU time over two cores:
-rasterising takes 24 + 7 ms and resolving 27 ms; one textured raster pass that writes packed surfaces and emission takes
-117 + 8 ms. Across the aisle, where 8 % of the clusters are in view, rasterising takes 7 + 5 ms; without culling, 11 + 6
-ms.
+28 bytes per pixel (44 with emission; 4 more with instances, 32 more with layers of materials). On llvmpipe, Sponza at
+640x360, CPU time over two cores: rasterising takes 24 + 7 ms and resolving 27 ms; one textured raster pass that writes
+packed surfaces and emission takes 117 + 8 ms. Across the aisle, where 8 % of the clusters are in view, rasterising
+takes 7 + 5 ms; without culling, 11 + 6 ms.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Shared, Texture
 from .culling import CameraDraws, ViewCulling
-from .scene_inputs import RasterInputs
+from .scene_inputs import RasterInputs, declared_features
 
 SURFACE = np.dtype((np.uint32, 4))
 
@@ -33,9 +33,10 @@ class Gbuffer:
     """One layer of surfaces. Buffers have one element per pixel, rows from the top.
 
     visibility: triangle and instance, each plus 1; 0: none. depth: reversed, near / view depth. distance: metres along
-    the pixel's ray; 0: no surface. surfaces: 16 bytes, packed as in `wgsl/shared/gbuffer/surface.wgsl`. emission:
+    the pixel's ray; 0: no surface. surfaces: packed as in `wgsl/shared/gbuffer/surface.wgsl`. emission:
     radiance of the surface, or of the environment without one, W/(m2 sr). seen_tiles: tiles of 8x8 pixels that show a
-    surface, for `wgsl/shared/gbuffer/tiles.wgsl`. tile_groups: workgroups of a pass over them.
+    surface, for `wgsl/shared/gbuffer/tiles.wgsl`. tile_groups: workgroups of a pass over them. features: HAS_
+    constants of the scene, on which the layout of the surfaces depends.
     """
 
     visibility: Texture
@@ -45,6 +46,11 @@ class Gbuffer:
     emission: Buffer
     seen_tiles: Buffer
     tile_groups: Buffer
+    features: dict[str, bool]
+
+    def constants(self, shader: str) -> dict[str, bool]:
+        """Return the HAS_ constants that `shader` declares."""
+        return declared_features(shader, self.features)
 
     @property
     def tiles(self) -> dict[str, Buffer]:
@@ -81,14 +87,15 @@ def _declare_layer(
 ) -> Gbuffer:
     visibility, depth = _declare_visibility(graph, scene, name, suffix, view, culling, nearer)
     width, height = graph.size
-    surfaces = graph.buffer(f"{name}/surfaces{suffix}", dtype=SURFACE, count=width * height, width=width)
+    words = 3 if scene.features["HAS_LAYERS"] else 1
+    surfaces = graph.buffer(f"{name}/surfaces{suffix}", dtype=SURFACE, count=words * width * height)
     emission = graph.buffer(
         f"{name}/emission{suffix}", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True
     )
     distance = graph.texture(f"{name}/distance{suffix}", "r32float", nonnegative=True)
     tiles = graph.buffer(f"{name}/seen_tiles{suffix}", dtype=np.uint32, count=-(-width // 8) * -(-height // 8))
     tile_groups = graph.buffer(f"{name}/tile_groups{suffix}", dtype=np.uint32, count=4)
-    found = Gbuffer(visibility, depth, distance, surfaces, emission, tiles, tile_groups)
+    found = Gbuffer(visibility, depth, distance, surfaces, emission, tiles, tile_groups, scene.features)
     results = {"surfaces": surfaces, "emission": emission, "distance": distance}
     sky, resolve = "shared/gbuffer/sky.wgsl", "shared/gbuffer/resolve.wgsl"
     graph.compute(
@@ -156,10 +163,11 @@ def declare_motion(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer, before_f
     Needs the uniform `view_before`: the previous frame's view.
     """
     width, height = graph.size
+    shader = "shared/gbuffer/motion.wgsl"
     motion = graph.buffer("gbuffer/motion", dtype=FOUR_FLOATS, count=width * height, width=width)
     graph.compute(
         "gbuffer/motion",
-        "shared/gbuffer/motion.wgsl",
+        shader,
         over=(width, height),
         reads={
             "triangles": scene.surfaces["triangles"],
@@ -168,5 +176,6 @@ def declare_motion(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer, before_f
             "distance": gbuffer.distance,
         },
         writes={"motion": motion},
+        constants=scene.constants(shader),
     )
     return motion

@@ -38,8 +38,7 @@ class SceneInputs:
 
     def constants(self, shader: str) -> dict[str, bool]:
         """Return the HAS_ constants that `shader` declares; code for absent features is compiled out."""
-        declared = load(shader).overrides
-        return {name: value for name, value in self.features.items() if name in declared}
+        return declared_features(shader, self.features)
 
     def shape(self) -> tuple[object, ...]:
         """Return the values whose change forces the passes to be redeclared; contents of bound resources do not."""
@@ -57,6 +56,12 @@ class RasterInputs(SceneInputs):
     def shape(self) -> tuple[object, ...]:
         """Return the values whose change forces the passes to be redeclared."""
         return (*super().shape(), self.draws.opaque, self.draws.masked)
+
+
+def declared_features(shader: str, features: dict[str, bool]) -> dict[str, bool]:
+    """Return those of the HAS_ constants that `shader` declares."""
+    declared = load(shader).overrides
+    return {name: value for name, value in features.items() if name in declared}
 
 
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:

@@ -6,7 +6,7 @@
 @group(1) @binding(30) var<storage, read> surfaces: array<vec4u>;
 
 fn load_surface(pixel: vec2u) -> GbufferSurface {
-    return unpack_gbuffer(surfaces[pixel.y * view.size.x + pixel.x]);
+    return unpack_gbuffer(surfaces[(pixel.y * view.size.x + pixel.x) * gbuffer_stride()]);
 }
 
 fn gbuffer_brdf(s: GbufferSurface) -> Brdf {

@@ -31,8 +31,8 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let s = surface_over(triangle, hit, ray.direction, pixel_footprint(ray, triangle, hit));
     let unlit = HAS_EMISSION && (s.flags & UNLIT) != 0u;
     let flags = select(0u, GBUFFER_UNLIT, unlit) | select(0u, GBUFFER_COATED, HAS_COATS && (s.flags & COATED) != 0u);
-    surfaces[index] = pack_gbuffer(
-        GbufferSurface(s.normal, s.geometric_normal, s.base_color, s.metallic, s.roughness, flags));
+    surfaces[index * gbuffer_stride()] = pack_gbuffer(
+        GbufferSurface(s.normal, s.geometric_normal, s.base_color, s.metallic, s.roughness, flags, s.layers));
     if (HAS_EMISSION) {
         emission[index] = vec4f(select(s.emission, s.base_color, unlit), 0.0);
     }

@@ -4,6 +4,7 @@
 // In: visibility, environment. Out, for pixels without a surface: an empty surface, distance 0, emission W/(m2 sr),
 // with 1 in its fourth value.
 #import "scene/environment.wgsl"
+#import "shared/gbuffer/stride.wgsl"
 #import "shared/gbuffer/tile_row.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> surfaces: array<vec4u>;
@@ -34,7 +35,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
             shows_surface = true;
         } else {
             let index = pixel.y * view.size.x + pixel.x;
-            surfaces[index] = vec4u(0u);
+            surfaces[index * gbuffer_stride()] = vec4u(0u);
             emission[index] = vec4f(environment_radiance(pixel_ray(pixel).direction) * view.background, 1.0);
             textureStore(distance, pixel, vec4f(0.0));
         }

@@ -1,5 +1,6 @@
-// A pixel of the G-buffer: its surface in 16 bytes.
+// A pixel of the G-buffer: its surface in 16 bytes, and its layers in 32 more if the scene has any.
 #import "common/brdf.wgsl"
+#import "shared/gbuffer/stride.wgsl"
 
 // flags, above the base colour
 const GBUFFER_COATED: u32 = 0x40000000u;  // Lambert under a GGX coat, else pure Lambert
@@ -12,6 +13,7 @@ struct GbufferSurface {
     metallic: f32,
     roughness: f32,
     flags: u32,
+    layers: Layers,
 }
 
 // Colours are stored as square roots in 10 bits each: the error is at most 0.7 % at a base colour of 0.02.
@@ -29,5 +31,5 @@ fn unpack_gbuffer(texel: vec4u) -> GbufferSurface {
     let material = unpack2x16unorm(texel.w);
     return GbufferSurface(
         octahedral_decode(unpack2x16snorm(texel.x)), octahedral_decode(unpack2x16snorm(texel.y)),
-        color * color, material.y, material.x, texel.z & (GBUFFER_COATED | GBUFFER_UNLIT));
+        color * color, material.y, material.x, texel.z & (GBUFFER_COATED | GBUFFER_UNLIT), no_layers());
 }
