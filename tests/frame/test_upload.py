@@ -93,6 +93,7 @@ def shown(renderer):
 
 # ------------------------------------------------------------------------------------------------ What changes
 
+DEFORMED = {"nodes", "triangles", "instances"}  # change with the positions of a mesh
 BAKED = {"nodes", "triangles", "instances"}  # change when a baked mesh moves
 ALL_GEOMETRY = BAKED | {"vertices"}
 
@@ -132,6 +133,46 @@ def one_of_two_moves(scene):
 
 def baked_moves(scene):
     named(scene, "block").world_from_local = at(-0.5, 0.2, 0.4)
+
+
+def dented(scene):
+    mesh = named(scene, "left").mesh
+    mesh.positions = mesh.positions * np.where(mesh.positions[:, :1] > 0, np.float32(0.4), np.float32(1.0))
+
+
+def baked_deforms(scene):
+    mesh = named(scene, "block").mesh
+    mesh.positions = mesh.positions * np.float32(0.5) + np.float32(0.4)
+
+
+def lamp_deforms(scene):
+    mesh = named(scene, "lamp").mesh
+    mesh.positions = mesh.positions * np.array([4, 1, 1], np.float32)
+
+
+def normals_given(scene):
+    mesh = named(scene, "block").mesh
+    mesh.normals = (mesh.positions - mesh.positions.mean(0)).astype(np.float32)
+
+
+def texture_shifts(scene):
+    mesh = named(scene, "leaf").mesh
+    mesh.texcoords0 = mesh.texcoords0 * np.float32(0.5) + np.float32(0.3)
+
+
+def colored(scene):
+    mesh = named(scene, "block").mesh
+    mesh.colors = np.tile(np.array([0.5, 1, 0.25, 1], np.float32), (len(mesh.positions), 1))
+
+
+def fewer_triangles(scene):
+    mesh = named(scene, "block").mesh
+    mesh.triangles = mesh.triangles[:-4]
+
+
+def other_arrays(scene):
+    mesh, other = named(scene, "block").mesh, sphere((1.0, 1.0, 1.0), subdivisions=1)
+    mesh.normals, mesh.positions, mesh.triangles = other.normals, other.positions, other.triangles
 
 
 def lamp_moves(scene):
@@ -204,6 +245,14 @@ CHANGES = [
     (one_of_two_moves, {"nodes", "instances"}, {"lights", "materials"}, False),
     (baked_moves, BAKED, {"lights", "materials"}, False),
     (lamp_moves, BAKED | {"lights"}, {"materials"}, False),
+    (dented, DEFORMED, {"lights", "materials"}, True),
+    (baked_deforms, DEFORMED, {"lights", "materials"}, False),
+    (lamp_deforms, DEFORMED | {"lights"}, {"materials"}, False),
+    (normals_given, DEFORMED | {"vertices"}, {"lights", "materials"}, False),
+    (texture_shifts, DEFORMED | {"vertices"}, {"lights", "materials"}, False),
+    (colored, DEFORMED | {"vertices"}, {"lights", "materials"}, False),
+    (fewer_triangles, {"triangles"}, {*ALL_GEOMETRY, "lights", "materials"}, True),
+    (other_arrays, ALL_GEOMETRY, {"lights", "materials"}, True),
     (mirrored, BAKED, {"lights", "materials"}, False),
     (far_away, BAKED, {"lights", "materials"}, False),
     (instance_goes, {"nodes", "instances"}, {*ALL_GEOMETRY, "lights", "materials"}, True),

@@ -1,8 +1,9 @@
-"""Checks the arrays of a mesh: types, shapes, ranges and indices. Each mesh once, since its arrays are immutable."""
+"""Checks the arrays of a mesh: types, shapes, ranges and indices. Arrays are immutable, so each is checked once."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -26,17 +27,30 @@ _FIELDS = {
 }
 _MATERIALS = {"materials": items(Material)}
 _ATTRIBUTES = ("normals", "tangents", "texcoords0", "texcoords1", "colors")
+_arrays = attrgetter("positions", "triangles", "material_of_triangle", *_ATTRIBUTES)
 
 
 @dataclass
 class _Facts:
     """What the arrays of a correct mesh hold: the largest |coordinate| per axis, (3,), and material index."""
 
+    arrays: tuple[Any, ...]
     reach: NDArray[np.float64]
     last_material: int  # -1 without triangles
 
 
 _KNOWN: WeakKeyDictionary[Mesh, _Facts] = WeakKeyDictionary()
+
+
+def arrays_of(mesh: Mesh) -> tuple[Any, ...]:
+    """Return the arrays of a mesh, positions first, and None for those it does not have."""
+    found: tuple[Any, ...] = _arrays(mesh)
+    return found
+
+
+def are_same(some: tuple[Any, ...], others: tuple[Any, ...]) -> bool:
+    """Tell whether two results of `arrays_of` hold the same objects."""
+    return all(a is b for a, b in zip(some, others, strict=True))
 
 
 def materials_fault(mesh: Mesh) -> str | None:
@@ -47,7 +61,7 @@ def materials_fault(mesh: Mesh) -> str | None:
 def mesh_fault(mesh: Mesh) -> str | None:
     """Return what is wrong with a mesh, beginning with the field; None if nothing is. Materials are only counted."""
     facts = _KNOWN.get(mesh)
-    if facts is None:
+    if facts is None or not are_same(facts.arrays, arrays_of(mesh)):
         fault = _array_fault(mesh)
         if fault is not None:
             return fault
@@ -108,6 +122,6 @@ def _facts_of(mesh: Mesh) -> _Facts:
     """Return the facts of a mesh whose arrays are correct."""
     reach = np.abs(mesh.positions).max(0).astype(np.float64) if len(mesh.positions) else np.zeros(3)
     if not len(mesh.triangles):
-        return _Facts(reach, -1)
+        return _Facts(arrays_of(mesh), reach, -1)
     slots = mesh.material_of_triangle
-    return _Facts(reach, 0 if slots is None else int(slots.max()))
+    return _Facts(arrays_of(mesh), reach, 0 if slots is None else int(slots.max()))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Instance
-from .mesh_data import MASKED, NONE, MeshData, Placement
+from .mesh_data import MASKED, NONE, MeshData, Placement, Topology
 from .split_triangles import split_triangles
 from .two_level_bvh import TwoLevelBvh
 
@@ -156,9 +156,9 @@ def assign_provoking_vertices(triangles: NDArray[np.uint32], vertex_count: int) 
 
 
 def build_draw_list(
-    instances: list[Instance], hierarchy: TwoLevelBvh, known: MutableMapping[MeshData, RasterMesh]
+    instances: list[Instance], hierarchy: TwoLevelBvh, known: MutableMapping[Topology, RasterMesh]
 ) -> DrawList:
-    """Return the draw list of a scene; `known` caches the RasterMesh of each mesh."""
+    """Return the draw list of a scene; `known` caches the RasterMesh of each topology."""
     parts = [_Part(place, known) for place in hierarchy.placements()]
     slots = _assign_slots(parts, instances)
     vertices, sources = _lay_out_vertices(parts, hierarchy, instances)
@@ -233,12 +233,13 @@ def _lay_out_indices(
 class _Part:
     """One mesh's share of the draw list."""
 
-    def __init__(self, place: Placement, known: MutableMapping[MeshData, RasterMesh]) -> None:
+    def __init__(self, place: Placement, known: MutableMapping[Topology, RasterMesh]) -> None:
         self.place = place
         self.data: MeshData = place.data
-        if self.data not in known:
-            known[self.data] = assign_provoking_vertices(self.data.indices, len(self.data.vertices))
-        self.raster = known[self.data]
+        topology = self.data.topology
+        if topology not in known:
+            known[topology] = assign_provoking_vertices(self.data.indices, len(self.data.vertices))
+        self.raster = known[topology]
         self.first_slot = self.first_vertex = 0
         self.users: list[int] = []
         self.corners = self.data.corners  # (m, 3, 3) float32, of the triangles as they are drawn

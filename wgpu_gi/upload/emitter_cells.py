@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..pictures.color import REC709_LUMINANCE
+from ..scene.mesh_check import are_same, arrays_of
 from ..scene.scene import Mesh, Texture
 from .emitters import EmittingPart, opacity_at, radiance_at
 from .light_values import emission_key, emitted_radiance
@@ -36,7 +38,8 @@ DEFENSIVE = 0.1
 
 KEPT = 16  # divisions of a mesh that are kept, for its materials and instances
 
-_KNOWN: WeakKeyDictionary[Mesh, dict[tuple[Hashable, ...], Cells]] = WeakKeyDictionary()
+# The arrays of a mesh, without positions, and its divisions.
+_KNOWN: WeakKeyDictionary[Mesh, tuple[tuple[Any, ...], dict[tuple[Hashable, ...], Cells]]] = WeakKeyDictionary()
 
 
 @dataclass
@@ -75,13 +78,17 @@ def divide_by_texture(
     """Divide the triangles of a part with an emission texture into cells.
 
     `areas`: of the triangles, m2; those without get no cells. `wanted`: cells of each triangle, at least, where it
-    shines. Cells are kept while the mesh lives, since an emitter that moves rigidly keeps them.
+    shines. Cells are kept while the mesh lives and has the same attributes, since an emitter that moves rigidly keeps
+    them.
     """
     wanted = np.ones(len(areas)) if wanted is None else wanted
     relative = np.log2(np.maximum(areas, 1e-300) / max(float(areas.max(initial=0.0)), 1e-300))
     arrays = (part.vertices, part.turn, np.ceil(np.log2(np.maximum(wanted, 1.0))), np.round(relative * 64))
     key = (emission_key(part.material), *(array.tobytes() for array in arrays))
-    known = _KNOWN.setdefault(part.mesh, {})
+    attributes = arrays_of(part.mesh)[1:]
+    if part.mesh not in _KNOWN or not are_same(_KNOWN[part.mesh][0], attributes):
+        _KNOWN[part.mesh] = (attributes, {})
+    known = _KNOWN[part.mesh][1]
     if key not in known:
         while len(known) >= KEPT:
             known.pop(next(iter(known)))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..scene.mesh_check import arrays_of
 from ..scene.scene import Environment, Instance, Light, Material, Scene, Texture, values_of
 
 _material_values = attrgetter(*[f.name for f in fields(Material) if f.name != "name"])
@@ -21,19 +22,21 @@ _IMMUTABLE = frozenset({bool, int, float, str, tuple, type(None)})
 class Fingerprint:
     """Two fingerprints are equal if no part of the scene was replaced or changed between them.
 
-    Meshes, apart from their materials, and images are compared by identity: their arrays are immutable once in use.
+    Arrays of meshes, and images, are compared by identity: they are immutable once in use.
     A fingerprint keeps the objects that it compares by identity alive, so that their ids are not reused.
     """
 
     def __init__(self, scene: Scene) -> None:
         meshes = scene.meshes
         materials = {id(m): m for mesh in meshes for m in mesh.materials}.values()
+        self._arrays = [arrays_of(mesh) for mesh in meshes]  # kept alive
         # Lists of instances, meshes and materials compare by identity, as their classes define no equality.
         self._values: list[Any] = [
             list(scene.instances),
             [i.mesh for i in scene.instances],
             _transforms(scene.instances),
             [list(mesh.materials) for mesh in meshes],
+            [id(array) for arrays in self._arrays for array in arrays],
             [_material(m) for m in materials],
             [_light(light) for light in scene.lights],
             None if scene.environment is None else _environment(scene.environment),

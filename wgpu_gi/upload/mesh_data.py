@@ -1,19 +1,21 @@
 """The bottom level of the hierarchy: each mesh's BVH in local space, its triangles and vertices in leaf order.
 
-Built once per mesh and kept while the mesh is in use; instances share it. Vertex attributes are packed: directions in
-octahedral coordinates of 2 x 16 bits (Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit
-Vectors"), colours in 4 x 16 bits.
+Kept while the mesh is in use and its arrays stay the same; instances share it. Vertex attributes are packed:
+directions in octahedral coordinates of 2 x 16 bits (Cigolle et al. 2014, "A Survey of Efficient Representations for
+Independent Unit Vectors"), colours in 4 x 16 bits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..float_limits import LARGEST_FACTOR
+from ..scene.mesh_check import are_same, arrays_of
 from ..scene.scene import Mesh
 from .bvh import LEAF_FLAG
 from .mesh_trees import REBUILD, build_trees, refit_tree, tree_cost
@@ -25,6 +27,10 @@ NONE = 0xFFFFFFFF  # no instance, or a scene without root
 SMOOTH, COLORED, MASKED, HAS_TANGENTS = 1, 2, 4, 8  # triangle flags, as wgsl/scene/geometry.wgsl
 
 
+class Topology:
+    """Stands for the triangles of a mesh, in leaf order, as the key of caches; a deformed mesh keeps it."""
+
+
 @dataclass(eq=False)
 class MeshData:
     """A mesh's arrays in leaf order: `corners` (m, 3, 3) float32, local; `indices` (m, 3) uint32 into `vertices`.
@@ -33,6 +39,8 @@ class MeshData:
     """
 
     mesh: Mesh
+    arrays: tuple[Any, ...]  # of the mesh, as `arrays_of`
+    topology: Topology
     bvh: WideBvh
     corners: NDArray[np.float32]
     indices: NDArray[np.uint32]
@@ -60,6 +68,11 @@ class Placement:
     tree: WideBvh | None = None
     box: NDArray[np.float32] | None = None
 
+    def holds(self, data: MeshData) -> bool:
+        """Tell whether the data of a mesh has as many nodes, triangles and vertices as there is place for."""
+        sizes = (len(data.bvh.child), len(data.corners), len(data.vertices))
+        return sizes == tuple(part.stop - part.start for part in (self.nodes, self.triangles, self.vertices))
+
     def reference(self, child: int) -> int:
         """Convert a child reference of the mesh's own tree to a reference into the buffers of the scene."""
         return child + (self.triangles.start if child >= int(LEAF_FLAG) else self.nodes.start)
@@ -73,7 +86,7 @@ def prepare_meshes(
     A mesh with the triangles of one of the `former`, the same array, is that mesh deformed: it keeps the tree,
     refitted, while that is good enough. Without `builder`, numpy builds the trees.
     """
-    known = {(id(d.mesh.triangles), len(d.mesh.positions)): d for d in former}
+    known = {(id(d.arrays[1]), len(d.arrays[0])): d for d in former}  # by triangles, and number of positions
     found: dict[int, MeshData] = {}
     for mesh in meshes:
         old = known.get((id(mesh.triangles), len(mesh.positions)))
@@ -81,16 +94,19 @@ def prepare_meshes(
         if old is not None and np.array_equal(np.asarray(mesh.triangles)[old.bvh.order], old.indices):
             tree = refit_tree(old.bvh, np.asarray(mesh.positions, np.float32), old.indices, builder)
             if tree_cost(tree) <= REBUILD * old.built_cost:
-                found[id(mesh)] = _in_leaf_order(mesh, tree, old.built_cost, vertex_dtype)
+                found[id(mesh)] = _in_leaf_order(mesh, tree, old.built_cost, vertex_dtype, old)
     new = [mesh for mesh in meshes if id(mesh) not in found]
     for mesh, tree in zip(new, build_trees(new, builder), strict=True):
         found[id(mesh)] = _in_leaf_order(mesh, tree, tree_cost(tree), vertex_dtype)
     return [found[id(mesh)] for mesh in meshes]
 
 
-def _in_leaf_order(mesh: Mesh, bvh: WideBvh, built_cost: float, vertex_dtype: np.dtype) -> MeshData:
-    """Return the arrays of a mesh with its triangles in the order of the BVH's leaves."""
-    triangles = np.asarray(mesh.triangles)[bvh.order].astype(np.uint32)
+def _in_leaf_order(
+    mesh: Mesh, bvh: WideBvh, built_cost: float, vertex_dtype: np.dtype, old: MeshData | None = None
+) -> MeshData:
+    """Return the arrays of a mesh with its triangles in the order of the BVH's leaves; `old`: the mesh undeformed."""
+    triangles = np.asarray(mesh.triangles)[bvh.order].astype(np.uint32) if old is None else old.indices
+    arrays, topology = arrays_of(mesh), Topology() if old is None else old.topology
     corners = np.asarray(mesh.positions, np.float32)[triangles]
     material = np.zeros(len(triangles), np.uint32)
     if mesh.material_of_triangle is not None:
@@ -106,8 +122,10 @@ def _in_leaf_order(mesh: Mesh, bvh: WideBvh, built_cost: float, vertex_dtype: np
         flags |= np.uint32(COLORED)
     flat = corners.reshape(-1, 3)
     bounds = np.stack([flat.min(0), flat.max(0)])
-    vertices = _pack_vertices(mesh, vertex_dtype)
-    return MeshData(mesh, bvh, corners, triangles, material, flags, vertices, bounds, built_cost)
+    # Vertices hold everything but positions.
+    kept = old is not None and are_same(arrays[1:], old.arrays[1:])
+    vertices = old.vertices if old is not None and kept else _pack_vertices(mesh, vertex_dtype)
+    return MeshData(mesh, arrays, topology, bvh, corners, triangles, material, flags, vertices, bounds, built_cost)
 
 
 def _all_corners(has: NDArray[np.bool_], triangles: NDArray[np.uint32]) -> NDArray[np.bool_]:

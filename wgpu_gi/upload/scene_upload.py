@@ -27,7 +27,7 @@ from .layers import is_clear, layer_features
 from .light_table import LightTable, build_light_table
 from .light_values import emission_key, emitted_radiance, environment_radiance, light_unit
 from .materials import MaterialUpload
-from .mesh_data import MeshData
+from .mesh_data import Topology
 from .resources import GpuResources
 from .solid_meshes import SolidMeshes
 from .surface_samples import sample_surfaces
@@ -75,7 +75,7 @@ class SceneUpload:
         self.solids = SolidMeshes()
         self._solid_key: tuple[int, str] | None = None
         self.draws: DrawList | None = None
-        self._raster_meshes: WeakKeyDictionary[MeshData, RasterMesh] = WeakKeyDictionary()
+        self._raster_meshes: WeakKeyDictionary[Topology, RasterMesh] = WeakKeyDictionary()
         self._raster_stale = True
         self._placed = -1  # geometry version of the boxes that draws are culled by
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))

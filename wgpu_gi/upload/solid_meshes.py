@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import Mesh
-from .mesh_data import MASKED, Placement
+from .mesh_data import MASKED, Placement, Topology
 
 CHOICES = ("auto", "all", "none")
 # The mean thickness of a solid over the diagonal of its box. Thinner meshes, such as cloth, fall between the voxels'
@@ -48,10 +48,13 @@ def is_thick(mesh: Mesh) -> bool:
 
 
 class SolidMeshes:
-    """Tests each mesh once. `bits` has a bit for each triangle of the scene, in words of 32: 1 if it bounds a solid."""
+    """Tests each mesh once, also if it is deformed.
+
+    `bits` has a bit for each triangle of the scene, in words of 32: 1 if it bounds a solid.
+    """
 
     def __init__(self) -> None:
-        self._known: WeakKeyDictionary[Mesh, bool] = WeakKeyDictionary()
+        self._known: WeakKeyDictionary[Topology, bool] = WeakKeyDictionary()
         self.bits: NDArray[np.uint32] = np.zeros(1, np.uint32)
         self.has_solids = self.has_shells = False
 
@@ -62,11 +65,11 @@ class SolidMeshes:
         """
         solid = np.zeros(len(triangles), bool)
         for place in places:
-            mesh = place.data.mesh
-            if choice == "auto" and mesh not in self._known:
-                self._known[mesh] = is_watertight(mesh) and is_thick(mesh)
+            mesh, topology = place.data.mesh, place.data.topology
+            if choice == "auto" and topology not in self._known:
+                self._known[topology] = is_watertight(mesh) and is_thick(mesh)
             masked = (triangles["flags"][place.triangles] & MASKED).any()
-            solid[place.triangles] = not masked and (self._known[mesh] if choice == "auto" else choice == "all")
+            solid[place.triangles] = not masked and (self._known[topology] if choice == "auto" else choice == "all")
         self.has_solids, self.has_shells = bool(solid.any()), not solid.all()
         packed = np.packbits(solid, bitorder="little")
         self.bits = np.zeros(max(-(-len(solid) // 32), 1), np.uint32)

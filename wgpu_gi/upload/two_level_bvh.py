@@ -1,9 +1,9 @@
 """The two-level bounding volume hierarchy over a scene's instances, as arrays for the GPU.
 
 A mesh with one instance that has not moved is baked: its triangles and nodes are stored in world space, so that rays
-need no transform. A mesh with several instances, or with one that has moved, is stored in local space, and rays enter
-it through its instances' transforms. Only the top level (`top_level`) is rebuilt when instances move. Node boxes are
-quantised (`node_quantization`).
+need no transform. A mesh with several instances, with one that has moved, or with other positions than at first is
+stored in local space, and rays enter it through its instances' transforms. Only the top level (`top_level`) is rebuilt
+when instances move. Node boxes are quantised (`node_quantization`).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..scene.mesh_check import are_same, arrays_of
 from ..scene.scene import Instance, Mesh
 from .anchors import FLAG_BITS, anchor_triangles
 from .mesh_data import MASKED, NONE, MeshData, Placement, prepare_meshes
@@ -72,10 +73,10 @@ class TwoLevelBvh:
         # of a deleted one; if their meshes are the same, it counts as the old instance after a move.
         layout = ([id(m) for m in meshes], [(id(i), id(i.mesh)) for i in instances])
         matrices = np.array([i.world_from_local for i in instances], np.float64).reshape(-1, 4, 4)
-        new_layout = layout != self._layout
-        if new_layout:
-            self._prepare(meshes)
-        if new_layout or not np.array_equal(matrices, self._matrices):
+        deformed = self._prepare(meshes)
+        fit = all(self._places[key].holds(self._prepared[key]) for key in deformed)
+        new_layout = layout != self._layout or not fit
+        if new_layout or deformed or not np.array_equal(matrices, self._matrices):
             boxes = self._world_boxes(instances, matrices)
             bounds = np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]) if len(boxes) else np.zeros((2, 3))
             self.radius = float(np.linalg.norm(bounds[1] - bounds[0]) / 2)
@@ -86,6 +87,7 @@ class TwoLevelBvh:
                 self.origin, self.has_details = scene_origin(used, matrices, bounds)
                 self._lay_out(meshes, instances, matrices, bounds)
             else:
+                self._replace(deformed, instances)
                 self._unbake_moved(instances, matrices)
             self.box = bounds - self.origin
             self.centre = self.box.mean(0)
@@ -103,13 +105,42 @@ class TwoLevelBvh:
         """Return the places of all meshes."""
         return list(self._places.values())
 
-    def _prepare(self, meshes: list[Mesh]) -> None:
-        """Build the bottom level of new meshes, and drop that of meshes no longer in use."""
-        new = [m for m in meshes if id(m) not in self._prepared]
-        former = [d for key, d in self._prepared.items() if key not in {id(m) for m in meshes}]
-        data = prepare_meshes(new, self.dtypes["vertices"], self.builder, former)
-        prepared = {id(d.mesh): d for d in data} | self._prepared
+    def _prepare(self, meshes: list[Mesh]) -> list[int]:
+        """Build the bottom level of new meshes, and drop that of meshes no longer in use.
+
+        Return the ids of the other meshes that have new arrays.
+        """
+        kept = {
+            id(m): self._prepared[id(m)]
+            for m in meshes
+            if id(m) in self._prepared and are_same(self._prepared[id(m)].arrays, arrays_of(m))
+        }
+        new = [m for m in meshes if id(m) not in kept]
+        former = [d for key, d in self._prepared.items() if key not in kept]
+        data = prepare_meshes(new, self.dtypes["vertices"], self.builder, former) if new else []
+        prepared = {id(d.mesh): d for d in data} | kept
         self._prepared = {id(m): prepared[id(m)] for m in meshes}
+        # Compare with what is stored: an earlier update may have failed.
+        known = [key for key in self._prepared if key in self._places]
+        return [key for key in known if self._places[key].data is not self._prepared[key]]
+
+    def _replace(self, deformed: list[int], instances: list[Instance]) -> None:
+        """Store the new data of deformed meshes, given by id, in the places that they have."""
+        if not deformed:
+            return
+        self._moved |= {id(i) for i in instances if id(i.mesh) in deformed}
+        for key in deformed:
+            place, data = self._places[key], self._prepared[key]
+            if place.data.vertices is not data.vertices:
+                self.vertices[place.vertices] = data.vertices
+                self.changed |= {"vertices"}
+            if place.baked is not None:
+                self._subtrees = None
+            place.data, place.grid = data, QuantizationGrid.around(data.bounds)
+            self._write_local(place)
+        # Flags and materials of triangles may have changed.
+        self._materials = None
+        self.changed |= {"nodes", "triangles"}
 
     def _world_boxes(self, instances: list[Instance], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the boxes of all instances in the world, (n, 2, 3)."""
