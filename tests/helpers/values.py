@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.scene.animation import Animation, Channel, Track
 from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import (
     DirectionalLight,
@@ -18,8 +19,10 @@ from wgpu_gi.scene.scene import (
     Instance,
     Material,
     Mesh,
+    MorphTarget,
     PointLight,
     Scene,
+    Skin,
     SpotLight,
     Texture,
 )
@@ -82,8 +85,20 @@ def everything() -> tuple[Scene, Camera]:
     ]
     image = np.full((4, 8, 3), 0.3, np.float32)
     camera = Camera.look_at((0.3, 1.2, 2.5), (0, 0.4, 0), name="front")
-    scene = Scene([Instance(sheet, name="sheet"), Instance(floor)], lights, Environment(image=image), [camera])
+    instances = [Instance(sheet, name="sheet"), Instance(floor), _flag()]
+    scene = Scene(instances, lights, Environment(image=image), [camera])
+    scene.animations = [Animation("dim", [Channel(lights[0], "intensity", Track(np.arange(2.0), np.ones(2)))])]
     return scene, camera
+
+
+def _flag() -> Instance:
+    """Return a skinned sheet with a morph target."""
+    flag = quad((-1.2, 0.3, -0.4), (0.5, 0, 0), (0, 0.5, 0), Material("flag"))
+    flag.skin = Skin(np.array([[0, 1]] * 4, np.uint16), np.full((4, 2), 0.5, np.float32))
+    moves = np.full((4, 3), 0.1, np.float32)
+    flag.morph_targets = [MorphTarget(moves, moves, moves, "wave")]
+    flag.normals, flag.tangents = np.tile(np.float32((0, 0, 1)), (4, 1)), np.tile(np.float32((1, 0, 0, 1)), (4, 1))
+    return Instance(flag, joint_matrices=np.tile(np.eye(4), (2, 1, 1)), morph_weights=(0.5,), name="flag")
 
 
 def changes() -> Iterator[Change]:
@@ -94,6 +109,12 @@ def changes() -> Iterator[Change]:
         "scene": Scene,
         "scene.instances[0]": Instance,
         mesh: Mesh,
+        "scene.instances[2]": Instance,
+        "scene.instances[2].mesh.skin": Skin,
+        "scene.instances[2].mesh.morph_targets[0]": MorphTarget,
+        "scene.animations[0]": Animation,
+        "scene.animations[0].channels[0]": Channel,
+        "scene.animations[0].channels[0].track": Track,
         material: Material,
         f"{material}.base_color_texture": Texture,
         f"{material}.base_color_texture.image": Image,
@@ -200,16 +221,56 @@ def _pose() -> tuple[list[Any], list[Any]]:
     return wrong, [*extreme[1:], np.diag([-1.0, 1, 1, 1])]
 
 
+def _poses() -> tuple[list[Any], list[Any]]:
+    good = np.tile(np.eye(4), (2, 1, 1))
+    wrong: list[Any] = [5, "x", np.eye(4), good[:0], good[:1], good.tolist(), good * NAN, np.ones((2, 4, 4)), good * 1j]
+    return wrong, [None, good * (1e-30, 1, 1, 1), good.astype(np.float32), np.tile(np.eye(4), (9, 1, 1))]
+
+
+def _flag_array(owner: Callable[[Mesh], Any], name: str) -> Callable[[], tuple[list[Any], list[Any]]]:
+    return lambda: _array(getattr(owner(_flag().mesh), name), name != "joints")
+
+
+def _skin_weights() -> tuple[list[Any], list[Any]]:
+    wrong, extreme = _flag_array(lambda mesh: mesh.skin, "weights")()
+    return [*wrong, *extreme[:5], np.full((4, 2), 0.4), np.tile([2.0, -1], (4, 1))], [np.tile([0.0, 1], (4, 1))]
+
+
+def _animation_part(name: str, *extreme: Any) -> Callable[[], tuple[list[Any], list[Any]]]:
+    return lambda: ([*(x for x in OBJECTS if x is not None), *([None] if name != "factor" else [])], list(extreme))
+
+
 def _names() -> tuple[list[Any], list[Any]]:
     return [None, 5, b"x", ["x"]], ["", "x" * 10000, "\0\n", "\U0001f9ea"]
 
 
 _POSITIVE = [*NUMBERS, -1, -1e-30, -1e300]
+_WEIGHTS = ["1", object(), True, NAN, INF, 1j, np.zeros(2), np.eye(2), 10**5000]
 _WORDS = [None, 5, [], "Mask", "foo", "", "REPEAT", b"repeat", object()]
 _PLACES = [0.0, 1e-300, 1e-30, 1e6, 1e7, -1e12, 1e16]
 _TABLE: list[tuple[tuple[str, ...], Callable[[], tuple[list[Any], list[Any]]]]] = [
     (("name",), _names),
     (("instances", "lights", "cameras"), lambda: ([*OBJECTS, [Material()], np.zeros(3)], [[], ()])),
+    (("animations", "channels", "attachments", "skeletons"), lambda: ([*OBJECTS, [Material()], np.zeros(3)], [[], ()])),
+    (("skin",), lambda: ([x for x in OBJECTS if x is not None], [None])),
+    (("morph_targets",), lambda: ([*OBJECTS, [Material()]], [[], ()])),
+    (("joint_matrices",), _poses),
+    (("morph_weights",), lambda: ([*_WEIGHTS, (NAN,), (1.0, 1.0, 1.0), ("1",), [None], (1e300,)], [(), [0], (-1e9,)])),
+    (("Skin.joints",), _flag_array(lambda mesh: mesh.skin, "joints")),
+    (("Skin.weights",), _skin_weights),
+    (("MorphTarget.positions",), _flag_array(lambda mesh: mesh.morph_targets[0], "positions")),
+    (("MorphTarget.normals",), _flag_array(lambda mesh: mesh.morph_targets[0], "normals")),
+    (("MorphTarget.tangents",), _flag_array(lambda mesh: mesh.morph_targets[0], "tangents")),
+    (("Channel.target",), _animation_part("target")),
+    (("Channel.path",), lambda: ([*_WORDS, "translation"], ["range"])),
+    (("Channel.track",), _animation_part("track")),
+    (("factor",), _animation_part("factor", None, Track(np.zeros(1), np.zeros(1)))),
+    (
+        ("times",),
+        lambda: ([None, "x", [], np.zeros(0), np.eye(2), [1.0, 0.0], np.array([1.0, 0.0]), [NAN, 1], np.ones(3)], []),
+    ),
+    (("values",), lambda: ([None, "x", [], np.zeros(0), np.eye(3), np.array([1.0, NAN]), np.ones(3)], [])),
+    (("interpolation",), lambda: ([*_WORDS, "cubic"], ["step"])),
     (("notes",), lambda: ([None, "x", 5, [None], [5]], [[], ["x"]])),
     (("environment",), lambda: (["x", 5, object(), np.zeros((4, 8, 3)), [None]], [None])),
     (("mesh", "image_of_texture", "Texture.image"), lambda: (OBJECTS, [])),

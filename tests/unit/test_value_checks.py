@@ -52,6 +52,13 @@ RELATED = {
     "positions": ("scene.instances[0].mesh", "world_from_local"),
     "material_of_triangle": ("scene.instances[0].mesh",),
     "cameras": ("scene.cameras",),
+    "joints": ("joint_matrices",),
+    "weights": ("skin.weights",),
+    "times": ("track.values",),
+    "interpolation": ("track.values",),
+    "values": ("track.times",),
+    "skin": ("joint_matrices",),
+    "morph_targets": ("morph_weights",),
 }
 
 

@@ -27,7 +27,9 @@ from ..float_limits import (
     SMALLEST_YFOV,
 )
 from ..webgpu_limits import MAX_TEXTURE_SIDE
-from .mesh_check import materials_fault, mesh_fault, reach_of
+from .animation import Animation
+from .animation_check import animation_fault
+from .mesh_check import materials_fault, mesh_fault, pose_fault, posed_reach, reach_of
 from .rules import (
     Rule,
     array,
@@ -60,6 +62,7 @@ from .scene import (
 # float64 cannot invert a transform whose determinant is below this, with its largest entry scaled to 1.
 SINGULAR = 1e-15
 _LAST_ROW = (0.0, 0.0, 0.0, 1.0)  # of an affine transform
+_NO_WEIGHTS = ()
 _NOT_RIGID = 1e-3  # of a camera's axes from unit length and right angles: above the rounding of float32 products
 
 _SCENE = {
@@ -69,6 +72,7 @@ _SCENE = {
     "cameras": items(Camera),
     "name": text,
     "notes": items(str),
+    "animations": items(Animation),
 }
 _COLOR = vector(3, 0, LARGEST_LIGHT)
 _LIGHT = {"intensity": number(0, LARGEST_LIGHT), "color": _COLOR, "name": text}
@@ -173,6 +177,8 @@ def check_scene(scene: Scene) -> None:
         _raise(f"scene.lights[{k}]", light, _light_fault(light))
     if scene.environment is not None:
         _raise("scene.environment", scene.environment, _environment_fault(scene.environment))
+    for k, animation in enumerate(scene.animations):
+        _raise(f"scene.animations[{k}]", animation, animation_fault(animation))
 
 
 def check_camera(camera: Camera, where: str = "camera") -> None:
@@ -240,11 +246,17 @@ def _check_instances(instances: list[Instance]) -> None:
         k, wrong = next((k, i) for k, i in enumerate(instances) if _matrix(i.world_from_local) is None)
         value = shown(wrong.world_from_local)
         _raise(f"scene.instances[{k}]", wrong, f"world_from_local must be a finite (4, 4) matrix, not {value}")
-    # Find one that projects, flattens its mesh or moves it too far.
+    # Find a pose that does not suit its mesh.
+    posed = [k for k, i in enumerate(instances) if i.joint_matrices is not None or i.morph_weights is not _NO_WEIGHTS]
+    for k in posed:
+        _raise(f"scene.instances[{k}]", instances[k], pose_fault(instances[k]))
+    # Find a transform that projects, flattens its mesh or moves it too far.
     linear = stacked[:, :3, :3]
     meshes = {id(i.mesh): i.mesh for i in instances}
     place = {key: k for k, key in enumerate(meshes)}
     reach = np.array([reach_of(mesh) for mesh in meshes.values()])[[place[id(i.mesh)] for i in instances]]
+    for k in posed:
+        reach[k] = posed_reach(instances[k])
     with np.errstate(over="ignore", invalid="ignore"):
         flat = _singular(linear)
         extent = np.einsum("nij,nj->ni", np.abs(linear), reach) + np.abs(stacked[:, :3, 3])

@@ -18,7 +18,7 @@ def scene_of_object(source: Any, notes: Notes, budget: MemoryBudget, point_size:
     A Scene is copied with its lists, but shares the objects in them. Raises GiError for anything else.
     """
     if isinstance(source, Scene):
-        lists = ("instances", "lights", "cameras", "notes")
+        lists = ("instances", "lights", "cameras", "notes", "animations")
         for name in lists:
             if not isinstance(getattr(source, name), (list, tuple)):
                 raise GiError(f"scene.{name} must be a list, not {shown(getattr(source, name))}")

@@ -19,6 +19,7 @@ from ..camera import Camera
 from ..errors import GiError
 from ..pictures.tables import html_table
 from ..records import KnownAttributes
+from .animation import Animation
 from .arrays import mesh_arrays
 from .rules import shown
 
@@ -119,12 +120,31 @@ class Material(KnownAttributes):
 
 
 @dataclass(eq=False, repr=False, slots=True)
+class MorphTarget(KnownAttributes):
+    """Displacements (n, 3) float32 of a mesh's vertices, times a weight; None for what the target leaves alone."""
+
+    positions: NDArray[np.float32] | None = None
+    normals: NDArray[np.float32] | None = None
+    tangents: NDArray[np.float32] | None = None
+    name: str = ""
+
+
+@dataclass(eq=False, repr=False, slots=True)
+class Skin(KnownAttributes):
+    """Which joints move each vertex: `joints` (n, k) uint16 or uint32, `weights` (n, k) float32; rows sum to 1."""
+
+    joints: NDArray[Any]
+    weights: NDArray[np.float32]
+
+
+@dataclass(eq=False, repr=False, slots=True)
 class Mesh(KnownAttributes):
     """An indexed triangle mesh in its local space; its arrays are treated as immutable once in use.
 
     positions (n, 3) float32; triangles (m, 3) uint32; material_of_triangle (m,) uint32 into `materials`.
     normals (n, 3) float32: a zero row selects the geometric (flat) normal. tangents (n, 4) float32, w = +-1, or zero
-    rows for none. texcoords (n, 2) float32, v pointing down as in glTF. colors (n, 4) float32, linear.
+    rows for none. texcoords (n, 2) float32, v pointing down as in glTF. colors (n, 4) float32, linear. With a skin or
+    morph targets, positions, normals and tangents are those of the bind pose; `posed_mesh` moves them.
     """
 
     positions: NDArray[np.float32]
@@ -137,15 +157,24 @@ class Mesh(KnownAttributes):
     texcoords1: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
     name: str = ""
+    skin: Skin | None = None
+    morph_targets: list[MorphTarget] = field(default_factory=list)
 
 
 @dataclass(eq=False, repr=False, slots=True)
 class Instance(KnownAttributes):
-    """A mesh placed in the world by an affine (4, 4) float64 matrix, which may mirror it."""
+    """A mesh placed in the world by an affine (4, 4) float64 matrix, which may mirror it.
+
+    `joint_matrices` (j, 4, 4) float64, local_from_bind of each joint, pose a mesh with a skin; None: the bind pose.
+    `morph_weights` has a weight for each morph target; absent ones are 0. A vertex p of the mesh stands at
+    world_from_local @ sum_i weights_i joint_matrices[joints_i] @ (p + sum_t morph_weights[t] morph_targets[t]).
+    """
 
     mesh: Mesh
     world_from_local: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     name: str = ""
+    joint_matrices: NDArray[np.float64] | None = None
+    morph_weights: tuple[float, ...] = ()
 
 
 @dataclass(eq=False, repr=False, slots=True)
@@ -223,6 +252,7 @@ class Scene(KnownAttributes):
     cameras: list[Camera] = field(default_factory=list)
     name: str = ""
     notes: list[str] = field(default_factory=list)
+    animations: list[Animation] = field(default_factory=list)
 
     @classmethod
     def from_arrays(
