@@ -18,16 +18,18 @@ from wgpu_gi.scene.scene import (
     Instance,
     Material,
     Mesh,
+    MorphTarget,
     PointLight,
     Scene,
+    Skin,
     SpotLight,
     Texture,
 )
 from wgpu_gi.upload.fingerprint import Fingerprint
 
 KINDS = (Scene, Instance, Mesh, Material, Texture, Image, PointLight, SpotLight, DirectionalLight, Environment)
-# Cameras are compared elsewhere, and names and notes change no picture.
-NO_CHANGE = {(kind, name) for kind in KINDS for name in ("name", "notes", "cameras")}
+# Cameras are compared elsewhere; names, notes and animations that nobody plays change no picture.
+NO_CHANGE = {(kind, name) for kind in KINDS for name in ("name", "notes", "cameras", "animations")}
 SEEN = [
     (kind, f.name)
     for kind in KINDS
@@ -43,7 +45,7 @@ def image():
 
 def scene():
     """Return a scene with one object of each class, and all optional fields set."""
-    material = Material("all")
+    material = Material("all", attenuation_distance=1.0)
     for f in dataclasses.fields(Material):
         if f.name.endswith("_texture"):
             setattr(material, f.name, Texture(image(), min_filter="nearest"))
@@ -51,8 +53,11 @@ def scene():
     first.material_of_triangle = np.zeros(2, np.uint32)
     for name, width in (("normals", 3), ("tangents", 4), ("texcoords0", 2), ("texcoords1", 2), ("colors", 4)):
         setattr(first, name, np.ones((4, width), np.float32))
+    first.skin = Skin(np.zeros((4, 1), np.uint16), np.ones((4, 1), np.float32))
+    first.morph_targets = [MorphTarget(np.ones((4, 3), np.float32))]
+    pose = {"joint_matrices": np.eye(4)[None], "morph_weights": (0.5,)}
     return Scene(
-        [Instance(first, name="first"), Instance(first), Instance(box((0, 0, 0), (1, 1, 1)))],
+        [Instance(first, name="first", **pose), Instance(first), Instance(box((0, 0, 0), (1, 1, 1)))],
         [
             PointLight([0.0, 1.0, 0.0], range=3.0),
             SpotLight([0, 1, 0], [0, -1, 0], range=2.0),

@@ -35,6 +35,7 @@ class Fingerprint:
             list(scene.instances),
             [i.mesh for i in scene.instances],
             _transforms(scene.instances),
+            _poses(scene.instances),
             [list(mesh.materials) for mesh in meshes],
             [id(array) for arrays in self._arrays for array in arrays],
             [_material(m) for m in materials],
@@ -55,6 +56,15 @@ def _transforms(instances: list[Instance]) -> bytes:
         return b"".join([i.world_from_local.data for i in instances])
     except (AttributeError, BufferError, TypeError):  # lists, or arrays that are not contiguous
         return b"".join([np.asarray(i.world_from_local).tobytes() for i in instances])
+
+
+def _poses(instances: list[Instance]) -> list[Any]:
+    """Return the joint matrices and morph weights of those that have any, in comparable form."""
+    return [
+        (k, None if i.joint_matrices is None else np.asarray(i.joint_matrices).tobytes(), _frozen(i.morph_weights))
+        for k, i in enumerate(instances)
+        if i.joint_matrices is not None or not isinstance(i.morph_weights, tuple) or i.morph_weights
+    ]
 
 
 def _material(material: Material) -> tuple[Any, ...]:
