@@ -8,12 +8,14 @@ shows a scene at a time.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..camera import Camera
 from ..records import KnownAttributes
+from .parts import Instance, Light, Material
 
 Interpolation = Literal["step", "linear", "cubic"]
 
@@ -61,7 +63,7 @@ class Attachment(KnownAttributes):
     Lights and cameras look along the part's -Z; lights stand at its origin.
     """
 
-    part: Any  # an Instance, a light or a Camera
+    part: Instance | Light | Camera
     node: Node
     node_from_part: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
 
@@ -74,7 +76,7 @@ class Skeleton(KnownAttributes):
     stay small numbers: world_from_local = translation to the first joint @ the instance's matrix in `offsets`.
     """
 
-    instances: list[Any]  # of class Instance
+    instances: list[Instance]
     joints: list[Node]
     inverse_bind: NDArray[np.float64]
     offsets: list[NDArray[np.float64]] | None = None  # (4, 4) each; None: the identity
@@ -88,7 +90,7 @@ class Channel(KnownAttributes):
     and materials: any field of numbers, such as "intensity", "color", "yfov", "base_color", "emission".
     """
 
-    target: Any
+    target: Node | Instance | Light | Camera | Material
     path: str
     track: Track
     factor: Track | None = None
