@@ -1,27 +1,59 @@
-"""Which of Khronos' material extensions a scene uses, as the HAS_ constants of `wgsl/common/layers.wgsl`."""
+"""The layers of materials on the GPU: Khronos' extensions of metallic-roughness, as `wgsl/common/layers.wgsl` has them.
+
+A layer counts only if it shows: without clear coat, its roughness and its textures are not sent.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..gpu.wgsl.load import load
-from ..scene.scene import Material
+from ..scene.scene import Material, Texture
 
-CLEAR_ROUGHNESS = float(load("common/layers.wgsl").constants["CLEAR_ROUGHNESS"])
-IOR, SPECULAR, SPECULAR_COLOR = 1.5, 1.0, (1.0, 1.0, 1.0)  # of plain glTF materials
+SHADER = load("scene/materials.wgsl").constants | load("common/layers.wgsl").constants
+CLEAR_ROUGHNESS = float(SHADER["CLEAR_ROUGHNESS"])
+LEAST_TRANSMITTANCE = 1e-38  # of a volume, over the attenuation distance: its absorption is finite
+
+
+def has_specular(m: Material) -> bool:
+    """Tell whether a dielectric reflects otherwise than at an index of refraction of 1.5."""
+    has_texture = m.specular_texture is not None or m.specular_color_texture is not None
+    return has_texture or (m.ior, m.specular, *m.specular_color) != (1.5, 1.0, 1.0, 1.0, 1.0)
+
+
+# Whether a material has a layer, by the shaders' feature, and the names of its textures.
+LAYERS = {
+    "HAS_SPECULAR": (has_specular, ("specular", "specular_color")),
+    "HAS_CLEARCOAT": (lambda m: m.clearcoat > 0, ("clearcoat", "clearcoat_roughness", "clearcoat_normal")),
+    "HAS_SHEEN": (lambda m: max(m.sheen_color) > 0, ("sheen_color", "sheen_roughness")),
+    "HAS_ANISOTROPY": (lambda m: m.anisotropy > 0, ("anisotropy",)),
+    "HAS_TRANSMISSION": (lambda m: m.transmission > 0, ("transmission",)),
+    "HAS_VOLUMES": (lambda m: m.transmission > 0 and m.thickness > 0, ("thickness",)),
+}
+
+
+def layers_of(material: Material) -> list[str]:
+    """Return the features of the layers that a material has."""
+    return [] if material.unlit else [name for name, (has, _) in LAYERS.items() if has(material)]
 
 
 def layer_features(materials: Sequence[Material]) -> dict[str, bool]:
     """Return the features of layers that any material has; shaders leave out the others."""
-    found = {
-        "HAS_SPECULAR": any(map(_has_specular, materials)),
-        "HAS_CLEARCOAT": any(m.clearcoat > 0 for m in materials),
-        "HAS_SHEEN": any(max(m.sheen_color) > 0 for m in materials),
-        "HAS_ANISOTROPY": any(m.anisotropy > 0 for m in materials),
-        "HAS_TRANSMISSION": any(m.transmission > 0 for m in materials),
-        "HAS_VOLUMES": any(m.transmission > 0 and m.thickness > 0 for m in materials),
-    }
-    return {**found, "HAS_LAYERS": any(found.values())}
+    found = {name for m in materials for name in layers_of(m)}
+    maps = any(True for m in materials for _ in layer_textures(m))
+    return {name: name in found for name in LAYERS} | {"HAS_LAYERS": bool(found), "HAS_LAYER_MAPS": maps}
+
+
+def layer_textures(material: Material) -> Iterator[tuple[int, Texture]]:
+    """Yield slot and texture of the layers that a material has."""
+    for feature in layers_of(material):
+        for name in LAYERS[feature][1]:
+            texture = getattr(material, f"{name}_texture")
+            if texture is not None:
+                yield int(SHADER[f"{name.upper()}_SLOT"]), texture
 
 
 def is_clear(material: Material) -> bool:
@@ -30,7 +62,15 @@ def is_clear(material: Material) -> bool:
     return material.transmission > 0 and material.thickness == 0 and is_smooth and not material.unlit
 
 
-def _has_specular(m: Material) -> bool:
-    """Tell whether a dielectric reflects otherwise than at an index of refraction of 1.5."""
-    has_texture = m.specular_texture is not None or m.specular_color_texture is not None
-    return has_texture or m.ior != IOR or m.specular != SPECULAR or tuple(m.specular_color) != SPECULAR_COLOR
+def pack_layers(record: NDArray[np.void], m: Material) -> None:
+    """Fill the layers of a Material record of wgsl/scene/materials.wgsl, except its textures."""
+    record["dielectric_f0"], record["ior"] = ((m.ior - 1.0) / (m.ior + 1.0)) ** 2, max(m.ior, 1.0)
+    record["specular"], record["specular_color"] = m.specular, m.specular_color
+    record["clearcoat"], record["clearcoat_roughness"] = m.clearcoat, m.clearcoat_roughness
+    record["clearcoat_normal_scale"] = m.clearcoat_normal_scale
+    record["sheen"], record["sheen_roughness"] = m.sheen_color, m.sheen_roughness
+    record["transmission"], record["thickness"] = m.transmission, m.thickness
+    distance = np.inf if m.attenuation_distance is None else m.attenuation_distance
+    record["attenuation"] = -np.log(np.maximum(np.asarray(m.attenuation_color), LEAST_TRANSMITTANCE)) / distance
+    record["anisotropy"] = m.anisotropy
+    record["anisotropy_direction"] = np.cos(m.anisotropy_rotation), np.sin(m.anisotropy_rotation)

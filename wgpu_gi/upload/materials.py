@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 from ..errors import warn_of
 from ..gpu.wgsl.load import load
 from ..scene.scene import Material, Texture
+from .layers import layer_textures, layers_of, pack_layers
 from .light_values import emitted_radiance
 from .mip_levels import Content
 from .resources import GpuResources
 from .texture_atlas import Atlas, AtlasImage, Place, atlas_rectangles, pack_atlas
 
 CONSTANTS = load("scene/materials.wgsl").constants
-DOUBLE_SIDED, UNLIT, TEXTURED, COATED = (
-    int(CONSTANTS[flag]) for flag in ("DOUBLE_SIDED", "UNLIT", "TEXTURED", "COATED")
+DOUBLE_SIDED, UNLIT, TEXTURED, COATED, BLENDED, LAYERED = (
+    int(CONSTANTS[flag]) for flag in ("DOUBLE_SIDED", "UNLIT", "TEXTURED", "COATED", "BLENDED", "LAYERED")
 )
 PRESENT, TEXCOORD_1, SIXTEEN_BITS, TRANSFORMED = (
     int(CONSTANTS[flag]) for flag in ("PRESENT", "TEXCOORD_1", "SIXTEEN_BITS", "TRANSFORMED")
@@ -26,6 +27,12 @@ WRAP_U_SHIFT, WRAP_V_SHIFT, LEVELS_SHIFT = (
     int(CONSTANTS[shift]) for shift in ("WRAP_U_SHIFT", "WRAP_V_SHIFT", "LEVELS_SHIFT")
 )
 WRAP_CODES = {"repeat": 0, "clamp": int(CONSTANTS["WRAP_CLAMP"]), "mirror": int(CONSTANTS["WRAP_MIRROR"])}
+BASE_COLOR, EMISSION, METALLIC_ROUGHNESS, NORMAL, CLEARCOAT_NORMAL, ANISOTROPY = (
+    int(CONSTANTS[f"{slot}_SLOT"])
+    for slot in ("BASE_COLOR", "EMISSION", "METALLIC_ROUGHNESS", "NORMAL", "CLEARCOAT_NORMAL", "ANISOTROPY")
+)
+LAST_SRGB_SLOT = int(CONSTANTS["SHEEN_ROUGHNESS_SLOT"])
+CONTENTS: dict[int, Content] = {NORMAL: "normal", CLEARCOAT_NORMAL: "normal"}  # of linear textures; others are data
 FORMATS = {"atlas_srgb": "rgba8unorm-srgb", "atlas_linear": "rgba8unorm"}
 
 
@@ -91,12 +98,15 @@ class MaterialUpload:
             record["metallic"], record["roughness"], record["normal_scale"] = m.metallic, m.roughness, m.normal_scale
             record["alpha_cutoff"] = m.alpha_cutoff if m.alpha_mode == "mask" else 0.0
             record["emitter_pdf"] = pdf.get(id(m), 0.0)
+            pack_layers(record, m)
             flags = DOUBLE_SIDED * m.double_sided | UNLIT * m.unlit | COATED * (not self._diffuse)
+            flags |= BLENDED * (m.alpha_mode == "blend") | LAYERED * (not self._diffuse and bool(layers_of(m)))
             for atlas, textures in self._textures(m).items():
                 for slot, (image, texture) in textures.items():
                     flags |= TEXTURED
                     _pack_texture(record["textures"][slot], texture, self._atlases[atlas].places[image])
             record["flags"] = flags
+            _pack_tangent(record["textures"])
         self._resources.records("materials", packed)
 
     def _textures(self, m: Material) -> dict[str, dict[int, tuple[AtlasImage, Texture]]]:
@@ -104,23 +114,22 @@ class MaterialUpload:
         masked = m.alpha_mode == "mask" and m.base_color[3] > 0
         cutoff = m.alpha_cutoff / m.base_color[3] if masked else 0.0
         base: Content = "mask" if masked else "color"
-        slots: dict[str, dict[int, AtlasImage | None]] = {
-            "atlas_srgb": {0: _image(m.base_color_texture, base, cutoff), 1: _image(m.emission_texture, "color")},
-            "atlas_linear": {2: _image(m.metallic_roughness_texture, "data"), 3: _image(m.normal_texture, "normal")},
-        }
-        textures = (m.base_color_texture, m.emission_texture, m.metallic_roughness_texture, m.normal_texture)
-        if self._diffuse:
-            slots["atlas_linear"] = {}
-        return {
-            atlas: {k: (image, texture) for k, image in images.items() if image and (texture := textures[k])}
-            for atlas, images in slots.items()
-        }
+        slots = {BASE_COLOR: m.base_color_texture, EMISSION: m.emission_texture}
+        if not self._diffuse:
+            slots |= {METALLIC_ROUGHNESS: m.metallic_roughness_texture, NORMAL: m.normal_texture}
+            slots |= dict(layer_textures(m))
+        found: dict[str, dict[int, tuple[AtlasImage, Texture]]] = {name: {} for name in FORMATS}
+        for slot, texture in slots.items():
+            if texture is not None:
+                is_srgb = slot <= LAST_SRGB_SLOT
+                content = base if slot == BASE_COLOR else "color" if is_srgb else CONTENTS.get(slot, "data")
+                image = _image(texture, content, cutoff if slot == BASE_COLOR else 0.0)
+                found["atlas_srgb" if is_srgb else "atlas_linear"][slot] = (image, texture)
+        return found
 
 
-def _image(texture: Texture | None, content: Content, cutoff: float = 0.0) -> AtlasImage | None:
+def _image(texture: Texture, content: Content, cutoff: float) -> AtlasImage:
     """Return the image that the atlas holds for a texture."""
-    if texture is None:
-        return None
     has_levels = texture.mip_filter != "none"
     return AtlasImage(texture.image, content, texture.wrap_u, texture.wrap_v, has_levels, cutoff)
 
@@ -133,6 +142,16 @@ def _warn_if_scaled(image: AtlasImage, place: Place) -> None:
         size = f"{place.width} x {place.height}"
         note = f"{shown}: its {width} x {height} pixels were scaled down to {size}, as textures have limits"
         warn_of([note], stacklevel=4)
+
+
+def _pack_tangent(slots: NDArray[np.void]) -> None:
+    """Give the anisotropy's slot, if it has no texture, the coordinates of the normal map: they give the tangent."""
+    anisotropy, normal = slots[ANISOTROPY], slots[NORMAL]
+    if not anisotropy["flags"] & PRESENT:
+        is_mapped = bool(normal["flags"] & PRESENT)
+        anisotropy["flags"] = normal["flags"] & TEXCOORD_1
+        anisotropy["transform_u"] = normal["transform_u"] if is_mapped else (1.0, 0.0, 0.0)
+        anisotropy["transform_v"] = normal["transform_v"] if is_mapped else (0.0, 1.0, 0.0)
 
 
 def _pack_texture(slot: NDArray[np.void], texture: Texture, place: Place) -> None:

@@ -244,7 +244,7 @@ class SceneUpload:
         """Return the HAS_ constants of shaders; pipelines leave out what the scene does not have."""
         emissive = any(emitted_radiance(m).any() for m in materials)
         environment = scene.environment
-        layers = layer_features([] if self.diffuse else [m for m in materials if not m.unlit])
+        layers = layer_features([] if self.diffuse else materials)
         blends = any(m.alpha_mode == "blend" for m in materials)
         return {
             **layers,

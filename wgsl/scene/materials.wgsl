@@ -7,6 +7,8 @@ const DOUBLE_SIDED: u32 = 1u;
 const UNLIT: u32 = 2u;
 const TEXTURED: u32 = 4u; // some texture is bound, so texture coordinates are needed
 const COATED: u32 = 8u;   // Lambert under a GGX coat; without it, pure Lambert
+const BLENDED: u32 = 16u; // light passes by 1 - alpha
+const LAYERED: u32 = 32u; // it has layers (`common/layers.wgsl`)
 
 struct Material {
     base_color: vec4f,
@@ -17,21 +19,49 @@ struct Material {
     normal_scale: f32,
     alpha_cutoff: f32,     // 0: opaque
     emitter_pdf: f32,      // density of light samples where it emits all of `emission`, 1/m2; 0: no emitter
-    textures: array<TextureSlot, 4>,
+    // Layers; those that `common/layers.wgsl` explains have its units.
+    dielectric_f0: f32,    // ((ior - 1) / (ior + 1))^2
+    specular: f32,
+    ior: f32,
+    specular_color: vec3f,
+    clearcoat: f32,
+    sheen: vec3f,
+    clearcoat_roughness: f32,
+    attenuation: vec3f,
+    clearcoat_normal_scale: f32,
+    sheen_roughness: f32,
+    transmission: f32,
+    thickness: f32,        // metres in the mesh's space
+    anisotropy: f32,
+    anisotropy_direction: vec2f,  // cosine and sine of its rotation
+    textures: array<TextureSlot, 14>,
 }
 
-// Slots of a material's textures.
+// Slots of a material's textures. Those up to SHEEN_ROUGHNESS_SLOT lie in the sRGB-coded atlas, whose alpha is linear.
 const BASE_COLOR_SLOT: u32 = 0u;
-const EMISSION_SLOT: u32 = 1u;             // the slots up to here are sRGB-coded
-const METALLIC_ROUGHNESS_SLOT: u32 = 2u;
-const NORMAL_SLOT: u32 = 3u;
+const EMISSION_SLOT: u32 = 1u;
+const SPECULAR_SLOT: u32 = 2u;             // A
+const SPECULAR_COLOR_SLOT: u32 = 3u;
+const SHEEN_COLOR_SLOT: u32 = 4u;
+const SHEEN_ROUGHNESS_SLOT: u32 = 5u;      // A
+const METALLIC_ROUGHNESS_SLOT: u32 = 6u;   // B metallic, G roughness
+const NORMAL_SLOT: u32 = 7u;
+const CLEARCOAT_SLOT: u32 = 8u;            // R
+const CLEARCOAT_ROUGHNESS_SLOT: u32 = 9u;  // G
+const CLEARCOAT_NORMAL_SLOT: u32 = 10u;
+const TRANSMISSION_SLOT: u32 = 11u;        // R
+const THICKNESS_SLOT: u32 = 12u;           // G
+// RG direction, B amount. Without a texture, its transform and set of coordinates are those of the normal map: they give
+// the tangent.
+const ANISOTROPY_SLOT: u32 = 13u;
 
 // Each is compiled out if the scene has none.
 override HAS_TEXTURES: bool = true;
 override HAS_EMISSION_MAPS: bool = true;
 override HAS_ROUGHNESS_MAPS: bool = true;
 override HAS_NORMAL_MAPS: bool = true;
-override HAS_COATS: bool = true;  // materials that are not purely Lambert
+override HAS_LAYER_MAPS: bool = true;  // textures of layers
+override HAS_COATS: bool = true;       // materials that are not purely Lambert
 
 @group(1) @binding(0) var<storage, read> materials: array<Material>;
 
@@ -45,7 +75,7 @@ struct UvFootprint {
 
 fn image_of(material: u32, slot: u32) -> Image {
     return Image(
-        materials[material].textures[slot].place, materials[material].textures[slot].flags, slot <= EMISSION_SLOT);
+        materials[material].textures[slot].place, materials[material].textures[slot].flags, slot <= SHEEN_ROUGHNESS_SLOT);
 }
 
 // Returns coordinates in the image; `offset`: 1 for points, 0 for differences of points.

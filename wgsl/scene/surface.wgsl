@@ -1,6 +1,5 @@
 // The surface at a hit: position, normals, material.
-#import "common/layers.wgsl"
-#import "scene/footprint.wgsl"
+#import "scene/surface_layers.wgsl"
 #import "scene/ray_offset.wgsl"
 #import "scene/facing_normal.wgsl"
 
@@ -19,10 +18,6 @@ struct Surface {
     roughness: f32,
     emitter_pdf: f32,         // 1/m2
     layers: Layers,
-}
-
-fn unpack_normal(code: u32) -> vec3f {
-    return octahedral_decode(unpack2x16snorm(code));
 }
 
 // Evaluates the surface at the hit of a ray in `direction`, textures at a point.
@@ -60,7 +55,9 @@ fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFo
     let material = triangle.material;
     s.flags = materials[material].flags;
     let textured = HAS_TEXTURES && (s.flags & TEXTURED) != 0u;
-    if ((triangle.flags & (SMOOTH | COLORED)) != 0u || textured) {
+    let layered = HAS_LAYERS && (s.flags & LAYERED) != 0u;
+    let has_tangent = HAS_ANISOTROPY && layered && materials[material].anisotropy > 0.0;
+    if ((triangle.flags & (SMOOTH | COLORED)) != 0u || textured || has_tangent) {
         corners = load_corners(triangle, weights);
     }
     var normal = geometric;
@@ -95,6 +92,11 @@ fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFo
     // Vertex normals may lie on the other side of the triangle.
     let inverted = dot(s.normal, s.geometric_normal) < 0.0;
 
+    s.layers = no_layers();
+    if (layered) {
+        s.layers = material_layers(triangle, corners, hit.instance, s.normal, textured, footprint);
+    }
+
     // Evaluate the material.
     var base = materials[material].base_color;
     s.metallic = materials[material].metallic;
@@ -124,7 +126,8 @@ fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFo
         }
         if (HAS_NORMAL_MAPS && has_texture(material, NORMAL_SLOT)) {
             let texel = read_texture(material, NORMAL_SLOT, uv0, uv1, covered, is_point);
-            s.normal = bend_normal(s.normal, texel.xyz * 2.0 - 1.0, triangle, corners, hit.instance);
+            let map = normal_of_map(texel, materials[material].normal_scale);
+            s.normal = bend_normal(s.normal, map, NORMAL_SLOT, triangle, corners, hit.instance);
             s.bumped = true;
             // `upload/mip_levels.py`: the standard deviation of the slopes.
             s.roughness = widened_roughness(s.roughness, (1.0 - texel.w) * materials[material].normal_scale);
@@ -138,62 +141,11 @@ fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFo
     s.unbent_normal = select(s.normal, -s.normal, s.front == inverted);
     let side = select(-s.geometric_normal, s.geometric_normal, s.front);
     s.normal = facing_normal(s.unbent_normal, side, -direction, s.bumped);
-    s.layers = no_layers();
+    if (HAS_CLEARCOAT && layered) {
+        let coat = select(s.layers.clearcoat_normal, -s.layers.clearcoat_normal, s.front == inverted);
+        s.layers.clearcoat_normal = facing_normal(coat, side, -direction, has_texture(material, CLEARCOAT_NORMAL_SLOT));
+    }
     return s;
-}
-
-// Returns the normal bent by a normal map's vector. The tangent is the direction of the picture's u: derived from the
-// texture coordinates, or that of the file, turned as the slot's transform turns the texture. Khronos' viewer derives it
-// from transformed coordinates, too.
-fn bend_normal(normal: vec3f, map: vec3f, triangle: Triangle, k: Corners, instance: u32) -> vec3f {
-    let world_from_local = instances[instance].world_from_local;
-    let material = triangle.material;
-    // The linear part of the texture's transform.
-    let row_u = materials[material].textures[NORMAL_SLOT].transform_u.xy;
-    let row_v = materials[material].textures[NORMAL_SLOT].transform_v.xy;
-    var tangent: vec3f;
-    var handedness = 1.0;
-    var tilt = map.xy * materials[material].normal_scale;
-    if ((triangle.flags & HAS_TANGENTS) != 0u) {
-        let local = k.weights.x * unpack_normal(k.a.tangent) + k.weights.y * unpack_normal(k.b.tangent)
-            + k.weights.z * unpack_normal(k.c.tangent);
-        tangent = world_from_local * vec4f(local, 0.0);
-        handedness = select(1.0, -1.0, (k.a.tangent & 1u) != 0u);
-        // The file's frame is (dP/du, -dP/dv); the transformed dP/du is the first column of the inverse transform in it.
-        let mirror = select(1.0, -1.0, row_u.x * row_v.y - row_u.y * row_v.x < 0.0);
-        let turn = normalize_or(vec3f(row_v.y, row_v.x, 0.0) * mirror, vec3f(1.0, 0.0, 0.0)).xy;
-        tilt = turn * tilt.x + vec2f(-turn.y, turn.x) * (mirror * tilt.y);
-    } else {
-        let second = (materials[material].textures[NORMAL_SLOT].flags & TEXCOORD_1) != 0u;
-        let a = select(k.a.texcoord0, k.a.texcoord1, second);
-        let b = select(k.b.texcoord0, k.b.texcoord1, second) - a;
-        let c = select(k.c.texcoord0, k.c.texcoord1, second) - a;
-        let d1 = vec2f(dot(row_u, b), dot(row_v, b));
-        let d2 = vec2f(dot(row_u, c), dot(row_v, c));
-        let area = d1.x * d2.y - d1.y * d2.x;
-        tangent = (triangle.edge1 * d2.y - triangle.edge2 * d1.y) * sign(area);
-        if (triangle.instance == NONE) {
-            tangent = world_from_local * vec4f(tangent, 0.0);
-        }
-        // glTF's v points down in the picture, its bitangent up: area < 0 is the usual, unmirrored case.
-        handedness = select(1.0, -1.0, area > 0.0);
-    }
-    // The bitangent is defined in mesh space (glTF 2.0, section 3.7.2.1); a mirroring transform flips a cross product.
-    // Triangles in the world's tree already have swapped corners, so their derived tangents need no flip.
-    let mirrored = determinant(mat3x3f(world_from_local[0], world_from_local[1], world_from_local[2])) < 0.0;
-    if (mirrored && ((triangle.flags & HAS_TANGENTS) != 0u || triangle.instance == NONE)) {
-        handedness = -handedness;
-    }
-    let t = normalize_or(tangent - normal * dot(normal, tangent), frame_from_normal(normal)[0]);
-    let b = cross(normal, t) * handedness;
-    return normalize_or(t * tilt.x + b * tilt.y + normal * map.z, normal);
-}
-
-// Returns the roughness of a lobe that is spread by slopes of standard deviation `sigma` per axis: alpha^2 grows by
-// 2 sigma^2 (Olano and Baker 2010, "LEAN Mapping", section 3), which is exact for Beckmann's distribution.
-fn widened_roughness(roughness: f32, sigma: f32) -> f32 {
-    let alpha = roughness * roughness;
-    return select(roughness, sqrt(sqrt(min(alpha * alpha + 2.0 * sigma * sigma, 1.0))), sigma != 0.0);
 }
 
 fn surface_brdf(s: Surface) -> Brdf {

@@ -1,12 +1,17 @@
 // Access to the G-buffer by pixel.
 #import "scene/info.wgsl"
-#import "shared/gbuffer/surface.wgsl"
+#import "shared/gbuffer/layers.wgsl"
 #import "shared/gbuffer/distance.wgsl"
 
 @group(1) @binding(30) var<storage, read> surfaces: array<vec4u>;
 
 fn load_surface(pixel: vec2u) -> GbufferSurface {
-    return unpack_gbuffer(surfaces[(pixel.y * view.size.x + pixel.x) * gbuffer_stride()]);
+    let word = (pixel.y * view.size.x + pixel.x) * gbuffer_stride();
+    var s = unpack_gbuffer(surfaces[word], no_layers());
+    if (HAS_LAYERS) {
+        s.layers = unpack_layers(s.normal, surfaces[word + 1u], surfaces[word + 2u]);
+    }
+    return s;
 }
 
 fn gbuffer_brdf(s: GbufferSurface) -> Brdf {

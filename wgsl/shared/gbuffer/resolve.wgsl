@@ -5,7 +5,7 @@
 // the surface's radiance towards the eye, W/(m2 sr), with 0 in its fourth value. Pixels without a surface are not written.
 #import "shared/gbuffer/tiles.wgsl"
 #import "shared/gbuffer/visible_surface.wgsl"
-#import "shared/gbuffer/surface.wgsl"
+#import "shared/gbuffer/layers.wgsl"
 
 @group(1) @binding(11) var<storage, read_write> surfaces: array<vec4u>;
 @group(1) @binding(12) var<storage, read_write> emission: array<vec4f>;
@@ -33,6 +33,10 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let flags = select(0u, GBUFFER_UNLIT, unlit) | select(0u, GBUFFER_COATED, HAS_COATS && (s.flags & COATED) != 0u);
     surfaces[index * gbuffer_stride()] = pack_gbuffer(
         GbufferSurface(s.normal, s.geometric_normal, s.base_color, s.metallic, s.roughness, flags, s.layers));
+    if (HAS_LAYERS) {
+        surfaces[index * gbuffer_stride() + 1u] = pack_coats(s.layers);
+        surfaces[index * gbuffer_stride() + 2u] = pack_lobes(s.layers, s.normal);
+    }
     if (HAS_EMISSION) {
         emission[index] = vec4f(select(s.emission, s.base_color, unlit), 0.0);
     }

@@ -1,6 +1,6 @@
 // A pixel of the G-buffer: its surface in 16 bytes, and its layers in 32 more if the scene has any.
 #import "common/brdf.wgsl"
-#import "shared/gbuffer/stride.wgsl"
+#import "common/layers.wgsl"
 
 // flags, above the base colour
 const GBUFFER_COATED: u32 = 0x40000000u;  // Lambert under a GGX coat, else pure Lambert
@@ -16,20 +16,29 @@ struct GbufferSurface {
     layers: Layers,
 }
 
-// Colours are stored as square roots in 10 bits each: the error is at most 0.7 % at a base colour of 0.02.
+// Returns the code of a colour: square roots in 10 bits each. The error is at most 0.7 % at a reflectance of 0.02.
+fn color_code(reflectance: vec3f) -> u32 {
+    let code = vec3u(round(sqrt(clamp(reflectance, vec3f(0.0), vec3f(1.0))) * 1023.0));
+    return code.r | (code.g << 10u) | (code.b << 20u);
+}
+
+fn color_of_code(code: u32) -> vec3f {
+    let root = vec3f(vec3u(code, code >> 10u, code >> 20u) & vec3u(1023u)) / 1023.0;
+    return root * root;
+}
+
 fn pack_gbuffer(s: GbufferSurface) -> vec4u {
-    let color = vec3u(round(sqrt(clamp(s.base_color, vec3f(0.0), vec3f(1.0))) * 1023.0));
     return vec4u(
         pack2x16snorm(octahedral_encode(s.normal)),
         pack2x16snorm(octahedral_encode(s.geometric_normal)),
-        color.r | (color.g << 10u) | (color.b << 20u) | s.flags,
+        color_code(s.base_color) | s.flags,
         pack2x16unorm(vec2f(s.roughness, s.metallic)));
 }
 
-fn unpack_gbuffer(texel: vec4u) -> GbufferSurface {
-    let color = vec3f(vec3u(texel.z, texel.z >> 10u, texel.z >> 20u) & vec3u(1023u)) / 1023.0;
+// `layers`: of `shared/gbuffer/layers.wgsl`.
+fn unpack_gbuffer(texel: vec4u, layers: Layers) -> GbufferSurface {
     let material = unpack2x16unorm(texel.w);
     return GbufferSurface(
         octahedral_decode(unpack2x16snorm(texel.x)), octahedral_decode(unpack2x16snorm(texel.y)),
-        color * color, material.y, material.x, texel.z & (GBUFFER_COATED | GBUFFER_UNLIT), no_layers());
+        color_of_code(texel.z), material.y, material.x, texel.z & (GBUFFER_COATED | GBUFFER_UNLIT), layers);
 }
