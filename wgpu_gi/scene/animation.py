@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
+from ..errors import GiError, known_names
 from ..records import KnownAttributes
 from .parts import Instance, Light, Material
 
@@ -100,7 +101,7 @@ class Channel(KnownAttributes):
 class Animation(KnownAttributes):
     """Channels that play together, and what their nodes carry. Treated as immutable once in use.
 
-    Animations of one file share the lists `attachments` and `skeletons`. What the scene no longer holds is not moved.
+    Animations of one file share the lists `attachments` and `skeletons`. Parts that a scene does not hold stay.
     """
 
     name: str = ""
@@ -113,3 +114,21 @@ class Animation(KnownAttributes):
         """Seconds to the last key of all channels."""
         tracks = [t for c in self.channels for t in (c.track, c.factor) if t is not None]
         return max((float(t.times[-1]) for t in tracks), default=0.0)
+
+
+def chosen_animation(animations: list[Animation], choice: str | int | None = None) -> Animation:
+    """Return the animation with a name or an index, also as a text; None is the first. Raises GiError if none fits."""
+    if not animations:
+        raise GiError("the scene has no animation")
+    if choice is None:
+        return animations[0]
+    named = [animation for animation in animations if animation.name == choice]
+    if named:
+        return named[0]
+    index = int(choice) if isinstance(choice, str) and choice.isdecimal() and len(choice) < 9 else choice
+    if isinstance(index, int) and not isinstance(index, bool) and 0 <= index < len(animations):
+        return animations[index]
+    if isinstance(choice, int):
+        raise GiError(f"the scene has no animation {choice!r}; its last is {len(animations) - 1}")
+    names = known_names(str(choice), (animation.name for animation in animations))
+    raise GiError(f"the scene has no animation {str(choice)[:60]!r}; {names}")

@@ -8,30 +8,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..camera import Camera
+from .animated_fields import FIELDS, LIGHTS, fields_of
 from .animation import Animation, Attachment, Channel, Node, Skeleton, Track
+from .parts import Instance
 from .rules import Rule, array, choice, fault_of, instance_of, items, optional, text, vector
-from .scene import DirectionalLight, Instance, Material, PointLight, SpotLight
 
-LIGHTS = (PointLight, SpotLight, DirectionalLight)
-# The values of each path, by the class of the target; None: as many as there are morph targets.
-_LIGHT = {"intensity": 1, "color": 3}
-_POINT = {**_LIGHT, "position": 3, "range": 1}
-WIDTHS: dict[type, dict[str, int | None]] = {
-    Node: {"translation": 3, "rotation": 4, "scale": 3},
-    Instance: {"morph_weights": None},
-    PointLight: {**_POINT},
-    SpotLight: {**_POINT, "direction": 3, "inner_cone_angle": 1, "outer_cone_angle": 1},
-    DirectionalLight: {**_LIGHT, "direction": 3},
-    Camera: {"yfov": 1, "orthographic_height": 1},
-    Material: {
-        "base_color": 4,
-        "metallic": 1,
-        "roughness": 1,
-        "emission": 3,
-        "alpha_cutoff": 1,
-        "normal_scale": 1,
-    },
-}
 _ANIMATION = {
     "name": text,
     "channels": items(Channel),
@@ -39,7 +20,7 @@ _ANIMATION = {
     "skeletons": items(Skeleton),
 }
 _CHANNEL = {
-    "target": instance_of(*WIDTHS),
+    "target": instance_of(*FIELDS),
     "path": text,
     "track": instance_of(Track),
     "factor": optional(instance_of(Track)),
@@ -100,11 +81,11 @@ def _channel_fault(channel: Channel) -> str | None:
     """Return the first fault of a channel."""
     if (fault := fault_of(channel, _CHANNEL)) is not None:
         return fault
-    kind = type(channel.target)
-    widths = next(widths for known, widths in WIDTHS.items() if issubclass(kind, known))
-    if channel.path not in widths:
-        return f"path must be one of {', '.join(map(repr, widths))} for a {kind.__name__}, not {channel.path[:40]!r}"
-    for name, width in (("track", widths[channel.path]), ("factor", 1)):
+    known = fields_of(channel.target)
+    if channel.path not in known:
+        kind, names = type(channel.target).__name__, ", ".join(map(repr, known))
+        return f"path must be one of {names[:400]} for a {kind}, not {channel.path[:40]!r}"
+    for name, width in (("track", known[channel.path].width), ("factor", 1)):
         track = getattr(channel, name)
         if track is not None and (fault := _track_fault(track, width)) is not None:
             return f"{name}.{fault}"

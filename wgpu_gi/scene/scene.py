@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,8 +14,9 @@ from ..camera import Camera
 from ..errors import GiError
 from ..pictures.tables import html_table
 from ..records import KnownAttributes
-from .animation import Animation
+from .animation import Animation, chosen_animation
 from .arrays import mesh_arrays
+from .deformation import is_deformed, posed_positions
 from .parts import (
     DirectionalLight,
     Environment,
@@ -31,7 +34,8 @@ from .parts import (
     Wrap,
     values_of,
 )
-from .rules import shown
+from .posing import Posing, retargeted
+from .rules import is_number, shown
 
 __all__ = [
     "DirectionalLight",
@@ -119,19 +123,36 @@ class Scene(KnownAttributes):
         """Triangles of all instances."""
         return sum(len(i.mesh.triangles) for i in self.instances)
 
+    def at(self, time: float, animation: str | int | None = None) -> Scene:
+        """Return the scene at a time of an animation, in seconds, limited to [0, its duration].
+
+        `animation` is a name or an index; None: the first. What the animation does not move is shared, meshes too.
+        Raises GiError for an unknown animation, and a time that is not finite.
+        """
+        chosen = chosen_animation(self.animations, animation)
+        if not is_number(time) or not math.isfinite(time):
+            raise GiError(f"time must be a finite number of seconds, not {shown(time)}")
+        posed, posing = copy(self), Posing(chosen)
+        posing.take_over(self, posed)
+        posing.write(min(max(float(time), 0.0), chosen.duration))
+        posed.animations = [retargeted(one, posing) for one in self.animations]
+        return posed
+
     def bounds(self) -> NDArray[np.float64]:
-        """Return the world-space box of all instances, (2, 3): lower and upper corner; zeros if there is none."""
+        """Return the world-space box of all instances in their poses, (2, 3): lower and upper corner; zeros without."""
         boxes: dict[int, NDArray[np.float64]] = {}  # the corners of each mesh
         corners = []
         for instance in self.instances:
             mesh = instance.mesh
             if len(mesh.positions) == 0:
                 continue
-            if id(mesh) not in boxes:
+            local = posed_positions(instance) if is_deformed(instance) else boxes.get(id(mesh))
+            if local is None:
                 ends = mesh.positions.min(0), mesh.positions.max(0)
-                boxes[id(mesh)] = np.array([[ends[(k >> a) & 1][a] for a in range(3)] for k in range(8)], np.float64)
+                local = np.array([[ends[(k >> a) & 1][a] for a in range(3)] for k in range(8)], np.float64)
+                boxes[id(mesh)] = local
             matrix = np.asarray(instance.world_from_local, np.float64)
-            corners.append(boxes[id(mesh)] @ matrix[:3, :3].T + matrix[:3, 3])
+            corners.append(local @ matrix[:3, :3].T + matrix[:3, 3])
         if not corners:
             return np.zeros((2, 3))
         points = np.concatenate(corners)
@@ -170,4 +191,12 @@ class Scene(KnownAttributes):
             "emissive materials": str(sum(max(material.emission) > 0 for material in self.materials)),
             "environment": "none" if self.environment is None else self.environment.name or "yes",
             "cameras": ", ".join(cameras[:MOST_NAMES]) + more or "none",
+            **({"animations": _listed(self.animations)} if self.animations else {}),
         }
+
+
+def _listed(animations: list[Animation]) -> str:
+    """Return the names and durations of animations."""
+    texts = [f"{a.name or 'unnamed'} {a.duration:.4g} s" for a in animations[:MOST_NAMES]]
+    more = f" and {len(animations) - MOST_NAMES} more" if len(animations) > MOST_NAMES else ""
+    return ", ".join(texts) + more

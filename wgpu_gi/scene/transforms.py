@@ -1,4 +1,4 @@
-"""Repairs transforms of files for the renderer: flat ones become invertible, those of cameras rigid."""
+"""Rotations from quaternions, and repairs of transforms: flat ones become invertible, those of cameras rigid."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ Matrix = NDArray[np.float64]
 _FLAT = 1e-7  # ratio of a matrix's singular values below which float32 cannot invert it
 _RIGID = 1e-14  # error of the products of a rotation's axes: some roundings of float64
 _NOTHING = 1e-18  # scale at which anything is invisible
+_TINY = 1e-9  # scale of what an animation hides by a scale of zero: float32 inverts it
 
 
 def invertible(matrix: Matrix) -> Matrix | None:
@@ -25,6 +26,31 @@ def invertible(matrix: Matrix) -> Matrix | None:
     thick = matrix.copy()
     thick[:3, :3] = left @ np.diag([scales[0], scales[1], 10 * _FLAT * scales[0]]) @ right
     return thick
+
+
+def visible(matrix: Matrix) -> Matrix:
+    """Return `matrix`, or one that is invertible and as thin or small as nobody sees, where it scales to zero."""
+    thick = invertible(matrix)
+    if thick is not None:
+        return thick
+    left, scales, right = np.linalg.svd(matrix[:3, :3])
+    thick = matrix.copy()
+    thick[:3, :3] = left @ np.diag(np.maximum(scales, max(10 * _FLAT * scales[0], _TINY))) @ right
+    return thick
+
+
+def rotation_matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrices (n, 3, 3) of finite quaternions (n, 4), x y z w, made unit length; zeros turn nothing."""
+    # Dividing by the largest entry first keeps the squares from overflowing.
+    largest = np.abs(quaternions).max(axis=1, keepdims=True)
+    unit = np.where(largest > 0.0, quaternions / np.where(largest > 0.0, largest, 1.0), (0.0, 0.0, 0.0, 1.0))
+    x, y, z, w = (unit / np.linalg.norm(unit, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1)
 
 
 def rigid(matrix: Matrix) -> Matrix | None:

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...float_limits import MAX_COORDINATE
+from ..transforms import rotation_matrices
 from .accessors import Accessors
 from .document import Document
 from .json_object import Damage, JsonObject
-from .nodes import rotation_matrices
 
 _WIDTHS = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
 _BYTES = 1024  # of an instance: its matrix and Python objects

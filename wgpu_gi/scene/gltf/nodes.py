@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...float_limits import MAX_COORDINATE
+from ..transforms import rotation_matrices
 from .document import Document
 from .json_object import JsonObject
 
@@ -159,17 +160,3 @@ def _rotation_matrix(node: JsonObject) -> Matrix:
     if not quaternion.any():
         node.damage("rotation is the zero quaternion; it was ignored")
     return rotation_matrices(quaternion[None])[0]
-
-
-def rotation_matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the matrices (n, 3, 3) of finite quaternions (n, 4), x y z w, made unit length; zeros turn nothing."""
-    # Dividing by the largest entry first keeps the squares from overflowing.
-    largest = np.abs(quaternions).max(axis=1, keepdims=True)
-    unit = np.where(largest > 0.0, quaternions / np.where(largest > 0.0, largest, 1.0), (0.0, 0.0, 0.0, 1.0))
-    x, y, z, w = (unit / np.linalg.norm(unit, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)
