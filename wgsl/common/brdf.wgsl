@@ -1,171 +1,286 @@
-// glTF metallic-roughness BRDF: Lambert under a GGX coat, conserving energy, and its sampling.
+// A layered material and its sampling: clear coat over sheen over the base, each taking its light from what is below.
 //
-//   f = F D V + F_ms M(w_i) M(w_o) / (pi <M>) + (1 - m) c T(w_i) T(w_o) / (pi <T>),  F = F0 + (1 - F0)(1 - v.h)^5
-// F D V is glTF's specular term (appendix B.3): GGX, height-correlated Smith (Heitz 2014, eq. 99), F0 = mix(0.04, c, m).
-// It scatters once. What a metal's microfacets scatter again, M, adds the second term (Kulla and Conty 2017,
-// "Revisiting Physically Based Shading at Imageworks"), F_ms = m <F>^2 (1 - <M>) / (1 - <F> <M>), <F> = (20 c + 1) / 21.
-// The base gets what a dielectric's coat transmits, T, on the way in and out (Kelemen and Szirmay-Kalos 2001), as
-// appendix B.2 mixes dielectric and metal; the approximation in B.3.5 takes 1 - F of the mixture instead. M and T:
-// `common/coat_albedo.wgsl`; <> are their means. Reciprocal; a white surface reflects 1 at every roughness and
-// metalness, other ones less; errs by the fits, at most 0.25 %. All directions are in the local frame, normal +Z.
-#import "common/math.wgsl"
+//   f = f_clearcoat + c(w_i, w_o) (f_sheen + s(w_i, w_o) f_base)
+// `common/{clearcoat,sheen,base,transmission}.wgsl` have the lobes; c and s are min(share that passes from w_i, from w_o),
+// so f is reciprocal and reflects at most 1. A surface that transmits has the same layers on both sides. Lobes that the
+// scene lacks are compiled out. All directions are in the local frame, normal +Z, w_o above the surface.
+#import "common/base.wgsl"
+#import "common/transmission.wgsl"
+#import "common/sheen.wgsl"
 #import "common/sampling.wgsl"
-#import "common/coat_albedo.wgsl"
-
-// Below this GGX alpha the lobe is narrower than float32 half vectors resolve (roughness 0.032).
-const MIN_ALPHA: f32 = 0.001;
-
-struct Brdf {
-    diffuse: vec3f,   // albedo of the Lambert part, (1 - metallic) base_color
-    alpha: f32,       // GGX width, roughness squared
-    f0: vec3f,        // reflectance at normal incidence
-    glossy: bool,     // false: pure Lambert, no coat
-    multiple: vec3f,  // F_ms, of light that the coat scatters more than once
-    fit: CoatFit,     // of the coat's directional albedo
-}
 
 struct BrdfSample {
     w_i: vec3f,
-    weight: vec3f,  // f_r cos / pdf
+    weight: vec3f,  // f_r |cos| / pdf
     pdf: f32,       // 1/sr; 0: the sample is invalid
 }
 
-fn brdf_metallic_roughness(base_color: vec3f, metallic: f32, roughness: f32) -> Brdf {
-    let alpha = max(roughness * roughness, MIN_ALPHA);
-    let fit = fit_coat(alpha);
-    // Schlick's formula has a cosine-weighted hemispherical mean of (20 F0 + 1) / 21.
-    let fresnel = (20.0 * base_color + 1.0) / 21.0;
-    let multiple = fresnel * fresnel * (metallic * (1.0 - fit.mean_missing)) / (1.0 - fresnel * fit.mean_missing);
-    return Brdf(
-        base_color * (1.0 - metallic), alpha, mix(vec3f(DIELECTRIC_F0), base_color, metallic), true, multiple, fit);
+// Returns the BRDF of a material seen from one side. `normal`: shading, unit, world space, facing the viewer; `outside`:
+// the viewer is on the counter-clockwise side, outside a solid.
+fn brdf_of(
+    base_color: vec3f, metallic: f32, roughness: f32, layers: Layers, normal: vec3f, outside: bool
+) -> Brdf {
+    var b = brdf_metallic_roughness(base_color, metallic, roughness);
+    let frame = frame_from_normal(normal);
+    let is_solid = HAS_VOLUMES && layers.thickness > 0.0 && layers.transmission > 0.0;
+    let has_interface = abs(layers.ior - 1.0) > LEAST_CONTRAST;
+    if (HAS_SPECULAR) {
+        // Equal media have no interface; an opaque dielectric keeps the grazing reflection that Khronos gives it.
+        let seen = select(1.0, 0.0, is_solid && !has_interface);
+        b.f0 = mix(layers.f0 * seen, base_color, metallic);
+        b.f90 = mix(layers.f90 * seen, 1.0, metallic);
+        b.fit = fit_of_dielectric(b.fit, max3(layers.f0) * seen, layers.f90 * seen);
+    }
+    if (HAS_ANISOTROPY && layers.anisotropy > 0.0) {
+        let across = b.alpha;
+        let along = mix(across, 1.0, layers.anisotropy * layers.anisotropy);
+        b.alpha = sqrt(along * across);
+        b.stretch = sqrt(along / across);
+        let tangent = (layers.tangent * frame).xy;
+        b.tangent = normalize_or(vec3f(tangent, 0.0), vec3f(1.0, 0.0, 0.0)).xy;
+    }
+    if (HAS_CLEARCOAT && layers.clearcoat > 0.0) {
+        b.clearcoat = clearcoat_of(layers.clearcoat, layers.clearcoat_roughness, layers.clearcoat_normal * frame);
+    }
+    if (HAS_SHEEN) {
+        b.sheen = layers.sheen;
+        let sheen_roughness = clamp(layers.sheen_roughness, MIN_SHEEN_ROUGHNESS, 1.0);
+        b.sheen_alpha = sheen_roughness * sheen_roughness;
+    }
+    if (HAS_TRANSMISSION) {
+        b.transmitted = base_color * (layers.transmission * (1.0 - metallic));
+        b.diffuse *= 1.0 - layers.transmission;
+        if (is_solid && has_interface) {
+            b.eta = select(1.0 / layers.ior, layers.ior, outside);
+            // Light inside a solid does not meet the matte share of its surface.
+            b.diffuse *= select(0.0, 1.0, outside);
+        }
+        // Khronos' viewer: a wall whose media hardly differ spreads light less.
+        let spread = saturate(2.0 * layers.ior - 2.0);
+        b.transmitted_alpha = max(b.alpha * spread, MIN_ALPHA * b.stretch);
+        b.transmitted_fit = fit_of_dielectric(fit_coat(b.transmitted_alpha), b.fit.f0, b.fit.f90);
+    }
+    return b;
 }
 
-fn brdf_lambert(albedo: vec3f) -> Brdf {
-    return Brdf(albedo, 1.0, vec3f(0.0), false, vec3f(0.0), no_coat());
+// Returns a BRDF in another frame; `behind`: that of a viewer on the other side, for what passes to this one.
+fn turned_brdf(b: Brdf, from_frame: mat3x3f, to_frame: mat3x3f, behind: bool) -> Brdf {
+    var turned = b;
+    let tangent = from_frame * vec3f(b.tangent, 0.0) * to_frame;
+    turned.tangent = normalize_or(vec3f(tangent.xy, 0.0), vec3f(1.0, 0.0, 0.0)).xy;
+    let normal = from_frame * b.clearcoat.normal * to_frame;
+    turned.clearcoat.normal = select(normal, -normal, behind);
+    turned.eta = select(b.eta, 1.0 / b.eta, behind && b.eta > 0.0);
+    return turned;
 }
 
-fn fresnel_schlick(f0: vec3f, cosine: f32) -> vec3f {
-    let m = clamp(1.0 - cosine, 0.0, 1.0);
-    let m2 = m * m;
-    return f0 + (1.0 - f0) * (m2 * m2 * m);
+// Returns the lobes that reflect light off the surface: neither the matte base nor what passes to the other side.
+fn coat_of(b: Brdf) -> Brdf {
+    var coat = b;
+    coat.diffuse = vec3f(0.0);
+    coat.transmitted = vec3f(0.0);
+    return coat;
 }
 
-fn ggx_distribution(alpha: f32, cos_h: f32) -> f32 {
-    // (1 - cos^2) + alpha^2 cos^2 instead of cos^2 (alpha^2 - 1) + 1: exact near the peak of narrow lobes.
-    let a2 = alpha * alpha;
-    let t = max(1.0 - cos_h * cos_h, 0.0) + a2 * cos_h * cos_h;
-    return a2 / max(PI * t * t, 1e-30);
+// Returns the GGX width of the narrowest lobe that reflects.
+fn lobe_width(b: Brdf) -> f32 {
+    let axes = lobe_axes(b, b.alpha);
+    let base = min(axes.x, axes.y);
+    return select(base, min(base, b.clearcoat.alpha), HAS_CLEARCOAT && b.clearcoat.share > 0.0);
 }
 
-// Returns G2 / (4 cos_i cos_o), height-correlated.
-fn smith_visibility(alpha: f32, cos_i: f32, cos_o: f32) -> f32 {
-    let a2 = alpha * alpha;
-    let o = cos_i * sqrt(cos_o * cos_o * (1.0 - a2) + a2);
-    let i = cos_o * sqrt(cos_i * cos_i * (1.0 - a2) + a2);
-    return 0.5 / max(i + o, 1e-30);
+// Returns about the share of light that the layers above the base let through one way, a mean over the hemisphere.
+fn layers_pass(b: Brdf) -> f32 {
+    var passes = 1.0;
+    if (HAS_CLEARCOAT) {
+        passes -= b.clearcoat.share * (1.0 - b.clearcoat.fit.mean_transmitted);
+    }
+    if (HAS_SHEEN) {
+        passes *= 1.0 - max3(b.sheen) * mean_sheen_albedo(b.sheen_alpha);
+    }
+    return passes;
 }
 
-// Returns the density of visible normals reflected into w_i, 1/sr (Heitz 2018, eq. 17): G1(w_o) D / (4 cos_o).
-fn ggx_pdf(alpha: f32, cos_h: f32, cos_o: f32) -> f32 {
-    let a2 = alpha * alpha;
-    let g1_over_2cos = 1.0 / (cos_o + sqrt(a2 + (1.0 - a2) * cos_o * cos_o));
-    return 0.5 * g1_over_2cos * ggx_distribution(alpha, cos_h);
+// The layers above the base.
+struct Above {
+    f: vec3f,     // their own lobes, 1/sr
+    passes: f32,  // share that the base gets
 }
 
-// Returns the share of light that the coat transmits to the base on its way in and out: T(w_i) T(w_o) / <T>.
-fn transmitted_share(b: Brdf, i: CoatLoss, o: CoatLoss) -> f32 {
-    return i.transmitted * o.transmitted / b.fit.mean_transmitted;
+fn layers_above(b: Brdf, w_o: vec3f, w_i: vec3f) -> Above {
+    var above = Above(vec3f(0.0), 1.0);
+    if (HAS_CLEARCOAT && b.clearcoat.share > 0.0) {
+        if (w_i.z > 0.0) {
+            above.f = vec3f(evaluate_clearcoat(b.clearcoat, w_o, w_i).x);
+        }
+        above.passes = min(clearcoat_passes(b.clearcoat, w_o), clearcoat_passes(b.clearcoat, w_i));
+    }
+    if (HAS_SHEEN && max3(b.sheen) > 0.0) {
+        if (w_i.z > 0.0) {
+            above.f += above.passes * evaluate_sheen(b.sheen, b.sheen_alpha, w_o, w_i);
+        }
+        above.passes *= min(
+            sheen_passes(b.sheen, b.sheen_alpha, w_o.z), sheen_passes(b.sheen, b.sheen_alpha, abs(w_i.z)));
+    }
+    return above;
 }
 
-// Returns f_r of light that the coat scatters more than once, 1/sr.
-fn multiple_scattering(b: Brdf, i: CoatLoss, o: CoatLoss) -> vec3f {
-    return b.multiple * (INV_PI * i.missing * o.missing / b.fit.mean_missing);
-}
-
-// Returns the density by which multiple scattering is sampled, 1/sr: cos / (cos^2 + alpha^2), close to its M cos.
-fn multiple_pdf(alpha: f32, cosine: f32) -> f32 {
-    let a2 = alpha * alpha;
-    return INV_PI * cosine / ((cosine * cosine + a2) * log(1.0 + 1.0 / a2));
-}
-
-// Probabilities of the lobes that samples are drawn from; that of multiple scattering is the rest.
-struct LobeShares {
-    single: f32,
-    base: f32,
-}
-
-// Returns shares in proportion to the lobes' reflectance.
-fn lobe_shares(b: Brdf, cos_o: f32, o: CoatLoss) -> LobeShares {
-    let single = luminance(fresnel_schlick(b.f0, cos_o)) * (1.0 - o.missing);
-    let base = luminance(b.diffuse) * o.transmitted;
-    let multiple = luminance(b.multiple) * o.missing;
-    // A coat over a base gets at least a quarter and at most three, so neither starves where the estimate is off.
-    let share = clamp(single / max(single + base + multiple, 1e-30), 0.25, select(1.0, 0.75, base > 0.0));
-    return LobeShares(share, (1.0 - share) * select(0.0, base / max(base + multiple, 1e-30), base > 0.0));
-}
-
-// Returns f_r, 1/sr; zero if either direction is below the surface. `o`: the coat's loss towards w_o.
+// Returns f, 1/sr; zero if w_o is below the surface, or w_i and nothing passes. `o`: the base's loss towards w_o.
 fn scattered(b: Brdf, w_o: vec3f, o: CoatLoss, w_i: vec3f) -> vec3f {
+    if (HAS_TRANSMISSION && w_i.z < 0.0 && w_o.z > 0.0 && max3(b.transmitted) > 0.0) {
+        let above = layers_above(b, w_o, w_i);
+        if (HAS_VOLUMES && b.eta > 0.0) {
+            return above.passes * solid_passes(b, w_o, w_i).f;
+        }
+        return above.passes * thin_passes(b, w_o, w_i).f;
+    }
     if (w_i.z <= 0.0 || w_o.z <= 0.0) {
         return vec3f(0.0);
     }
     if (!b.glossy) {
         return b.diffuse * INV_PI;
     }
-    let i = coat_loss(b.fit, b.alpha, w_i.z);
-    let h = normalize(w_i + w_o);
-    let lobe = ggx_distribution(b.alpha, h.z) * smith_visibility(b.alpha, w_i.z, w_o.z);
-    let glossy = fresnel_schlick(b.f0, dot(w_i, h)) * lobe + multiple_scattering(b, i, o);
-    return b.diffuse * (INV_PI * transmitted_share(b, i, o)) + glossy;
+    let f = base_reflects(b, w_o, o, w_i);
+    if (HAS_CLEARCOAT || HAS_SHEEN) {
+        let above = layers_above(b, w_o, w_i);
+        return above.f + above.passes * f;
+    }
+    return f;
 }
 
-// Returns (f_r, pdf of sample_brdf in w); zero if either direction is below the surface.
-fn evaluate_brdf(b: Brdf, w_o: vec3f, w_i: vec3f) -> vec4f {
-    if (w_i.z <= 0.0 || w_o.z <= 0.0) {
-        return vec4f(0.0);
+// Probabilities of the lobes beside the base's reflection, which is the rest.
+struct LayerShares {
+    clearcoat: f32,
+    sheen: f32,
+    thin: f32,  // transmission through a thin wall
+}
+
+// Returns shares in proportion to the lobes' reflectance; a clear coat gets at least a fifth.
+fn layer_shares(b: Brdf, w_o: vec3f, o: CoatLoss) -> LayerShares {
+    let passed = select(0.0, luminance(b.transmitted) * o.transmitted, HAS_TRANSMISSION && b.eta == 0.0);
+    var base = luminance(fresnel_of(b, w_o.z)) * (1.0 - o.missing) + luminance(b.diffuse) * o.transmitted
+        + luminance(b.multiple) * o.missing;
+    if (HAS_VOLUMES && b.eta > 0.0) {
+        base += luminance(b.transmitted) * unreflected(b, w_o.z) * (1.0 - o.missing);
     }
-    let cosine_pdf = w_i.z * INV_PI;
-    if (!b.glossy) {
-        return vec4f(b.diffuse * INV_PI, cosine_pdf);
+    var sheen = 0.0;
+    var left = 1.0;
+    if (HAS_SHEEN && max3(b.sheen) > 0.0) {
+        sheen = luminance(b.sheen) * min(sheen_albedo(b.sheen_alpha, w_o.z), 1.0);
+        left = sheen_passes(b.sheen, b.sheen_alpha, w_o.z);
     }
-    let o = coat_loss(b.fit, b.alpha, w_o.z);
+    let below = sheen + left * (base + passed);
+    var shares = LayerShares(0.0, 0.0, 0.0);
+    if (HAS_CLEARCOAT && b.clearcoat.share > 0.0 && dot(b.clearcoat.normal, w_o) > 0.0) {
+        let passes = clearcoat_passes(b.clearcoat, w_o);
+        shares.clearcoat = clamp((1.0 - passes) / max(1.0 - passes + passes * below, 1e-30), 0.2, 1.0);
+    }
+    let rest = (1.0 - shares.clearcoat) / max(below, 1e-30);
+    shares.sheen = rest * sheen;
+    shares.thin = rest * left * passed;
+    return shares;
+}
+
+// Returns the density of sample_brdf's base in w_i above the surface.
+fn base_pdf(b: Brdf, w_o: vec3f, o: CoatLoss, w_i: vec3f) -> f32 {
     let h = normalize(w_i + w_o);
     let shares = lobe_shares(b, w_o.z, o);
-    let pdf = shares.single * ggx_pdf(b.alpha, h.z, w_o.z) + shares.base * cosine_pdf
+    var single = shares.single;
+    if (HAS_VOLUMES && b.eta > 0.0) {
+        single *= reflection_chance(b, dot(w_o, h));
+    }
+    return single * lobe_pdf(b, b.alpha, w_o, h) + shares.base * (w_i.z * INV_PI)
         + (1.0 - shares.single - shares.base) * multiple_pdf(b.alpha, w_i.z);
-    return vec4f(scattered(b, w_o, o, w_i), pdf);
 }
 
-// Draws w_i with a density close to f_r cos; `choice` in [0, 1) picks the lobe.
+// Returns the density of sample_brdf in w_i, 1/sr.
+fn brdf_pdf(b: Brdf, w_o: vec3f, o: CoatLoss, w_i: vec3f) -> f32 {
+    var layers = LayerShares(0.0, 0.0, 0.0);
+    if (HAS_CLEARCOAT || HAS_SHEEN || HAS_TRANSMISSION) {
+        layers = layer_shares(b, w_o, o);
+    }
+    let rest = max(1.0 - layers.clearcoat - layers.sheen - layers.thin, 0.0);
+    if (HAS_TRANSMISSION && w_i.z < 0.0) {
+        if (HAS_VOLUMES && b.eta > 0.0) {
+            return rest * lobe_shares(b, w_o.z, o).single * solid_passes(b, w_o, w_i).pdf;
+        }
+        return layers.thin * thin_passes(b, w_o, w_i).pdf;
+    }
+    var pdf = rest * base_pdf(b, w_o, o, w_i);
+    if (HAS_CLEARCOAT && layers.clearcoat > 0.0) {
+        pdf += layers.clearcoat * evaluate_clearcoat(b.clearcoat, w_o, w_i).y;
+    }
+    if (HAS_SHEEN) {
+        pdf += layers.sheen * sheen_pdf(b.sheen_alpha, w_i.z);
+    }
+    return pdf;
+}
+
+// Returns (f, pdf of sample_brdf in w_i); zero where scattered() is.
+fn evaluate_brdf(b: Brdf, w_o: vec3f, w_i: vec3f) -> vec4f {
+    let passes = HAS_TRANSMISSION && w_i.z < 0.0 && max3(b.transmitted) > 0.0;
+    if ((w_i.z <= 0.0 && !passes) || w_o.z <= 0.0) {
+        return vec4f(0.0);
+    }
+    if (!b.glossy) {
+        return vec4f(b.diffuse * INV_PI, w_i.z * INV_PI);
+    }
+    let o = coat_loss(b.fit, b.alpha, w_o.z);
+    return vec4f(scattered(b, w_o, o, w_i), brdf_pdf(b, w_o, o, w_i));
+}
+
+// Returns a reflected direction; zero if it is below a surface where it would count as transmitted.
+fn kept_above(b: Brdf, w_i: vec3f) -> vec3f {
+    return select(w_i, vec3f(0.0), HAS_TRANSMISSION && w_i.z <= 0.0 && max3(b.transmitted) > 0.0);
+}
+
+// Draws a direction from the base's lobes, `choice` in [0, 1). Zero: lost.
+fn sample_base(b: Brdf, w_o: vec3f, o: CoatLoss, u: vec2f, choice: f32) -> vec3f {
+    let shares = lobe_shares(b, w_o.z, o);
+    if (choice < shares.single) {
+        let h = sample_lobe_normal(b, b.alpha, w_o, u);
+        if (HAS_VOLUMES && b.eta > 0.0 && choice >= shares.single * reflection_chance(b, dot(w_o, h))) {
+            let w_i = refracted(b.eta, w_o, h);
+            return select(w_i, vec3f(0.0), w_i.z >= 0.0);
+        }
+        return kept_above(b, reflect(-w_o, h));
+    }
+    if (choice < shares.single + shares.base) {
+        return sample_cosine_hemisphere(u);
+    }
+    return sample_multiple(b.alpha, u);
+}
+
+// Draws w_i with a density close to f |cos|; `choice` in [0, 1) picks the lobe.
 fn sample_brdf(b: Brdf, w_o: vec3f, u: vec2f, choice: f32) -> BrdfSample {
     if (!b.glossy) {
         let w = sample_cosine_hemisphere(u);
         return BrdfSample(w, b.diffuse, w.z * INV_PI);
     }
+    let o = coat_loss(b.fit, b.alpha, w_o.z);
     var w_i: vec3f;
-    let shares = lobe_shares(b, w_o.z, coat_loss(b.fit, b.alpha, w_o.z));
-    if (choice < shares.single) {
-        // Sample a visible normal by a spherical cap (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with
-        // Spherical Caps").
-        let stretched = normalize(vec3f(b.alpha * w_o.xy, w_o.z));
-        let z = fma(1.0 - u.x, 1.0 + stretched.z, -stretched.z);
-        let sine = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
-        let phi = TWO_PI * u.y;
-        let cap = vec3f(sine * cos(phi), sine * sin(phi), z) + stretched;
-        let h = normalize(vec3f(b.alpha * cap.xy, max(cap.z, 1e-7)));
-        w_i = reflect(-w_o, h);
-    } else if (choice < shares.single + shares.base) {
-        w_i = sample_cosine_hemisphere(u);
+    var left = choice;
+    var layers = LayerShares(0.0, 0.0, 0.0);
+    if (HAS_CLEARCOAT || HAS_SHEEN || HAS_TRANSMISSION) {
+        layers = layer_shares(b, w_o, o);
+    }
+    let above = layers.clearcoat + layers.sheen;
+    if (HAS_CLEARCOAT && choice < layers.clearcoat) {
+        w_i = kept_above(b, sample_clearcoat(b.clearcoat, w_o, u));
+    } else if (HAS_SHEEN && choice < above) {
+        w_i = sample_sheen(b.sheen_alpha, u);
+    } else if (HAS_TRANSMISSION && choice < above + layers.thin) {
+        w_i = sample_thin(b, w_o, u, saturate((choice - above) / layers.thin));
+        w_i = select(w_i, vec3f(0.0), w_i.z >= 0.0);
     } else {
-        // Invert the distribution of multiple_pdf, log(1 + cos^2 / alpha^2) / log(1 + 1 / alpha^2).
-        let a2 = b.alpha * b.alpha;
-        let squared = min(a2 * (exp(u.x * log(1.0 + 1.0 / a2)) - 1.0), 1.0);
-        let sine = sqrt(1.0 - squared);
-        w_i = vec3f(sine * cos(TWO_PI * u.y), sine * sin(TWO_PI * u.y), sqrt(max(squared, 0.0)));
+        if (HAS_CLEARCOAT || HAS_SHEEN || HAS_TRANSMISSION) {
+            left = (choice - above - layers.thin) / max(1.0 - above - layers.thin, 1e-30);
+        }
+        w_i = sample_base(b, w_o, o, u, left);
     }
     let f = evaluate_brdf(b, w_o, w_i);
     if (f.w <= 0.0) {
         return BrdfSample(w_i, vec3f(0.0), 0.0);
     }
-    return BrdfSample(w_i, f.rgb * (w_i.z / f.w), f.w);
+    return BrdfSample(w_i, f.rgb * (abs(w_i.z) / f.w), f.w);
 }

@@ -1,12 +1,14 @@
 // Directional albedos of the GGX coat, as fits over the cosine mu and alpha: what one scattering loses.
 //
 //   M(mu) = 1 - integral D V cos_i dw,         of a coat that absorbs nothing (F = 1): light that microfacets scatter again
-//   T(mu) = 1 - integral F D V cos_i dw,       F0 = 0.04: light that a dielectric coat transmits to its base
+//   T(mu) = 1 - integral F D V cos_i dw,       light that a dielectric coat transmits to its base, F0 = 0.04 and F90 = 1
 // Fits instead of a table: they need no binding, and their cosine-weighted means over the hemisphere are known.
 //   M = t (p0 + p1 mu) / (1 + q1 t + q2 t^2 + q3 t^3), t = mu / alpha
 //   T = 1 - (1 - M) (0.04 + 0.96 (1 - g)^5), g = g0 + g1 mu + g2 s + g3 alpha / s, s^2 = alpha^2 + (1 - alpha^2) mu^2
-// with coefficients that are polynomials of the roughness. `tools/fit_coat_albedo.py` finds them. Against quadrature, M
+// with coefficients that are polynomials of the roughness. T is linear in F0 and F90, so other dielectrics (HAS_SPECULAR)
+// follow: T = 1 - (1 - M) (F0 + (F90 - F0) (1 - g)^5). `tools/fit_coat_albedo.py` finds them. Against quadrature, M
 // errs by at most 0.0019 and T by 0.0022; with the errors of the means, a white furnace errs by at most 0.25 %.
+#import "common/layers.wgsl"
 
 // Reflectance of dielectrics at normal incidence (glTF 2.0, appendix B.2.1: index of refraction 1.5).
 const DIELECTRIC_F0: f32 = 0.04;
@@ -18,6 +20,8 @@ struct CoatFit {
     fresnel_cosine: vec4f,    // g0 .. g3
     mean_missing: f32,        // 2 integral M mu dmu
     mean_transmitted: f32,    // 2 integral T mu dmu
+    f0: f32,                  // of the dielectric, at normal and at grazing incidence
+    f90: f32,
 }
 
 // M and T at one cosine.
@@ -27,7 +31,7 @@ struct CoatLoss {
 }
 
 fn no_coat() -> CoatFit {
-    return CoatFit(vec4f(0.0), 0.0, vec4f(0.0), 1.0, 1.0);
+    return CoatFit(vec4f(0.0), 0.0, vec4f(0.0), 1.0, 1.0, DIELECTRIC_F0, 1.0);
 }
 
 fn fit_coat(alpha: f32) -> CoatFit {
@@ -47,7 +51,20 @@ fn fit_coat(alpha: f32) -> CoatFit {
     g = g * r + vec4f(0.0004915503, -1.330395, 2.320657, -0.002557424);
     let mean_factor = ((0.4829435 * r - 0.5678726) * r + 0.1740635) * r + 0.5012265 - 1.375024 * log2(r);
     let mean_transmitted = (((0.1794542 * r - 0.4961548) * r + 0.4352644) * r - 0.0526072) * r + 0.915395;
-    return CoatFit(m, slope, g, alpha * alpha * mean_factor, mean_transmitted);
+    return CoatFit(m, slope, g, alpha * alpha * mean_factor, mean_transmitted, DIELECTRIC_F0, 1.0);
+}
+
+// Returns the fit of a dielectric of other reflectances. The mean of (1 - M) (1 - g)^5 follows from that of T.
+fn fit_of_dielectric(plain: CoatFit, f0: f32, f90: f32) -> CoatFit {
+    var fit = plain;
+    let reflected = 1.0 - plain.mean_missing;
+    let grazing = (1.0 - plain.mean_transmitted - DIELECTRIC_F0 * reflected) / (1.0 - DIELECTRIC_F0);
+    // M + (1 - M)(1 - F0) instead of 1 - (1 - M) F0 keeps the digits of what a mirror transmits.
+    let transmitted = plain.mean_missing + reflected * (1.0 - f0) - (f90 - f0) * grazing;
+    fit.mean_transmitted = clamp(transmitted, 1e-6, 1.0);
+    fit.f0 = f0;
+    fit.f90 = f90;
+    return fit;
 }
 
 // Cosines are clamped to 0 to 1: beyond it the fits have no bounds.
@@ -62,6 +79,10 @@ fn coat_loss(fit: CoatFit, alpha: f32, cosine: f32) -> CoatLoss {
     let inverse = inverseSqrt(s2);
     let past = 1.0 - dot(fit.fresnel_cosine, vec4f(1.0, mu, s2 * inverse, alpha * inverse));
     let past2 = past * past;
+    if (HAS_SPECULAR) {
+        let reflected = fit.f0 + (fit.f90 - fit.f0) * (past2 * past2 * past);
+        return CoatLoss(missing, missing + (1.0 - missing) * saturate(1.0 - reflected));
+    }
     let reflected = DIELECTRIC_F0 + (1.0 - DIELECTRIC_F0) * (past2 * past2 * past);
     return CoatLoss(missing, 1.0 - (1.0 - missing) * reflected);
 }

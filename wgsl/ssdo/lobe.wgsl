@@ -21,13 +21,6 @@ fn coat_towards(brdf: Brdf, normal: vec3f, to_eye: vec3f, direction: vec3f) -> v
     return PI * evaluate_brdf(coat_of(brdf), to_eye * frame, direction * frame).rgb;
 }
 
-// Returns a surface's BRDF without the base.
-fn coat_of(brdf: Brdf) -> Brdf {
-    var coat = brdf;
-    coat.diffuse = vec3f(0.0);
-    return coat;
-}
-
 // Draws direction `number` from a coat; `frame`: axes about the shading normal.
 fn sample_lobe(brdf: Brdf, frame: mat3x3f, to_eye: vec3f, number: u32, seed: u32) -> vec3f {
     let u = sobol_2d(number, seed ^ LOBE_SEED);

@@ -24,7 +24,7 @@ struct Sent {
 // Draws a direction from the lobe.
 fn send_by_lobe(v: Vpl, u: vec2f) -> Sent {
     let alpha = max(v.lobe.roughness * v.lobe.roughness, MIN_ALPHA);
-    let coat = Brdf(vec3f(0.0), alpha, v.lobe.f0, true, vec3f(0.0), no_coat());
+    let coat = brdf_lobe(alpha, v.lobe.f0);
     let frame = frame_from_normal(v.lobe.normal);
     let drawn = sample_brdf(coat, v.lobe.to_light * frame, u, 0.0);
     let direction = frame * drawn.w_i;
