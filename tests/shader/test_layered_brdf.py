@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.gltf_brdf import gltf_brdf
 from helpers.statistics import chi_square_z
 
 from wgpu_gi.measure.wgsl_evaluator import Evaluator

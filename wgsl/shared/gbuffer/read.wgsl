@@ -14,8 +14,15 @@ fn load_surface(pixel: vec2u) -> GbufferSurface {
     return s;
 }
 
+// Returns the BRDF without what passes to the other side.
 fn gbuffer_brdf(s: GbufferSurface) -> Brdf {
     if (HAS_COATS && (s.flags & GBUFFER_COATED) != 0u) {
+        if (HAS_LAYERS) {
+            var b = brdf_of(s.base_color, s.metallic, s.roughness, s.layers, s.normal, true);
+            b.transmitted = vec3f(0.0);
+            b.eta = 0.0;
+            return b;
+        }
         return brdf_metallic_roughness(s.base_color, s.metallic, s.roughness);
     }
     return brdf_lambert(s.base_color);
