@@ -12,7 +12,7 @@ from wgpu_gi.scene.built_in.shapes import grid
 from wgpu_gi.scene.scene import Image, Instance, Material, Scene, Texture
 from wgpu_gi.upload.mip_levels import mip_levels
 
-BASE_COLOR, NORMAL = 0, 3
+BASE_COLOR, NORMAL = "BASE_COLOR_SLOT", "NORMAL_SLOT"
 SURFACE = "scene/surface.wgsl"
 
 
@@ -24,7 +24,7 @@ def evaluate(tmp_path):
 def read(evaluate, scene, slot, uv, x, y, most=1.0, material=1):
     """Return the filtered texture at `uv` over parallelograms of sides `x` and `y`."""
     footprint = f"UvFootprint(vec4f(x(i), 0.0, 0.0), vec4f(y(i), 0.0, 0.0), {most:f})"
-    call = f"read_texture({material}u, {slot}u, uv(i), vec2f(0.0), {footprint}, false)"
+    call = f"read_texture({material}u, {slot}, uv(i), vec2f(0.0), {footprint}, false)"
     return evaluate(SURFACE, call, "vec4f", scene=scene, uv=uv, x=np.float32(x), y=np.float32(y))
 
 

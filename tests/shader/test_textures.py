@@ -11,7 +11,7 @@ from wgpu_gi.scene.built_in.shapes import grid
 from wgpu_gi.scene.scene import Image, Instance, Material, Scene, Texture
 
 MATERIALS = "scene/materials.wgsl"
-BASE_COLOR, METALLIC_ROUGHNESS = 0, 2  # slots: sRGB-coded and linear
+BASE_COLOR, METALLIC_ROUGHNESS = "BASE_COLOR_SLOT", "METALLIC_ROUGHNESS_SLOT"  # sRGB-coded and linear
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_wrap_modes_and_filters_agree_with_numpy(evaluate, wrap_u, wrap_v, neare
     pixels = picture()
     texture = Texture(Image(pixels), wrap_u, wrap_v, "nearest" if nearest else "linear")
     uv = coordinates()
-    call = f"sample_texture(1u, {METALLIC_ROUGHNESS}u, uv(i), vec2f(0.0))"
+    call = f"sample_texture(1u, {METALLIC_ROUGHNESS}, uv(i), vec2f(0.0))"
     got = evaluate(MATERIALS, call, "vec4f", scene=scene_with(texture), uv=uv)
     expected = sampled(pixels / 255, uv, wrap_u, wrap_v, nearest)
     off = np.abs(got - expected).max(1)
@@ -85,7 +85,7 @@ def test_wrap_modes_and_filters_agree_with_numpy(evaluate, wrap_u, wrap_v, neare
 def test_colours_are_decoded_before_they_are_filtered(evaluate):
     pixels = picture()
     uv = coordinates()
-    call = f"sample_texture(1u, {BASE_COLOR}u, uv(i), vec2f(0.0))"
+    call = f"sample_texture(1u, {BASE_COLOR}, uv(i), vec2f(0.0))"
     got = evaluate(MATERIALS, call, "vec4f", scene=scene_with(Texture(Image(pixels))), uv=uv)
     linear = np.concatenate([linear_from_srgb(pixels[..., :3] / 255), pixels[..., 3:] / 255], -1)
     assert np.abs(got - sampled(linear, uv, "repeat", "repeat")).max() < 3e-3  # sRGB decoding is good to 0.5/255
@@ -97,8 +97,8 @@ def test_each_texture_uses_its_own_set_of_coordinates(evaluate):
     uv = coordinates(100)
     for slot, values, column in ((METALLIC_ROUGHNESS, picture(seed=5), 1), (BASE_COLOR, None, 0)):
         pair = ("vec2f(9.3)", "uv(i)") if column else ("uv(i)", "vec2f(9.3)")
-        a = evaluate(MATERIALS, f"sample_texture(1u, {slot}u, {pair[0]}, {pair[1]})", "vec4f", scene=scene, uv=uv)
-        b = evaluate(MATERIALS, f"sample_texture(1u, {slot}u, uv(i), uv(i))", "vec4f", scene=scene, uv=uv)
+        a = evaluate(MATERIALS, f"sample_texture(1u, {slot}, {pair[0]}, {pair[1]})", "vec4f", scene=scene, uv=uv)
+        b = evaluate(MATERIALS, f"sample_texture(1u, {slot}, uv(i), uv(i))", "vec4f", scene=scene, uv=uv)
         assert np.array_equal(a, b)
         if values is not None:
             assert np.abs(a - sampled(values / 255, uv, "repeat", "repeat")).max() < 1e-3
@@ -110,7 +110,7 @@ def test_texture_transform_follows_its_specification(evaluate):
     texture = Texture(Image(pixels), offset=offset, scale=scale, rotation=angle)
     uv = coordinates(500)
     uv = uv[np.abs(uv).max(1) < 4]
-    call = f"sample_texture(1u, {METALLIC_ROUGHNESS}u, uv(i), vec2f(0.0))"
+    call = f"sample_texture(1u, {METALLIC_ROUGHNESS}, uv(i), vec2f(0.0))"
     got = evaluate(MATERIALS, call, "vec4f", scene=scene_with(texture), uv=uv)
     u, v = (uv.astype(np.float64) * scale).T
     c, s = np.cos(angle), np.sin(angle)
@@ -126,7 +126,7 @@ def test_huge_and_undefined_coordinates_stay_in_the_picture(evaluate):
     uv = np.array([(a, b) for a in values for b in values], np.float32)
     for wrap in ("repeat", "clamp", "mirror"):
         scene = scene_with(Texture(Image(pixels), wrap, wrap, "nearest"))
-        call = f"sample_texture(1u, {METALLIC_ROUGHNESS}u, uv(i), vec2f(0.0))"
+        call = f"sample_texture(1u, {METALLIC_ROUGHNESS}, uv(i), vec2f(0.0))"
         got = evaluate(MATERIALS, call, "vec4f", scene=scene, uv=uv)
         assert np.allclose(got, (0, 100 / 255, 0, 0), atol=1e-6)
 
@@ -139,7 +139,7 @@ def test_normal_maps_keep_16_bits(evaluate):
     mesh.materials[0].base_color_texture = Texture(Image(pixels), "clamp", "clamp")
     u = np.linspace(0.0, 1.0, 2000)
     uv = np.stack([u, np.full(2000, 0.4)], 1).astype(np.float32)
-    call = "sample_texture(0u, 3u, uv(i), vec2f(0.0))"
+    call = "sample_texture(0u, NORMAL_SLOT, uv(i), vec2f(0.0))"
     got = evaluate(MATERIALS, call, "vec4f", scene=Scene([Instance(mesh)]), uv=uv)
     expected = np.interp(np.clip(u * 64 - 0.5, 0, 63), np.arange(64), ramp.astype(float)) / 65535
     assert np.abs(got[:, 0] - expected).max() < 1.5 / 65535
@@ -149,7 +149,7 @@ def test_normal_maps_keep_16_bits(evaluate):
 def test_one_pixel_picture_is_constant(evaluate):
     pixels = np.array([[[10, 20, 30, 40]]], np.uint8)
     for wrap in ("repeat", "clamp", "mirror"):
-        call = f"sample_texture(1u, {METALLIC_ROUGHNESS}u, uv(i), vec2f(0.0))"
+        call = f"sample_texture(1u, {METALLIC_ROUGHNESS}, uv(i), vec2f(0.0))"
         scene = scene_with(Texture(Image(pixels), wrap, wrap))
         got = evaluate(MATERIALS, call, "vec4f", scene=scene, uv=coordinates(50))
         assert np.allclose(got, pixels[0] / 255, atol=1e-6)

@@ -409,9 +409,9 @@ def test_cameras_are_rigid(tmp_path):
 
 def test_unknown_optional_extensions_are_noted(tmp_path):
     builder = triangle_scene()
-    builder.json["extensionsUsed"] = ["KHR_materials_ior", "KHR_lights_punctual"]
+    builder.json["extensionsUsed"] = ["KHR_materials_iridescence", "KHR_lights_punctual"]
     notes = load_gltf(builder.glb(tmp_path)).notes
-    assert len(notes) == 1 and "KHR_materials_ior" in notes[0] and "punctual" not in notes[0]
+    assert len(notes) == 1 and "KHR_materials_iridescence" in notes[0] and "punctual" not in notes[0]
 
 
 def test_instances_of_a_node_are_placed_by_their_attributes(tmp_path):

@@ -136,10 +136,10 @@ def test_wrong_containers(tmp_path, data, problem):
 
 def test_required_extensions_that_are_unknown_are_noted(tmp_path):
     builder = triangle_scene()
-    builder.json["extensionsRequired"] = builder.json["extensionsUsed"] = ["KHR_materials_sheen", "ACME_secret"]
+    builder.json["extensionsRequired"] = builder.json["extensionsUsed"] = ["KHR_materials_iridescence", "ACME_secret"]
     surface, secret = sorted(noted(builder.glb(tmp_path)).notes, key=lambda note: "ACME_secret" in note)
-    assert "requires 'KHR_materials_sheen', not supported" in surface and "requires 'ACME_secret'" in secret
-    builder.json["extensionsRequired"] = builder.json["extensionsUsed"] = ["KHR_materials_sheen"]
+    assert "requires 'KHR_materials_iridescence', not supported" in surface and "requires 'ACME_secret'" in secret
+    builder.json["extensionsRequired"] = builder.json["extensionsUsed"] = ["KHR_materials_iridescence"]
     assert load_gltf(builder.glb(tmp_path), notes=Notes(strict=True)).notes == [surface]
 
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import fields
 
 import numpy as np
 import pytest
 from PIL import features
 from unit.gltf_builder import encode, triangle_scene
 
+from wgpu_gi.scene.check import check_scene
 from wgpu_gi.scene.gltf.load import load_gltf
 from wgpu_gi.scene.gltf.write import save_glb
+from wgpu_gi.scene.scene import Material, Texture
 
 RED = np.full((2, 2, 4), (255, 0, 0, 255), np.uint8)
 
@@ -34,12 +37,130 @@ def test_material_factors(tmp_path):
     assert (material.alpha_mode, material.alpha_cutoff) == ("mask", 0.7)
 
 
-def test_blend_becomes_a_mask_with_a_note(tmp_path):
+def material_of(folder, builder=None, **keys):
+    """Return the material and the notes of a file with one material."""
+    builder = builder or triangle_scene()
+    builder.json["meshes"][0]["primitives"][0]["material"] = builder.material(**keys)
+    scene = load_gltf(builder.glb(folder))
+    return scene.materials[0], scene.notes
+
+
+def test_blending_is_kept(tmp_path):
+    material, notes = material_of(tmp_path, alphaMode="BLEND", alphaCutoff=0.7)
+    assert (material.alpha_mode, material.alpha_cutoff, notes) == ("blend", 0.5, [])
+
+
+# Of each extension: values of a file, and the fields that they set.
+LAYERS = {
+    "ior": ({"ior": 1.33}, {"ior": 1.33}),
+    "specular": (
+        {"specularFactor": 0.5, "specularColorFactor": [0.2, 3.0, 1.0]},
+        {"specular": 0.5, "specular_color": (0.2, 3.0, 1.0)},
+    ),
+    "clearcoat": (
+        {"clearcoatFactor": 0.8, "clearcoatRoughnessFactor": 0.3},
+        {"clearcoat": 0.8, "clearcoat_roughness": 0.3},
+    ),
+    "sheen": (
+        {"sheenColorFactor": [0.5, 0.25, 1.0], "sheenRoughnessFactor": 0.4},
+        {"sheen_color": (0.5, 0.25, 1.0), "sheen_roughness": 0.4},
+    ),
+    "transmission": ({"transmissionFactor": 0.9}, {"transmission": 0.9}),
+    "volume": (
+        {"thicknessFactor": 2.0, "attenuationDistance": 0.5, "attenuationColor": [0.1, 0.5, 1.0]},
+        {"thickness": 2.0, "attenuation_distance": 0.5, "attenuation_color": (0.1, 0.5, 1.0)},
+    ),
+    "anisotropy": (
+        {"anisotropyStrength": 0.6, "anisotropyRotation": -1.5},
+        {"anisotropy": 0.6, "anisotropy_rotation": -1.5},
+    ),
+}
+TEXTURES = {
+    "specular": ("specularTexture", "specularColorTexture"),
+    "clearcoat": ("clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"),
+    "sheen": ("sheenColorTexture", "sheenRoughnessTexture"),
+    "transmission": ("transmissionTexture",),
+    "volume": ("thicknessTexture",),
+    "anisotropy": ("anisotropyTexture",),
+}
+
+
+def without_textures(material):
+    return {f.name: v for f in fields(Material) if not isinstance(v := getattr(material, f.name), Texture)}
+
+
+@pytest.mark.parametrize("name", LAYERS)
+def test_layers_set_their_fields_alone(tmp_path, name):
+    """All other fields keep their default; an empty extension changes nothing."""
+    values, expected = LAYERS[name]
+    plain, _ = material_of(tmp_path)
+    empty, _ = material_of(tmp_path, extensions={f"KHR_materials_{name}": {}})
+    assert without_textures(empty) == without_textures(plain)
     builder = triangle_scene()
-    builder.json["meshes"][0]["primitives"][0]["material"] = builder.material(name="glass", alphaMode="BLEND")
-    scene = load_gltf(builder.glb(tmp_path))
-    assert (scene.materials[0].alpha_mode, scene.materials[0].alpha_cutoff) == ("mask", 0.5)
-    assert any("'glass'" in note for note in scene.notes)
+    builder.json["extensionsUsed"] = builder.json["extensionsRequired"] = [f"KHR_materials_{name}"]
+    material, notes = material_of(tmp_path, builder, extensions={f"KHR_materials_{name}": values})
+    assert without_textures(material) == without_textures(plain) | expected
+    assert notes == []
+
+
+def test_textures_of_layers_survive_reading_and_writing(tmp_path):
+    """Each with its own picture, coordinates and transform; the clear coat's normals have a scale and 16 bits."""
+    builder = triangle_scene()
+    extensions = {f"KHR_materials_{name}": dict(values) for name, (values, _) in LAYERS.items()}
+    keys = [(name, key) for name, names in TEXTURES.items() for key in names]
+    for k, (name, key) in enumerate(keys):
+        kind = np.uint16 if key == "clearcoatNormalTexture" else np.uint8
+        pixels = np.full((1, 2), 1000 * k, kind) if kind == np.uint16 else np.full((1, 2, 4), (k, 9, 8, 7), kind)
+        transform = {"KHR_texture_transform": {"rotation": 0.1 * k}}
+        info = {"index": builder.texture(pixels), "texCoord": k % 2, "extensions": transform}
+        extensions[f"KHR_materials_{name}"][key] = info
+    extensions["KHR_materials_clearcoat"]["clearcoatNormalTexture"]["scale"] = 0.25
+    material, notes = material_of(tmp_path, builder, extensions=extensions)
+    scene = load_gltf(tmp_path / "scene.glb")
+    save_glb(tmp_path / "again.glb", scene)
+    again = load_gltf(tmp_path / "again.glb")
+    assert notes == again.notes == []
+    for found in (material, again.materials[0]):
+        for k, (_, key) in enumerate(keys):
+            texture = getattr(found, "".join("_" * c.isupper() + c.lower() for c in key))
+            first = 1000 * k if key == "clearcoatNormalTexture" else k
+            assert texture.image.pixels[0, 0, 0] == first, key
+            assert (texture.texcoord, texture.rotation) == (k % 2, pytest.approx(0.1 * k))
+        assert found.clearcoat_normal_scale == 0.25
+        assert without_textures(found) == without_textures(material)
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "value", "field", "limited"),
+    [
+        ("ior", "ior", 0, "ior", 0.0),
+        ("ior", "ior", 0.5, "ior", 1.0),
+        ("ior", "ior", 1e9, "ior", 100.0),
+        ("specular", "specularFactor", 1.5, "specular", 1.0),
+        ("specular", "specularColorFactor", [-1, 2, 0], "specular_color", (0.0, 2.0, 0.0)),
+        ("clearcoat", "clearcoatFactor", "x", "clearcoat", 0.0),
+        ("sheen", "sheenColorFactor", [2, 0, 0], "sheen_color", (1.0, 0.0, 0.0)),
+        ("transmission", "transmissionFactor", -1, "transmission", 0.0),
+        ("volume", "thicknessFactor", -1, "thickness", 0.0),
+        ("volume", "attenuationDistance", 0, "attenuation_distance", 1e-12),
+        ("volume", "attenuationDistance", 3.4e38, "attenuation_distance", None),
+        ("volume", "attenuationColor", [1, 1], "attenuation_color", (1.0, 1.0, 1.0)),
+        ("anisotropy", "anisotropyStrength", 7, "anisotropy", 1.0),
+    ],
+)
+def test_values_out_of_range_are_limited_with_a_note(tmp_path, name, key, value, field, limited):
+    """Zero for the index of refraction, and the largest float for a distance, are what exporters write."""
+    material, notes = material_of(tmp_path, extensions={f"KHR_materials_{name}": {key: value}})
+    assert getattr(material, field) == limited
+    check_scene(load_gltf(tmp_path / "scene.glb"))
+    assert len(notes) == (value not in (0, 3.4e38) or (key == "attenuationDistance" and value == 0))
+    assert all(key in note for note in notes)
+
+
+def test_other_extensions_of_materials_are_noted(tmp_path):
+    builder = triangle_scene()
+    builder.json["extensionsUsed"] = ["KHR_materials_iridescence", "KHR_materials_sheen"]
+    assert "'KHR_materials_iridescence'" in material_of(tmp_path, builder)[1][0]
 
 
 def test_all_five_textures_with_samplers_and_transforms(tmp_path):

@@ -12,6 +12,7 @@ from .accessors import Accessors
 from .document import Document
 from .images import Images
 from .json_object import JsonObject
+from .layers import CLEARCOAT_NORMAL, layer_infos, read_layers
 from .specular_glossiness import SpecularGlossiness, Surface
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
@@ -24,11 +25,21 @@ _MIN_FILTERS: dict[int, tuple[Filter, Literal["linear", "nearest", "none"]]] = {
     9986: ("nearest", "linear"),
     9987: ("linear", "linear"),
 }
-_ALPHA_MODES = {name: name for name in ("OPAQUE", "MASK", "BLEND")}
+_ALPHA_MODES: dict[str, Literal["opaque", "mask", "blend"]] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 _SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 _SPECULAR_GLOSSINESS_TEXTURES = ("diffuseTexture", "specularGlossinessTexture")
 _IMAGE_EXTENSIONS = ("KHR_texture_basisu", "EXT_texture_avif", "EXT_texture_webp")
-_DATA = ("metallicRoughnessTexture", "normalTexture", "occlusionTexture")  # the others hold sRGB colours
+_NORMALS = ("normalTexture", CLEARCOAT_NORMAL)
+_DATA = (  # the others hold sRGB colours, or alpha alone
+    *_NORMALS,
+    "metallicRoughnessTexture",
+    "occlusionTexture",
+    "clearcoatTexture",
+    "clearcoatRoughnessTexture",
+    "transmissionTexture",
+    "thicknessTexture",
+    "anisotropyTexture",
+)
 _TEXCOORDS: dict[int, Literal[0, 1]] = {0: 0, 1: 1}
 
 
@@ -55,22 +66,16 @@ class Materials:
         for index, description in wanted:
             self._materials[index] = self._read(description)
         names = {index: description.text("name") or f"materials[{index}]" for index, description in wanted}
-        blended = [names[index] for index, description in wanted if description.raw.get("alphaMode") == "BLEND"]
         converted = [names[index] for index, description in wanted if description.extension(_SPECULAR_GLOSSINESS)]
         if converted:
             self._document.notes.add(f"Specular-glossiness was converted to metallic roughness, in {some(converted)}.")
-        if blended:
-            self._document.notes.add(
-                f"Alpha blending is not supported; {some(blended)} became alpha masks: surfaces below 50 % opacity are "
-                "cut away, all others are opaque."
-            )
 
     def _load_images(self, materials: list[JsonObject]) -> None:
         """Load the images of materials; of a texture with several, the next one where one cannot be read."""
         infos = [item for material in materials for item in _texture_infos(material).items()]
         choices = [(slot, self._choices(info)) for slot, info in infos]
         colors = {index for slot, indices in choices if slot not in _DATA for index in indices}
-        normals = {index for slot, indices in choices if slot == "normalTexture" for index in indices}
+        normals = {index for slot, indices in choices if slot in _NORMALS for index in indices}
         missing = [indices for _, indices in choices if indices]
         while missing:
             self._images.load({indices[0] for indices in missing}, colors, normals)
@@ -111,8 +116,8 @@ class Materials:
             metallic=surface.metallic,
             roughness=surface.roughness,
             emission=emission,
-            alpha_mode="opaque" if alpha_mode == "OPAQUE" else "mask",
-            alpha_cutoff=min(source.number("alphaCutoff", 0.5, low=0.0), 2.0) if alpha_mode == "MASK" else 0.5,
+            alpha_mode=alpha_mode,
+            alpha_cutoff=min(source.number("alphaCutoff", 0.5, low=0.0), 2.0) if alpha_mode == "mask" else 0.5,
             double_sided=source.flag("doubleSided"),
             unlit=source.extension("KHR_materials_unlit") is not None,
             normal_scale=normal.number("scale", 1.0, -LARGEST_FACTOR, LARGEST_FACTOR),
@@ -121,6 +126,7 @@ class Materials:
             normal_texture=textures.get("normalTexture"),
             occlusion_texture=textures.get("occlusionTexture"),
             emission_texture=textures.get("emissiveTexture"),
+            **read_layers(source, textures),
         )
 
     def _metallic_roughness(self, pbr: JsonObject, textures: dict[str, Texture | None]) -> Surface:
@@ -208,7 +214,7 @@ def _texture_infos(material: JsonObject) -> dict[str, JsonObject]:
     else:
         keys = dict.fromkeys(_SPECULAR_GLOSSINESS_TEXTURES, extension)
     keys |= dict.fromkeys(("normalTexture", "occlusionTexture", "emissiveTexture"), material)
-    return {key: owner.child(key) for key, owner in keys.items() if key in owner}
+    return {key: owner.child(key) for key, owner in keys.items() if key in owner} | layer_infos(material)
 
 
 def some(names: Sequence[str]) -> str:

@@ -1,7 +1,7 @@
 """Writes a `Scene` as a binary glTF 2.0 file (.glb) that `load_gltf` reads back unchanged, with json and struct alone.
 
-Extensions: KHR_lights_punctual, KHR_materials_emissive_strength, KHR_materials_unlit, KHR_texture_transform. What glTF
-cannot express:
+Extensions: KHR_lights_punctual, KHR_texture_transform, KHR_materials_emissive_strength, KHR_materials_unlit and those
+of `layers.py`. What glTF cannot express:
 - an environment: `save_glb` writes it beside the file;
 - triangles without area, unused vertices, unused materials and meshes without triangles: loaders leave them out;
 - an emission or a light's colour above 1: a power of two moves to the strength or intensity, which is exact;
@@ -43,6 +43,7 @@ from ..scene import (
     Texture,
 )
 from .glb import Glb, Json
+from .layers import described_layers
 
 _WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
 _MAG_FILTERS = {"nearest": 9728, "linear": 9729}
@@ -169,10 +170,14 @@ class _Writer:
         }
         if material.alpha_mode == "mask":
             result |= {"alphaMode": "MASK", "alphaCutoff": max(float(material.alpha_cutoff), 0.0)}
+        elif material.alpha_mode == "blend":
+            result["alphaMode"] = "BLEND"
         if strength > 1:
             self._glb.extend(result, "KHR_materials_emissive_strength", {"emissiveStrength": strength})
         if material.unlit:
             self._glb.extend(result, "KHR_materials_unlit", {})
+        for name, values in described_layers(material, self._texture_info).items():
+            self._glb.extend(result, name, values)
         for owner, key, texture, further in (
             (pbr, "baseColorTexture", material.base_color_texture, {}),
             (pbr, "metallicRoughnessTexture", material.metallic_roughness_texture, {}),
