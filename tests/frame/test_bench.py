@@ -8,7 +8,7 @@ import os
 import pytest
 
 from wgpu_gi.__main__ import main
-from wgpu_gi.measure import moving_bench
+from wgpu_gi.measure import moving_bench, moving_play
 from wgpu_gi.measure.bench_report import load_json
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
@@ -103,3 +103,17 @@ def test_every_technique_is_measured_by_default():
     assert main(["bench", "cornell-point", *tiny, "--json", "b.json"]) == 0
     names = [m.gi for m in load_json("b.json").scenes[0].techniques]
     assert names == [name for name in TECHNIQUES if name != "path"]
+
+
+@pytest.mark.slow
+def test_an_animation_is_measured_against_path_traced_poses(capsys, monkeypatch):
+    monkeypatch.setattr(moving_bench, "SETTLED_FRAMES", 2)
+    monkeypatch.setattr(moving_play, "HISTORIES", (1, 10))
+    assert main(["bench", "walk", *TINY, "--moving", "--json", "m.json"]) == 0
+    assert "while its animation plays, against the path tracer" in capsys.readouterr().out
+    first, last = load_json("m.json").scenes[0].techniques[0].played
+    assert (first.frames, last.frames) == (1, 10)
+    # Direct light alone: it has no history, and no indirect light at all.
+    assert first.relmse_full == pytest.approx(last.relmse_full, rel=0.05)
+    assert -0.9 < first.bias_full < -0.1 and first.bias_indirect == pytest.approx(-1.0)
+    assert first.ghost_full is None and last.ghost_full > 0

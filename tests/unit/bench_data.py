@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 from wgpu_gi.measure.metrics import Errors
-from wgpu_gi.measure.results import Case, Measurement, MovingErrors, PathPoint, Reference, Report, SceneReport, Stats
+from wgpu_gi.measure.results import (
+    Case,
+    Measurement,
+    MovingErrors,
+    PathPoint,
+    PlayedErrors,
+    Reference,
+    Report,
+    SceneReport,
+    Stats,
+)
 
 MACHINE = {"adapter": "Fake 1", "driver": "2.3", "is_cpu": False, "cores": 4, "packages": {"numpy": "2"}}
 
@@ -29,6 +39,13 @@ def measurement(
 def moving(**changed: object) -> dict[str, MovingErrors | None]:
     values = {"flicker": 0.03, "lag": 7, "ghost_camera": 0.4, "ghost_object": None, "relmse": 0.05, "bias": 0.02}
     return {"full": MovingErrors(**(values | changed)), "indirect": None}  # type: ignore[arg-type]
+
+
+def played() -> list[PlayedErrors]:
+    return [
+        PlayedErrors(1, 0.5, -0.1, None, 0.7, 0.2, None),
+        PlayedErrors(8, 0.25, -0.05, 0.8, None, None, None),
+    ]
 
 
 def scene_report(*techniques: Measurement, scene: str = "cornell", size: tuple[int, int] = (64, 36)) -> SceneReport:

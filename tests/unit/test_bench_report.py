@@ -10,7 +10,7 @@ from io import StringIO
 
 import pytest
 from rich.console import Console
-from unit.bench_data import MACHINE, measurement, moving, report, scene_report
+from unit.bench_data import MACHINE, measurement, moving, played, report, scene_report
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.measure import plot as bench_plot
@@ -102,6 +102,25 @@ def test_moving_errors_have_a_table_and_are_in_the_file(tmp_path):
     assert [c.header for c in table.columns][2:4] == ["flicker", "lag, frames"]
     assert any(line.split()[-6:] == ["0.03", "7", "0.4", "-", "0.05", "+2.00%"] for line in lines)
     assert not [title for title, _ in tables(report()) if "moving, against" in title]
+
+
+def test_errors_of_an_animation_have_a_table_and_are_in_the_file(tmp_path):
+    written = report(scene_report(replace(measurement(), played=played()), measurement("ism")))
+    save_json(tmp_path / "report.json", written)
+    assert load_json(tmp_path / "report.json") == written
+    document = json.loads((tmp_path / "report.json").read_text())
+    del document["scenes"][0]["techniques"][0]["played"]
+    (tmp_path / "old.json").write_text(json.dumps(document))
+    assert load_json(tmp_path / "old.json").scenes[0].techniques[0].played is None
+    (table,) = [table for title, table in tables(written) if "while its animation plays" in title]
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    assert rows == [
+        ("none, medium", "full image", "1", "0.5", "-10.00%", "-"),
+        ("", "", "8", "0.25", "-5.00%", "0.8"),
+        ("", "indirect", "1", "0.7", "+20.00%", "-"),
+        ("", "", "8", "-", "-", "-"),
+    ]
+    assert not [title for title, _ in tables(report()) if "animation" in title]
 
 
 def test_ratios_are_new_over_old():

@@ -12,9 +12,11 @@ from hypothesis import given
 from wgpu_gi.errors import GiError
 from wgpu_gi.measure.scenes import KINDS, make_scene
 from wgpu_gi.measure.scenes.degenerate import CAMERAS, FLAWS
+from wgpu_gi.measure.scenes.moving import LEAST_SECONDS, MOST_SECONDS
 from wgpu_gi.measure.scenes.surfaces import SURFACES
 from wgpu_gi.pictures.color import linear_from_srgb
 from wgpu_gi.scene.check import check_camera, check_scene
+from wgpu_gi.scene.deformation import is_deformed
 from wgpu_gi.scene.load import has_light
 from wgpu_gi.scene.mesh_cleaning import has_area
 from wgpu_gi.scene.scene import DirectionalLight, PointLight, Scene, SpotLight
@@ -32,6 +34,7 @@ DIGESTS = {
     "far": "1f9f0f5d47790609",
     "degenerate": "25598e09eac485c2",
     "extreme": "47d4a5f308247826",
+    "moving": "6bb0c513ed310f1d",
 }
 
 
@@ -151,6 +154,33 @@ def test_degenerate_has_all_flaws_and_cameras():
     assert min(angles) < 5 and max(angles) > 120
     assert any((~has_area(mesh.positions, mesh.triangles)).any() for scene in flawed for mesh in scene.meshes)
     assert any(np.linalg.det(i.world_from_local[:3, :3]) < 0 for scene in flawed for i in scene.instances)
+
+
+def test_moving_has_skins_morph_targets_and_everything_else_that_moves():
+    scenes = first("moving", 40)
+    skins = [mesh.skin for scene in scenes for mesh in scene.meshes if mesh.skin is not None]
+    assert {skin.joints.shape[1] for skin in skins} >= {1, 2, 4, 8}
+    assert {skin.joints.dtype.name for skin in skins} == {"uint16", "uint32"}
+    for skin in skins:
+        np.testing.assert_allclose(skin.weights.sum(1), 1.0, atol=1e-6)
+    targets = [target for scene in scenes for mesh in scene.meshes for target in mesh.morph_targets]
+    assert any(target.normals is not None for target in targets) and any(target.normals is None for target in targets)
+    assert any(mesh.skin is not None and mesh.morph_targets for scene in scenes for mesh in scene.meshes)
+    channels = [channel for scene in scenes for channel in scene.animations[0].channels]
+    paths = {"translation", "rotation", "scale", "morph_weights", "position", "direction", "intensity", "base_color"}
+    assert {channel.path for channel in channels} >= paths | {"emission"}
+    assert {channel.track.interpolation for channel in channels} == {"step", "linear", "cubic"}
+    # Each scene deforms something, and stands at a time of its animation.
+    for scene in scenes:
+        assert any(is_deformed(instance) for instance in scene.instances)
+        assert LEAST_SECONDS / 10 < scene.animations[0].duration < 2 * MOST_SECONDS
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_moving_scenes_move(seed):
+    scene = make_scene("moving", seed)
+    start, end = (scene.at(time) for time in (0.0, scene.animations[0].duration))
+    assert digest([start.instances, start.lights]) != digest([end.instances, end.lights])
 
 
 def test_extreme_spans_24_orders_of_brightness():

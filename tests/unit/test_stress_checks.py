@@ -19,9 +19,10 @@ from wgpu_gi.measure.stress.relations import RELATIONS
 from wgpu_gi.measure.stress.results import Report, save_json
 from wgpu_gi.measure.stress.run import Plan, run
 from wgpu_gi.measure.stress.studio import Studio
+from wgpu_gi.scene.animation import Animation, Channel, Track
 from wgpu_gi.scene.built_in.scenes import matte
 from wgpu_gi.scene.built_in.shapes import box, grid
-from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Scene
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, MorphTarget, Scene
 
 SIZE = (32, 18)
 MACHINE = {"adapter": "a <fake>", "driver": "1", "cores": 2}
@@ -69,9 +70,13 @@ class FakeRenderer:
 
 
 def scene():
+    """A grid and a box that is morphed, two suns, of which one gets brighter, and a sky."""
     lights = [DirectionalLight((0, -1, 0), 2.0, (1.0, 0.5, 0.25)), DirectionalLight((1, -1, 0), 3.0)]
-    instances = [Instance(grid(2.0, 2, matte(0.5))), Instance(box((0, 0, 0), (1, 1, 1), matte(0.2)))]
-    return Scene(instances, lights, Environment((0.5, 0.25, 0.125)), [Camera()])
+    morphed = box((0, 0, 0), (1, 1, 1), matte(0.2))
+    morphed.morph_targets = [MorphTarget(0.1 * morphed.positions)]
+    instances = [Instance(grid(2.0, 2, matte(0.5))), Instance(morphed, morph_weights=(1.0,))]
+    brighter = Animation("brighter", [Channel(lights[0], "intensity", Track([0.0, 1.0], [2.0, 4.0]))])
+    return Scene(instances, lights, Environment((0.5, 0.25, 0.125)), [Camera()], animations=[brighter])
 
 
 def found(renderer, check, kind="room", seed=3, **arguments):
@@ -212,9 +217,31 @@ class Directed(FakeRenderer):
         return super().light() * (2 + self.scene.lights[0].direction[1])
 
 
+class LosesPoses(FakeRenderer):
+    def light(self):
+        return super().light() * (1 + 0.1 * sum(len(i.morph_weights) for i in self.scene.instances))
+
+
+class Stuck(FakeRenderer):
+    """Keeps the light that a scene had when it was first seen."""
+
+    seen: tuple[object, object] = (None, None)
+
+    def light(self):
+        if self.seen[0] is not self.scene:
+            self.seen = self.scene, super().light()
+        return self.seen[1]
+
+    def step(self, progress, **arguments):
+        self.light()
+        return super().step(progress, **arguments)
+
+
 @pytest.mark.parametrize(
     ("renderer", "check"),
     [
+        (LosesPoses, "baked"),
+        (Stuck, "played"),
         (Thresholded, "light"),
         (ScaleMatters, "scale"),
         (CountsInstances, "empty"),

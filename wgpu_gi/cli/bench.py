@@ -159,6 +159,10 @@ def bench_scene(
             bar(fraction, f"{name}: {what}")
 
         truth_of = truth_source(arguments, scene, camera, size, visible_only, report)
+
+        def truth_at(bounces: int | None, time: float) -> Truth:
+            return truth_source(arguments, scene.at(time), camera, size, visible_only, report)(bounces)
+
         try:
             techniques, references = measure_scene(
                 scene,
@@ -168,6 +172,7 @@ def bench_scene(
                 truth_of,
                 frames=arguments.frames,
                 moving=arguments.moving,
+                truth_at=truth_at if arguments.truth == "path" else None,
                 adapter=arguments.adapter,
                 progress=report,
             )

@@ -77,6 +77,7 @@ examples:
   wgpu-gi bench a.glb b.glb --quality low,medium,high --json now.json --plot now.png
   wgpu-gi bench a.glb --gi many-light --sweep vpl.count=512,2048 --sweep gather.rays=1,4 --plot best.png
   wgpu-gi bench a.glb --moving --sweep temporal.frames=1,8      flicker, lag and ghosts
+  wgpu-gi bench walk --moving --gi many-light,ssdo  errors while its animation plays
   wgpu-gi bench a.glb --compare before.json         ratios of time and error to an earlier run on this machine
   wgpu-gi bench a.glb --truth truth.npz             layers as `render` names them, or emit, direct, one, multi
 
@@ -90,6 +91,9 @@ Moving (--moving), against the technique's own converged pictures of the same vi
   ghost               relMSE at points that came into view in the last 4 frames, as the camera or an instance moves
   relMSE, bias        of all pixels while the camera moves
   one sample, anti-aliased: the full picture without and with camera.antialias, against box-filtered pictures
+  A scene with an animation, such as walk, plays at 30 frames a second. Pictures of 1, 8 and 24 frames of history are
+  compared with path-traced ones of the same poses, at three times: relMSE, bias, and ghosts, which are relMSE where a
+  surface that does not deform came into view in the last 8 frames.
 Truth: --truth path renders it, which may take minutes, and caches it in ~/.cache/wgpu_gi/truth (XDG_CACHE_HOME and
 WGPU_GI_CACHE move it). The folder may be deleted at any time.
 """
@@ -102,7 +106,7 @@ examples:
   wgpu-gi stress --checks help                      the checks, a sentence each
   wgpu-gi stress --scene report/room-7-ssil-cut.glb --gi ssil --checks cut --seeds 7:8
 
-Kinds: room, street, foliage, glossy, textured, many, tiny, huge, far, degenerate, extreme.
+Kinds: room, street, foliage, glossy, textured, many, tiny, huge, far, degenerate, extreme, moving.
 Each scene and technique is checked for bad values and for repetition, then for one relation in its turn; comparisons
 with the path tracer, white furnaces, new renderers and leaks come every few seeds. A relation promises equal bits, or
 equal means: these are tested over blocks with several seeds, and a suspicion is confirmed with 24, then 96 new seeds.

@@ -26,6 +26,7 @@ from ..techniques.shared.sampling import CameraSettings
 from ..version import __version__
 from .metrics import Errors, measure
 from .moving_bench import measure_moving
+from .moving_play import measure_played
 from .results import CASES, Case, Measurement, PathPoint, Reference, Stats, title_of
 from .truth import LAYERS, Progress, Truth
 
@@ -78,6 +79,7 @@ def measure_scene(
     *,
     frames: int,
     moving: bool = False,
+    truth_at: Callable[[int | None, float], Truth] | None = None,
     path_seconds: float = PATH_SECONDS,
     adapter: str | None = None,
     progress: Progress | None = None,
@@ -85,8 +87,9 @@ def measure_scene(
     """Measure each candidate over `frames` frames in each case, then the path tracer over the same range of times.
 
     `truth_of` returns the truth of a number of indirect bounces (None: all); it is called once per number. `moving`
-    measures moving pictures, too. `progress`
-    receives the current step and its fraction done. Raises GiError for a picture that cannot be measured.
+    measures moving pictures, too, and the scene's first animation, if there is one, against `truth_at`, which takes
+    seconds as well. `progress` receives the current step and its fraction done. Raises GiError for a picture that
+    cannot be measured.
     """
     # Measure the techniques.
     report = progress or (lambda what, fraction: None)
@@ -106,23 +109,31 @@ def measure_scene(
             step = partial(report, f"{name}: moving")
             errors = measure_moving(scene, camera, size, candidate.settings, frames, step, adapter)
             measured = replace(measured, moving=errors)
+            if scene.animations and truth_at is not None:
+                step = partial(report, f"{name}: playing")
+                at = partial(truth_at, bounces)
+                played = measure_played(scene, camera, size, candidate.settings, at, step, adapter)
+                measured = replace(measured, played=played)
         measurements.append(measured)
 
     # Measure the path tracer against each truth.
     slowest = max(m.cases["all"].gpu_ms.median for m in measurements)
     budget = max(path_seconds * 1e3, PATH_TIMES_SLOWEST * slowest)
     like = candidates[0].settings
-    references = []
-    for bounces, truth in truths.items():
-        renderer = Renderer(scene, size=size, camera=camera, adapter=adapter)
-        try:
-            curve = path_curve(renderer, replace(like, bounces=bounces), truth, budget, report)
-        finally:
-            renderer.release()
-        own = layer_errors(truth.layers, truth)
-        noise = {layer: None if errors is None else errors.floor for layer, errors in own.items()}
-        references.append(Reference(bounces, truth.source, noise, curve))
+    renderer = Renderer(scene, size=size, camera=camera, adapter=adapter)
+    try:
+        references = [_reference(renderer, replace(like, bounces=b), t, budget, report) for b, t in truths.items()]
+    finally:
+        renderer.release()
     return measurements, references
+
+
+def _reference(renderer: Renderer, settings: Settings, truth: Truth, budget_ms: float, report: Progress) -> Reference:
+    """Return the noise of a truth, and the path tracer's curve against it."""
+    curve = path_curve(renderer, settings, truth, budget_ms, report)
+    own = layer_errors(truth.layers, truth)
+    noise = {layer: None if errors is None else errors.floor for layer, errors in own.items()}
+    return Reference(settings.bounces, truth.source, noise, curve)
 
 
 def truth_bounces(settings: Settings) -> int | None:

@@ -24,6 +24,7 @@ from .results import (
     Measurement,
     MovingErrors,
     PathPoint,
+    PlayedErrors,
     Reference,
     Report,
     SceneReport,
@@ -72,6 +73,7 @@ def _scene(d: Mapping[str, Any]) -> SceneReport:
                 "settled": _errors(m["settled"]),
                 "cases": {n: _case(c) for n, c in m["cases"].items()},
                 "moving": _moving(m.get("moving")),
+                "played": None if m.get("played") is None else [PlayedErrors(**e) for e in m["played"]],
             }
         )
         for m in d["techniques"]
@@ -107,6 +109,8 @@ def tables(report: Report) -> list[tuple[str, Table]]:
         found.append(_error_table(scene))
         if any(m.moving for m in scene.techniques):
             found.append(_moving_table(scene))
+        if any(m.played for m in scene.techniques):
+            found.append(_played_table(scene))
         found += [_time_table(scene, measurement) for measurement in scene.techniques]
         found += [_path_table(scene, reference) for reference in scene.references]
     return found
@@ -149,6 +153,22 @@ def _moving_table(scene: SceneReport) -> tuple[str, Table]:
                 cells = [flicker, frames, camera, thing, relmse, f"{e.bias:+.2%}"]
             table.add_row(m.title if layer == "full" else "", MOVING_TITLES[layer], *cells)
     return f"{_title(scene)}: moving, against each technique's own converged pictures", table
+
+
+def _played_table(scene: SceneReport) -> tuple[str, Table]:
+    """Return errors by frames of history; the indirect light of a technique stands below its full image."""
+    table = _table("technique", "layer")
+    for heading in ("frames", "relMSE", "bias", "ghost"):
+        table.add_column(heading, justify="right")
+    for m in scene.techniques:
+        for layer in ("full", "indirect"):
+            for k, e in enumerate(m.played or []):
+                relmse, bias, ghost = (getattr(e, f"{name}_{layer}") for name in ("relmse", "bias", "ghost"))
+                titles = [m.title if layer == "full" and k == 0 else "", LAYER_TITLES[layer] if k == 0 else ""]
+                cells = [MISSING if v is None else f"{v:.3g}" for v in (relmse, ghost)]
+                cells.insert(1, MISSING if bias is None else f"{bias:+.2%}")
+                table.add_row(*titles, str(e.frames), *cells)
+    return f"{_title(scene)}: while its animation plays, against the path tracer", table
 
 
 def _time_table(scene: SceneReport, m: Measurement) -> tuple[str, Table]:

@@ -53,12 +53,30 @@ class MovingErrors:
 
 
 @dataclass(frozen=True)
+class PlayedErrors:
+    """Errors while the scene's animation plays, against path-traced pictures of the same poses.
+
+    The picture is the last of `frames` frames, of which the first had no history; values are means over some moments.
+    ghost: relMSE where a static or rigid surface has just come into view. None: not measurable.
+    """
+
+    frames: int
+    relmse_full: float | None
+    bias_full: float | None
+    ghost_full: float | None
+    relmse_indirect: float | None
+    bias_indirect: float | None
+    ghost_indirect: float | None
+
+
+@dataclass(frozen=True)
 class Measurement:
     """A measured technique: errors by layer (None: the truth is black or unknown), times by case, bytes of its graph.
 
     `bounces` are the indirect bounces of the truth, None for all. `errors` are those of a single frame, `settled` those
     of a still picture, the mean of `settled_frames`; both are equal for a technique without random numbers. `variant`
-    holds the settings of `--sweep`; `moving` the errors of `--moving` by layer (`measure_moving`), None without it.
+    holds the settings of `--sweep`; `moving` the errors of `--moving` by layer (`measure_moving`), None without it;
+    `played` those of the scene's animation (`measure_played`), None without `--moving` or without one.
     """
 
     gi: str
@@ -71,6 +89,7 @@ class Measurement:
     bytes: int
     variant: str = ""
     moving: dict[str, MovingErrors | None] | None = None
+    played: list[PlayedErrors] | None = None
 
     @property
     def title(self) -> str:

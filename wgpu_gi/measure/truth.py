@@ -37,7 +37,7 @@ TRACER_SHADERS = ("reference/path.wgsl", "reference/resolve.wgsl", "reference/pr
 FILE_FORMATS = (".npz", ".exr")
 NOISE_LAYERS = {"se_full": "full", "standard_error": "full", "se_indirect": "indirect"}
 FILE_LAYERS = (*LAYERS.values(), "emit", "one", "multi", *NOISE_LAYERS, "depth")
-INVISIBLE = ("name", "notes", "cameras")  # fields of a scene that do not change a picture
+INVISIBLE = ("name", "notes", "cameras", "animations")  # fields of a scene that do not change a picture
 
 
 @dataclass

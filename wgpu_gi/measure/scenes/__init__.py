@@ -13,6 +13,7 @@ from ...scene.scene import Scene
 from .degenerate import degenerate
 from .draws import Draws
 from .extreme import extreme
+from .moving import moving
 from .outdoors import foliage, street
 from .rooms import GLOSSY_ROOM, TEXTURED_ROOM, furnished_room, many
 from .scales import far, huge, tiny
@@ -29,6 +30,7 @@ _MAKERS: dict[str, Callable[[Draws], Scene]] = {
     "far": far,
     "degenerate": degenerate,
     "extreme": extreme,
+    "moving": moving,
 }
 
 KINDS = tuple(_MAKERS)
@@ -41,7 +43,8 @@ def make_scene(kind: str, seed: int) -> Scene:
     ground, houses, thin walls, sun and sky. foliage: alpha-masked cards and thin strips. glossy: roughness 0 to 1,
     metals, normal maps. textured: colour and emission textures, few bright texels, vertex colours. many: hundreds of
     lights and instances. tiny, huge: rooms and streets scaled by 1e-6 to 1e6. far: at up to 1e7 m. degenerate: slivers,
-    doubled and coplanar faces, odd transforms and cameras. extreme: intensities 1e-12 to 1e12, albedo 0 and 1.
+    doubled and coplanar faces, odd transforms and cameras. extreme: intensities 1e-12 to 1e12, albedo 0 and 1. moving:
+    a room with skins, morph targets and moving instances, lights and materials, at a random time of its animation.
 
     Raises GiError for an unknown kind or a seed below 0.
     """

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...camera import Camera
 from ...scene.built_in.shapes import quad
+from ...scene.deformation import is_deformed, posed_mesh
 from ...scene.scene import (
     DirectionalLight,
     Environment,
@@ -142,6 +143,24 @@ def channels_rolled(scene: Scene) -> Scene:
     )
 
 
+def baked(scene: Scene) -> Scene | None:
+    """Replace each deformed mesh by a static one of its pose, in float32; None if nothing deforms."""
+
+    def rounded(values: NDArray[Any] | None) -> Any:
+        return None if values is None else values.astype(np.float32)
+
+    other = copied(scene)
+    if not any(is_deformed(instance) for instance in other.instances):
+        return None
+    for instance in other.instances:
+        if is_deformed(instance):
+            mesh = posed_mesh(instance)
+            mesh.positions, mesh.normals, mesh.tangents = map(rounded, (mesh.positions, mesh.normals, mesh.tangents))
+            instance.mesh = mesh
+            instance.joint_matrices, instance.morph_weights = None, ()
+    return other
+
+
 def with_triangles(mesh: Mesh, chosen: NDArray) -> Mesh:
     """Return the mesh with the triangles `chosen`, as indices or a mask."""
     kinds = mesh.material_of_triangle
@@ -176,6 +195,7 @@ def subdivided(scene: Scene) -> Scene | None:
     """Divide every flat triangle into four at the midpoints of its edges; None if no mesh can be divided.
 
     Meshes with smooth normals or normal maps stay as they are: a midpoint changes the interpolation of unit vectors.
+    So do meshes with a skin, whose midpoints would move off their edges, and with morph targets.
     """
     other = copied(scene, mesh=lambda m: _subdivided(m) if _is_flat(m) else m)
     return other if other.triangle_count > scene.triangle_count else None
@@ -183,6 +203,8 @@ def subdivided(scene: Scene) -> Scene | None:
 
 def _is_flat(mesh: Mesh) -> bool:
     if not 0 < len(mesh.triangles) <= MOST_SUBDIVIDED or any(m.normal_texture for m in mesh.materials):
+        return False
+    if mesh.skin is not None or mesh.morph_targets:
         return False
     return all(
         values is None or bool((values[mesh.triangles] == values[mesh.triangles[:, :1]]).all())

@@ -190,6 +190,27 @@ def _hidden(scene: Scene, rng: np.random.Generator, size: Size) -> Pictures | st
     return Pictures([View(scene)], View(edits.with_hidden_added(scene)))
 
 
+# ------------------------------------------------------------------------------------------------ Motion
+
+
+def _baked(scene: Scene, rng: np.random.Generator, size: Size) -> Pictures | str:
+    other = edits.baked(scene)
+    return "nothing deforms" if other is None else Pictures([View(scene)], View(other))
+
+
+def _played(there_and_back: bool) -> Change:
+    """Return a change that plays to a time from another one, or from the same one by way of another."""
+
+    def change(scene: Scene, rng: np.random.Generator, size: Size) -> Pictures | str:
+        if not scene.animations:
+            return "it has no animation"
+        time, other = rng.uniform(0.0, scene.animations[0].duration, 2).tolist()
+        before = (time, other) if there_and_back else (other,)
+        return Pictures([View(scene.at(time))], View(scene, times=(*before, time)))
+
+    return change
+
+
 # ------------------------------------------------------------------------------------------------ Camera
 
 
@@ -242,5 +263,8 @@ RELATIONS: dict[str, Relation] = {
     "hidden": Relation(
         "a hidden object far away changes nothing", _hidden, margin=TEXELS, without=AMBIGUOUS, screen_space=False
     ),
+    "baked": Relation("a deformed mesh looks like a static one of its pose", _baked),
+    "played": Relation("an animation that plays to a time looks as if it started there", _played(False)),
+    "back": Relation("an animation that plays to another time and back looks the same", _played(True)),
     "half": Relation("a picture of half the size has the means of 2x2 pixels", _half, margin=HALF, edges=None),
 }

@@ -18,6 +18,7 @@ from ...camera import Camera
 from ...errors import GiError
 from ...options import TECHNIQUES, Settings
 from ...renderer import Renderer
+from ...scene.player import Player
 from ...scene.scene import Scene
 from ...settings import apply_quality
 
@@ -50,6 +51,7 @@ class View:
     spp: int = PATH_SPP
     frames: int | None = 1  # of a still picture; None: those of the studio's settings
     before: Camera | None = None  # a pose that the camera had before
+    times: tuple[float, ...] = ()  # to which the first animation plays, in seconds, one after the other
     shaken: bool = False  # each seed turns the camera by up to half a pixel, so that pixels sample their squares
 
 
@@ -144,6 +146,13 @@ class Studio:
             at_rest, renderer.camera = renderer.camera, view.before
             self._run(renderer, check)
             renderer.camera = at_rest
+        if view.times:
+            player = Player(view.scene, None)
+            renderer.scene = player.scene
+            for moment in view.times[:-1]:
+                player.pose(moment)
+                self._run(renderer, check)
+            player.pose(view.times[-1])
         started = self._now(renderer)
         self._run(renderer, check)
         layers = {name: np.asarray(renderer.read_back(name), np.float64) for name in SHOWN}

@@ -16,6 +16,7 @@ from ...camera import Camera
 from ...errors import GiError, known_names
 from ..scene import DirectionalLight, Environment, Instance, Light, Material, Mesh, PointLight, Scene, SpotLight
 from .shapes import Point3, arch, box, grid, prism, quad, quads, sphere
+from .walk import walk
 
 
 def builtin_scene(name: str) -> Scene:
@@ -308,4 +309,5 @@ BUILTIN_SCENES: dict[str, Callable[[], Scene]] = {
     "corridor": corridor,
     "curtain": curtain,
     "courtyard": courtyard,
+    "walk": walk,
 }
