@@ -63,6 +63,16 @@ def test_an_alpha_test_passes_the_same_share_of_each_level(cutoff):
     assert plain < 0.5 * share if cutoff > 0.5 else plain > 1.5 * share
 
 
+def test_levels_of_blended_colours_keep_the_mean_of_alpha_and_of_what_shows():
+    """What shows is alpha times the colour; levels of one texel round both to 8 bits."""
+    pixels = np.array([[[250, 0, 0, 255], [0, 0, 250, 51]], [[0, 250, 0, 0], [0, 0, 250, 0]]], np.uint8)
+    _, level = mip_levels(pixels, "blend")
+    assert level[0, 0, 3] == round((255 + 51) / 4)
+    shown = LINEAR_OF_CODE[level[0, 0, :3]] * level[0, 0, 3] / 255
+    expected = (LINEAR_OF_CODE[pixels[..., :3]] * (pixels[..., 3:] / 255)).mean((0, 1))
+    assert np.allclose(shown, expected, atol=4e-3)
+
+
 def test_open_texels_do_not_darken_the_colour_of_a_mask():
     for level in mip_levels(leaves(), "mask")[1:]:
         seen = level[level[..., 3] >= 128]

@@ -176,7 +176,35 @@ def test_masks_cut_out(tmp_path, alpha):
     pixels = material.base_color_texture.image.pixels
     assert material.alpha_mode == "mask" and pixels.shape == (4, 2, 4) and (pixels[..., :3] == 200).all()
     np.testing.assert_array_equal(pixels[..., 3], [[0, 0], [0, 0], [255, 255], [255, 255]])
-    assert len(textures.notes.sentences) == 1 and "cut out" in textures.notes.sentences[0]
+    assert textures.notes.sentences == []
+
+
+def test_grey_masks_blend(tmp_path):
+    Image.fromarray(np.full((2, 2), 100, np.uint8)).save(tmp_path / "mask.png")
+    textures = Textures(tmp_path, Notes(), MemoryBudget())
+    assert read_mtl("newmtl m\nmap_d mask.png\n", ["m"], textures)["m"].alpha_mode == "blend"
+
+
+@pytest.mark.parametrize(
+    ("rows", "mode", "alpha"),
+    [("d 0.25", "blend", 0.25), ("Tr 0.25", "blend", 0.75), ("d 1\nTr 1", "opaque", 1.0), ("Tr 1", "opaque", 1.0)],
+)
+def test_opacity_blends(tmp_path, rows, mode, alpha):
+    """Of both rows, `d` counts; an opacity of 0 alone is a mistake of the exporter, with a note."""
+    textures = Textures(tmp_path, Notes(), MemoryBudget())
+    material = read_mtl(f"newmtl m\nKd 1 1 1\n{rows}\n", ["m"], textures)["m"]
+    assert (material.alpha_mode, material.base_color[3]) == (mode, alpha)
+    assert len(textures.notes.sentences) == (rows == "Tr 1")
+
+
+def test_layers_of_pbr_rows(tmp_path):
+    textures = Textures(tmp_path, Notes(), MemoryBudget())
+    rows = "Pr 0.5\nPc 0.8\nPcr 0.1\nPs 0.4\naniso 0.6\nanisor 0.25\nNi 1.33\n"
+    material = read_mtl(f"newmtl m\nKd 1 1 1\n{rows}", ["m"], textures)["m"]
+    assert (material.clearcoat, material.clearcoat_roughness, material.ior) == (0.8, 0.1, 1.33)
+    assert (material.sheen_color, material.sheen_roughness) == ((0.4, 0.4, 0.4), 0.5)
+    assert (material.anisotropy, material.anisotropy_rotation) == (0.6, np.pi / 2)
+    assert read_mtl("newmtl m\nNi 2\n", ["m"], textures)["m"].ior == 1.5 and textures.notes.sentences == []
 
 
 def test_metallic_and_roughness_rows(tmp_path):

@@ -176,6 +176,9 @@ def test_a_pbr_material():
     np.testing.assert_allclose(found.base_color, [1, 0.5, 0.25, 1], atol=1 / 255)
     assert (found.emission, found.double_sided) == ((0, 1, 2), True)
     assert (found.alpha_mode, found.alpha_cutoff) == ("mask", 0.4)
+    material.alphaMode = "BLEND"
+    mesh = read_scene(trimesh.Trimesh(SQUARE, TWO, visual=visual, process=False)).instances[0].mesh
+    assert (mesh.materials[0].alpha_mode, mesh.materials[0].alpha_cutoff) == ("blend", 0.5)
     # v points up in trimesh and down in glTF: (0, 1) there is the top left texel, which is green.
     np.testing.assert_allclose(mesh.texcoords0, [[0, 1], [0.25, 1], [0.25, 0], [0, 0]])
     assert found.base_color_texture.image.pixels[0, 0].tolist() == [0, 255, 0, 255]

@@ -428,9 +428,35 @@ def test_opacity_cuts_out(build, tmp_path, threshold):
     builder.material(bind=[builder.mesh()], diffuseColor=builder.texture("/c", "color.png"), opacity=opacity, **inputs)
     scene = builder.load()
     material = scene.materials[0]
-    assert material.alpha_mode == "mask" and material.alpha_cutoff == (threshold or 0.5)
+    assert (material.alpha_mode, material.alpha_cutoff) == (("mask", threshold) if threshold else ("blend", 0.5))
     np.testing.assert_array_equal(material.base_color_texture.image.pixels[..., 3], pixels["alpha"][..., 3])
-    assert len(notes_of(scene)) == (threshold is None)
+    assert notes_of(scene) == []
+
+
+def test_opacity_without_a_threshold_blends(build):
+    builder = build()
+    builder.material(bind=[builder.mesh()], diffuseColor=(0.1, 0.2, 0.3), opacity=0.25)
+    scene = builder.load()
+    material = scene.materials[0]
+    assert material.alpha_mode == "blend" and notes_of(scene) == []
+    np.testing.assert_allclose(material.base_color, (0.1, 0.2, 0.3, 0.25), atol=1e-7)
+
+
+def test_clear_coats_and_indices_of_refraction(build, tmp_path):
+    """Values of textures replace the constants; the roughness of a clear coat is 0.01 unless it is given."""
+    pixels = pictures(tmp_path)
+    builder = build()
+    opacity = builder.texture("/o", "alpha.png", "a")
+    builder.material(bind=[builder.mesh()], clearcoat=0.5, clearcoatRoughness=opacity, ior=1.33)
+    scene = builder.load()
+    material = scene.materials[0]
+    assert (material.clearcoat, material.clearcoat_roughness) == (0.5, 1.0)
+    assert material.ior == pytest.approx(1.33) and notes_of(scene) == []
+    texels = material.clearcoat_roughness_texture.image.pixels[..., 1]
+    np.testing.assert_array_equal(texels, pixels["alpha"][..., 3])
+    builder = build(suffix=".usdc")
+    builder.material(bind=[builder.mesh()], clearcoat=1.0)
+    assert builder.load().materials[0].clearcoat_roughness == pytest.approx(0.01)
 
 
 def test_texture_transforms(build, tmp_path):

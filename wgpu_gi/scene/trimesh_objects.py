@@ -176,17 +176,12 @@ class _Materials:
             red, green, blue = (min(max(float(c), 0.0), LARGEST_LIGHT) for c in source.emissiveFactor)
             material.emission = red, green, blue
         material.double_sided = bool(source.doubleSided)
-        if source.alphaMode in ("MASK", "BLEND"):
+        if source.alphaMode == "MASK":
             material.alpha_mode = "mask"
-            if source.alphaMode == "MASK" and source.alphaCutoff is not None:
-                material.alpha_cutoff = float(source.alphaCutoff)
-            else:
-                self._note_blended(material, source.alphaMode)
+            material.alpha_cutoff = 0.5 if source.alphaCutoff is None else float(source.alphaCutoff)
+        elif source.alphaMode == "BLEND":
+            material.alpha_mode = "blend"
         return material
-
-    def _note_blended(self, material: Material, mode: str) -> None:
-        if mode == "BLEND":
-            self._notes.add(f"alpha blending of the material {material.name!r} became a mask: cut at 50 % opacity")
 
     def _simple(self, source: Any) -> Material:
         """Convert a SimpleMaterial; anything else becomes clay."""
@@ -197,10 +192,9 @@ class _Materials:
         if material.base_color_texture and (diffuse is None or tuple(diffuse) == _DEFAULT_DIFFUSE):
             material.base_color = (1.0, 1.0, 1.0, 1.0)
         elif diffuse is not None:
-            red, green, blue, alpha = _unit_rgba(diffuse)
-            material.base_color = red, green, blue, 1.0
-            if alpha < 1.0:
-                self._notes.add(f"material {material.name!r}: transparency is ignored; it is shown opaque")
+            material.base_color = _unit_rgba(diffuse)
+            if material.base_color[3] < 1.0:
+                material.alpha_mode = "blend"
         return material
 
     def _texture(self, source: Any) -> Texture | None:

@@ -113,7 +113,7 @@ class MaterialUpload:
         """Return the textures that shaders read, by the name of their atlas and their slot in the Material struct."""
         masked = m.alpha_mode == "mask" and m.base_color[3] > 0
         cutoff = m.alpha_cutoff / m.base_color[3] if masked else 0.0
-        base: Content = "mask" if masked else "color"
+        base: Content = "mask" if masked else "blend" if m.alpha_mode == "blend" else "color"
         slots = {BASE_COLOR: m.base_color_texture, EMISSION: m.emission_texture}
         if not self._diffuse:
             slots |= {METALLIC_ROUGHNESS: m.metallic_roughness_texture, NORMAL: m.normal_texture}

@@ -2,7 +2,7 @@
 
 Williams 1983, "Pyramidal Parametrics". A side of n texels becomes floor(n / 2), at least 1; of odd sides, each new
 texel averages three old ones by the lengths that it covers. Colours are averaged as light. An alpha test keeps the
-share of the texture that it passes (Castano 2010, "Computing Alpha Mipmaps"), and its colours are weighted by alpha.
+share of the texture that it passes (Castano 2010, "Computing Alpha Mipmaps"). Colours with alpha are weighted by it.
 Normals are averaged as vectors, and alpha holds 1 - sigma: sigma^2 is the variance of the slopes per axis, by which
 roughness grows (Toksvig 2005, "Mipmapping Normal Maps"). Departures: alpha is mapped by two linear pieces instead of a
 factor, which keeps it below 1; the variance is that of the vectors divided by their squared mean, which allows maps
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from ..pictures.color import LINEAR_OF_CODE, srgb_from_linear
 
-Content = Literal["color", "mask", "data", "normal"]  # mask: colours with an alpha test
+Content = Literal["color", "blend", "mask", "data", "normal"]  # blend, mask: colours with alpha, with an alpha test
+LIGHT: tuple[Content, ...] = ("color", "blend", "mask")  # contents that are sRGB-coded
 Plane = NDArray[np.float32]
 
 _LINEAR = LINEAR_OF_CODE.astype(np.float32)
@@ -51,15 +52,16 @@ def mip_levels(pixels: NDArray[Any], content: Content, cutoff: float = 0.5) -> l
     count = level_count(pixels.shape[1], pixels.shape[0])
     if content == "normal":
         return _normal_levels(pixels, count)
-    light = content in ("color", "mask")
+    light = content in LIGHT
     largest = np.float32(np.iinfo(pixels.dtype).max)
-    # Decode; the colours of masks are multiplied by their weight, which comes last.
+    # Decode; colours with alpha are multiplied by their weight, which comes last.
     plane = np.take(_LINEAR, pixels) if light else pixels.astype(np.float32) * (1 / largest)
     share = 0.0
     if light:
         plane[..., 3] = pixels[..., 3] * (1 / largest)
     if content == "mask":
         share = _coverage(plane[..., 3], cutoff)
+    if content in ("blend", "mask"):
         weight = np.maximum(plane[..., 3:], np.float32(LEAST_WEIGHT))
         plane[..., :3] *= weight
         plane = np.concatenate([plane, weight], 2)
@@ -68,8 +70,10 @@ def mip_levels(pixels: NDArray[Any], content: Content, cutoff: float = 0.5) -> l
     for _ in range(count):
         plane = halved(plane)
         colors, alpha = plane[..., :3], plane[..., 3]
+        if content in ("blend", "mask"):
+            colors = colors / plane[..., 4:]
         if content == "mask":
-            colors, alpha = colors / plane[..., 4:], _keep_coverage(alpha, cutoff, share)
+            alpha = _keep_coverage(alpha, cutoff, share)
             if abs(_coverage(alpha, cutoff) - share) > COVERAGE_ERROR * min(share, 1.0 - share):
                 break
         level = np.empty((*plane.shape[:2], 4), pixels.dtype)

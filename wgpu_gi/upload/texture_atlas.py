@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..scene.files.image_scaling import fitting_size, scaled_down
 from ..scene.scene import Image, Wrap
 from ..webgpu_limits import MAX_TEXTURE_SIDE
-from .mip_levels import Content, level_count, level_size, mip_levels
+from .mip_levels import LIGHT, Content, level_count, level_size, mip_levels
 
 MIN_PAGE = 256  # texels a side: a smaller texture saves no memory worth mentioning
 MAX_LAYERS = 256  # WebGPU's default limit of array layers
@@ -95,7 +95,7 @@ def atlas_rectangles(image: AtlasImage, place: Place) -> tuple[Place, list[tuple
 
     A mask may have fewer levels than its place has room for.
     """
-    light = image.content in ("color", "mask")
+    light = image.content in LIGHT
     pixels = image.image.pixels if place.deep else image.image.eight_bit
     pixels = np.ascontiguousarray(scaled_down(pixels, (place.width, place.height), light))
     levels = mip_levels(pixels, image.content, image.cutoff) if place.levels or image.content == "normal" else [pixels]

@@ -2,18 +2,22 @@
 
 `Kd` is linear reflectance, as in the published Cornell boxes, and `Ke` radiance in W/(m2 sr). `map_Kd` and `map_Ke` are
 sRGB and multiply them; a zero or missing factor beside a map counts as one, since exporters write it so. `Pr`, `Pm` and
-`norm` are roughness, metallic and a normal map of tangent space (the PBR rows of Blender and Clara.io).
+`norm` are roughness, metallic and a normal map of tangent space; `Pc` and `Pcr` are clear coat and its roughness, `Ps`
+sheen, `aniso` and `anisor` anisotropy and its rotation in turns (the PBR rows of Blender and Clara.io). `d` or 1 - `Tr`
+is opacity. `map_d` cuts out at half opacity if it is black and white apart from edges, and else blends.
 
-Departures: a surface without `Pr` is matte, whatever its Phong highlight (`Ks`, `Ns`). `map_d` cuts out at half
-opacity, `d` and `Tr` are not used. A note tells rows that would change the picture and are not used.
+Departures: a surface without `Pr` is matte, whatever its Phong highlight (`Ks`, `Ns`) and its index of refraction
+(`Ni`). A surface of opacity 0 is opaque, since exporters confuse `d` and `Tr`. Sheen has a roughness of one half. A
+note tells rows that would change the picture and are not used.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...float_limits import LARGEST_LIGHT
+from ...float_limits import LARGEST_IOR, LARGEST_LIGHT
 from ..scene import Material
 from .mtl_textures import Textures
 from .notes import Notes
@@ -23,7 +27,10 @@ Block = dict[str, str]  # the rows of a material by their first word in lower ca
 
 # Rows that change the picture and are not used; those of colours only if they are not black.
 _UNUSED_MAPS = ("map_ks", "map_ns", "map_bump", "bump", "disp", "decal", "refl", "map_refl", "map_pr", "map_pm")
-_UNUSED_COLORS = ("ks", "ps", "pc")
+_UNUSED_COLORS = ("ks",)
+_SHEEN_ROUGHNESS = 0.5  # Blender's default; the rows have none
+_GREY_SHARE = 0.1  # of a cut-out's texels at most, at its edges; a picture with more of them blends
+_GREY = (26, 229)  # 8-bit opacities between these are grey
 
 
 def read_mtl(text: str, names: Iterable[str], textures: Textures, folder: Path | None = None) -> dict[str, Material]:
@@ -66,6 +73,7 @@ def _material(name: str, block: Block, textures: Textures, folder: Path | None) 
     material.roughness = _unit(name, "Pr", block, notes, 1.0)
     material.metallic = _unit(name, "Pm", block, notes, 0.0)
     material.normal_texture = textures.of_row(block.get("norm"), folder, deep=True)
+    _layers(name, block, material, notes)
     # Emission.
     emission = _color(name, "Ke", block, notes)
     material.emission = emission or (0.0, 0.0, 0.0)
@@ -74,14 +82,33 @@ def _material(name: str, block: Block, textures: Textures, folder: Path | None) 
         material.emission = (1.0, 1.0, 1.0)
     # Transparency.
     cut_out = textures.with_mask(material.base_color_texture, block["map_d"], folder) if block.get("map_d") else None
+    opacity = min(_values(block, "d"), default=1.0 - max(_values(block, "tr"), default=0.0))
     if cut_out is not None:
-        material.base_color_texture, material.alpha_mode = cut_out, "mask"
+        material.base_color_texture = cut_out
+        alpha = cut_out.image.eight_bit[..., 3]
+        grey = float(((alpha > _GREY[0]) & (alpha < _GREY[1])).mean())
+        material.alpha_mode = "mask" if grey <= _GREY_SHARE else "blend"
         if diffuse is None:
             material.base_color = (0.8, 0.8, 0.8, 1.0) if "map_kd" not in block else (1.0, 1.0, 1.0, 1.0)
-        notes.add(f"material {name!r}: transparency is cut out at half opacity")
-    elif min(_values(block, "d"), default=1.0 - max(_values(block, "tr"), default=0.0)) < 1.0:
-        notes.add(f"material {name!r}: transparency is ignored; it is shown opaque")
+    elif 0.0 < opacity < 1.0:
+        material.alpha_mode, material.base_color = "blend", (*material.base_color[:3], opacity)
+    elif opacity <= 0.0:
+        notes.add(f"material {name!r}: an opacity of 0 is ignored; it is shown opaque")
     return material
+
+
+def _layers(name: str, block: Block, material: Material, notes: Notes) -> None:
+    """Set the material's layers from the PBR rows."""
+    material.clearcoat = _unit(name, "Pc", block, notes, 0.0)
+    material.clearcoat_roughness = _unit(name, "Pcr", block, notes, 0.0)
+    sheen = _unit(name, "Ps", block, notes, 0.0)
+    if sheen > 0:
+        material.sheen_color, material.sheen_roughness = (sheen,) * 3, _SHEEN_ROUGHNESS
+    material.anisotropy = _unit(name, "aniso", block, notes, 0.0)
+    material.anisotropy_rotation = 2 * math.pi * _unit(name, "anisor", block, notes, 0.0)
+    index = _values(block, "ni")
+    if "pr" in block and len(index) == 1 and 1.0 < index[0] <= LARGEST_IOR:
+        material.ior = index[0]
 
 
 def _values(block: Block, key: str) -> list[float]:

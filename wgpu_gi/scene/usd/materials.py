@@ -1,7 +1,7 @@
 """Converts UsdPreviewSurface materials of a stage (UsdPreviewSurface specification 2.6).
 
-Departures: opacity cuts out, at the threshold or at one half; a constant opacity is not used. Textures of the specular
-workflow, clear coats, indices of refraction and displacement are not used. The notes say so.
+Departures: opacity without a threshold is alpha blending: reflections fade with the surface. Textures of the specular
+workflow and displacement are not used; the notes say so.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...float_limits import LARGEST_LIGHT
+from ...float_limits import LARGEST_IOR, LARGEST_LIGHT
 from ..files.raw_mesh import clay
 from ..gltf.specular_glossiness import metallic_from_specular
 from ..scene import Image, Material
@@ -98,13 +98,15 @@ class Materials:
         surface = Surface(clay())
         surface.material.name = source.GetPath().name
         inputs = _Inputs(shader, self._textures, self._stage)
-        for name in ("clearcoat", "displacement"):
-            if inputs.sampled(name) or inputs.number(name, 0.0) > 0:
-                self._stage.note(f"{source.GetPath()}: {name} is not used")
+        if inputs.sampled("displacement") or inputs.number("displacement", 0.0) > 0:
+            self._stage.note(f"{source.GetPath()}: displacement is not used")
         _base_color(surface, inputs, self._stage)
         _metallic_roughness(surface, inputs, self._stage)
         if inputs.number("useSpecularWorkflow", 0) == 1:
             _specular(surface, inputs, self._stage)
+        else:
+            surface.material.ior = min(max(inputs.number("ior", 1.5), 1.0), LARGEST_IOR)
+        _clearcoat(surface, inputs, self._stage)
         _emission(surface, inputs)
         _normal(surface, inputs, self._stage)
         return surface
@@ -153,8 +155,8 @@ def _unit(color: tuple[float, ...]) -> tuple[float, float, float]:
 
 
 def _base_color(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
-    """Set reflectance and cut-outs."""
-    material, where = surface.material, surface.material.name
+    """Set reflectance and opacity."""
+    material, where, factor_alpha = surface.material, surface.material.name, 1.0
     color, opacity = inputs.sampled("diffuseColor"), inputs.sampled("opacity")
     factor = _unit(inputs.color("diffuseColor", 0.18))
     if inputs.reads_display_color("diffuseColor"):
@@ -162,7 +164,7 @@ def _base_color(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
     image = None
     if color:
         image, factor = color_image(color, stage)
-    # Cut out by a texture of opacity.
+    # A texture of opacity cuts out if there is a threshold, and else blends.
     threshold = min(inputs.number("opacityThreshold", 0.0), 1.0)
     if opacity:
         alpha = plane(opacity)
@@ -174,22 +176,20 @@ def _base_color(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
         pixels = np.dstack([image.pixels[..., :3], np.round(255 * alpha).astype(np.uint8)])
         stage.budget.take(pixels.nbytes, f"{stage.source}: {where}")
         image = Image(pixels, image.name)
-        material.alpha_mode, material.alpha_cutoff = "mask", threshold or 0.5
-        if not threshold:
-            stage.note(f"{where}: transparency is cut out at half opacity")
+        material.alpha_mode, material.alpha_cutoff = ("mask", threshold) if threshold else ("blend", 0.5)
     elif inputs.number("opacity", 1.0) < threshold or inputs.number("opacity", 1.0) == 0.0:
         material.alpha_mode, factor_alpha = "mask", 0.0
         material.base_color = (*factor, factor_alpha)
         return
     elif inputs.number("opacity", 1.0) < 1.0 and not threshold:
-        stage.note(f"{where}: transparency is ignored; it is shown opaque")
+        material.alpha_mode, factor_alpha = "blend", inputs.number("opacity", 1.0)
     if image is not None and color is not None:
         if not opacity and not (image.pixels[..., 3] == 255).all():
             image = Image(
                 np.dstack([image.pixels[..., :3], np.full(image.pixels.shape[:2], 255, np.uint8)]), image.name
             )
         _place(surface, "base_color_texture", color, image)
-    material.base_color = (*factor, 1.0)
+    material.base_color = (*factor, factor_alpha)
 
 
 def _metallic_roughness(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
@@ -225,6 +225,24 @@ def _specular(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
         material.base_color = (*_unit(tuple(color.tolist())), material.base_color[3])
         material.metallic = float(metallic)
         stage.note(f"{material.name}: its specular workflow was converted to metallic roughness")
+
+
+def _clearcoat(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
+    """Set the clear coat; its share is in the red of a texture, its roughness in the green."""
+    material = surface.material
+    material.clearcoat = min(inputs.number("clearcoat", 0.0), 1.0)
+    if material.clearcoat == 0 and not inputs.sampled("clearcoat"):
+        return
+    material.clearcoat_roughness = min(inputs.number("clearcoatRoughness", 0.01), 1.0)
+    for name, slot, channel in (("clearcoat", "clearcoat", 0), ("clearcoatRoughness", "clearcoat_roughness", 1)):
+        sampled = inputs.sampled(name)
+        if sampled is not None:
+            values = plane(sampled)
+            stage.budget.take(4 * values.size, f"{stage.source}: {material.name}")
+            pixels = np.full((*values.shape, 4), 255, np.uint8)
+            pixels[..., channel] = np.round(255 * values)
+            setattr(material, slot, 1.0)
+            _place(surface, f"{slot}_texture", sampled, Image(pixels, f"{material.name} {name}"))
 
 
 def _emission(surface: Surface, inputs: _Inputs) -> None:
