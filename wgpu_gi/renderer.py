@@ -25,6 +25,7 @@ from .records import KnownAttributes
 from .scene.check import check_camera, check_scene, check_structure
 from .scene.files.camera_files import camera_of
 from .scene.load import lit
+from .scene.pose import Pose
 from .scene.rules import shown
 from .scene.scene import Scene
 from .settings import validate
@@ -42,6 +43,12 @@ class Renderer(KnownAttributes):
     anti-aliased over those before (`camera.antialias`). Pictures are (height, width, 3) float32 linear radiance, row 0
     on top.
 
+    With a `time` in seconds, the renderer shows its scene at that time of `animation` (a name or an index in
+    `scene.animations`; None: the first): before 0 the first pose, after the end the last. The animation drives the
+    values that its channels name: transforms, joints, morph weights, values of lights, cameras and materials. All else
+    follows `scene`, which may change at any time. A `camera` that is in `scene.cameras` moves with it. With the time
+    None, the scene is shown as it stands.
+
     A Renderer serves one thread at a time; a second thread gets a GiError while the first renders. Renderers in
     several threads take turns at the GPU, frame by frame. A new process must be spawned, not forked.
     """
@@ -53,8 +60,10 @@ class Renderer(KnownAttributes):
         "_device",
         "_gpu",
         "_lock",
+        "_pose",
         "_ran",
         "_shaders",
+        "animation",
         "automatic_exposure",
         "camera",
         "moving",
@@ -62,6 +71,7 @@ class Renderer(KnownAttributes):
         "scene",
         "settings",
         "size",
+        "time",
     )
 
     def __init__(
@@ -88,6 +98,9 @@ class Renderer(KnownAttributes):
         self.size = size
         self.camera: Camera = camera_of(scene, camera)
         self.settings = Settings() if settings is None else settings
+        self.time: float | None = None
+        self.animation: str | int | None = None
+        self._pose = Pose()
         self._checked: Settings | None = None  # a copy of the last settings that were valid
         self._check_values()
         if adapter is not None and not isinstance(adapter, str):
@@ -260,6 +273,7 @@ class Renderer(KnownAttributes):
         preview: bool,
     ) -> bool:
         gpu, view, technique = self._gpu, self._view(), technique_of(self.settings.gi)
+        check_camera(view.camera)
         gpu.graph.on_compile = self.on_compile
         gpu.prepare(view, shown, force, preview)
         graph, frames = gpu.graph, view.frames
@@ -313,8 +327,21 @@ class Renderer(KnownAttributes):
         lines = [f"{name:<24} {ms:9.2f} ms" for name, ms in rows]
         return Table("\n".join(lines), ("pass", "ms"), [(name, f"{ms:.2f}") for name, ms in rows])
 
+    @property
+    def posed_scene(self) -> Scene:
+        """The scene that the next frame shows: at `time`, or `scene` itself. Each frame poses the same objects anew."""
+        return self._posed()[0]
+
+    @property
+    def posed_camera(self) -> Camera:
+        """The camera of the next frame: where the animation moves it, else `camera` itself."""
+        return self._posed()[1]
+
+    def _posed(self) -> tuple[Scene, Camera]:
+        return self._pose.at(self.scene, self.camera, self.time, self.animation)
+
     def _view(self) -> View:
-        return View(self.scene, self.camera, self.size, replace(self.settings, exposure=self.exposure), self.moving)
+        return View(*self._posed(), self.size, replace(self.settings, exposure=self.exposure), self.moving)
 
     def _check_values(self) -> None:
         """Raise GiError for settings, a size, a camera or a scene that cannot be rendered.

@@ -15,9 +15,10 @@ from .errors import GiError, warn_of
 from .options import Settings, check_size, technique_of, uses
 from .pictures.picture import Picture
 from .renderer import Renderer
-from .scene.load import lit
+from .scene.load import is_usd, lit
+from .scene.pose import check_time, outside, start_of
 from .scene.rules import shown
-from .scene.scene import Environment
+from .scene.scene import Environment, Scene
 from .settings import apply_quality, validate
 
 
@@ -28,6 +29,8 @@ def render(
     size: tuple[int, int] = ...,
     camera: Camera | str | int | dict[str, Any] | None = ...,
     environment: Environment | str | Path | None = ...,
+    time: float | None = ...,
+    animation: str | int | None = ...,
     gi: str | None = ...,
     spp: int | None = ...,
     bounces: int | None = ...,
@@ -49,6 +52,8 @@ def render(
     size: tuple[int, int] = ...,
     camera: Camera | str | int | dict[str, Any] | None = ...,
     environment: Environment | str | Path | None = ...,
+    time: float | None = ...,
+    animation: str | int | None = ...,
     gi: str | None = ...,
     spp: int | None = ...,
     bounces: int | None = ...,
@@ -69,6 +74,8 @@ def render(
     size: tuple[int, int] = (640, 360),
     camera: Camera | str | int | dict[str, Any] | None = None,
     environment: Environment | str | Path | None = None,
+    time: float | None = None,
+    animation: str | int | None = None,
     gi: str | None = None,
     spp: int | None = None,
     bounces: int | None = None,
@@ -91,6 +98,10 @@ def render(
     radiance is (height, width, 4): the environment is left out where the camera sees it, colours are multiplied by
     alpha, and alpha is the share of the pixel that surfaces cover.
 
+    `time` in seconds shows the scene at that time of `animation`, a name or an index in `scene.animations` (None: the
+    first), see `Renderer`; an `animation` without a time is shown at its start. A USD file is shown at the time code
+    `time`.
+
     The other arguments override `settings` where they are given. `quality` (low, medium, high) overrides all settings
     that have presets. Raises GiError for bad values.
     """
@@ -103,13 +114,25 @@ def render(
     check_size(size)
     if progress is not None and not callable(progress):
         raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
-    lighted, notes = lit(scene, environment)
+    lighted, seconds, notes = lit_at(scene, environment, time, animation)
     warn_of([*notes, *_ignored(chosen, values)], stacklevel=2)
     # Render.
     with Renderer(lighted, size=size, camera=camera, settings=chosen, adapter=adapter) as renderer:
+        renderer.time, renderer.animation = seconds, animation
         renderer.run(progress, show=with_alpha(names, chosen))
         pictures = read_pictures(renderer, names, chosen)
     return pictures[show] if isinstance(show, str) else pictures
+
+
+def lit_at(
+    scene: Any, environment: Environment | str | Path | None, time: float | None, animation: str | int | None
+) -> tuple[Scene, float | None, list[str]]:
+    """Return a scene with light, the seconds at which to show its animation, and notes; see `render` and `lit`."""
+    check_time(time)
+    usd = is_usd(scene)
+    lighted, notes = lit(scene, environment, time if usd else None)
+    seconds = start_of(lighted, None if usd else time, animation)
+    return lighted, seconds, [*notes, *outside(lighted, seconds, animation)]
 
 
 def settings_of(settings: Settings | None, values: dict[str, Any], quality: str | None) -> Settings:

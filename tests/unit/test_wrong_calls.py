@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -38,6 +39,13 @@ def of_material(**changes: Any) -> gi.Scene:
 
 def assign(owner: Any, name: str, value: Any = 1) -> None:
     setattr(owner, name, value)
+
+
+def assign_and_run(**values: Any) -> None:
+    renderer = gi.Renderer(scene(), size=(4, 4))
+    for name, value in values.items():
+        assign(renderer, name, value)
+    renderer.step()
 
 
 def nan_vertices() -> np.ndarray:
@@ -119,6 +127,11 @@ CALLS: dict[str, tuple[Callable[[], Any], str]] = {
     "show=5": (lambda: gi.render(scene(), show=5), "show must be the name of a buffer"),
     "settings=dictionary": (lambda: gi.render(scene(), settings={"spp": 4}), "settings must be Settings"),
     "settings=class": (lambda: gi.Renderer(scene(), settings=gi.Settings), "settings must be Settings"),
+    "time=text": (lambda: gi.render(scene(), time="1.5"), "time must be None or a finite number of seconds, not '1.5'"),
+    "time=nan": (lambda: gi.render(scene(), time=math.nan), "time must be .*, not nan"),
+    "time without animation": (lambda: gi.render(scene(), time=1), "the scene has no animation"),
+    "renderer.time=text": (lambda: assign_and_run(time="1"), "time must be .*, not '1'"),
+    "renderer.animation without any": (lambda: assign_and_run(animation="walk"), "the scene has no animation"),
     "adapter=5": (lambda: gi.render(scene(), adapter=5), "adapter must be a part of the name of an adapter, not 5"),
     "progress=True": (lambda: gi.render(scene(), progress=True), "progress must be a function"),
     "environment=5": (lambda: gi.render(scene(), environment=5), "environment must be an Environment or the path"),

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.animated import animated_glb
 from PIL import Image
 
 from wgpu_gi.__main__ import main
@@ -260,6 +261,22 @@ def test_every_technique_renders_and_quits(gi, display, tmp_path):
         assert viewer.quit() == 0
         lines = viewer.log.read_text().splitlines()
         assert not [line for line in lines if not line.startswith(("loading ", "note: ", "warning: "))]
+    finally:
+        viewer.close()
+
+
+def test_space_plays_and_pauses_the_animation(display, tmp_path):
+    viewer = Viewer(display, tmp_path, animated_glb(tmp_path).name, *QUICK[1:], "--gi", "none")
+    try:
+        viewer.move(*FREE)
+        viewer.xdotool("key", "space")
+        for _ in range(3):
+            before = viewer.picture()
+            viewer.until(lambda before=before: np.abs(viewer.picture() - before).mean() > 1)
+        viewer.xdotool("key", "space")
+        viewer.settle()
+        viewer.xdotool("key", "c")
+        viewer.until(lambda: re.search(r"--time 0\.\d+ --animation=slide", viewer.log.read_text()))
     finally:
         viewer.close()
 

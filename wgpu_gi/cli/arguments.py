@@ -83,7 +83,10 @@ def build_parser() -> Parser:
     )
     _add_report_arguments(report)
     _add_messages(report, "the verdict")
-    command("info", "list adapters, drivers and versions, and what is missing", INFO_EPILOG)
+    info = command(
+        "info", "list adapters, drivers and versions, and what is missing; or what a scene holds", INFO_EPILOG
+    )
+    info.add_argument("scene", nargs="?", metavar="SCENE", help="list its parts, cameras and animations instead")
     return parser
 
 
@@ -166,7 +169,13 @@ def _add_loading_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="METRES",
         help="diameter of the discs or spheres that show points without faces, default twice their spacing",
     )
-    add("--time", type=parse_time, metavar="T", help="time code at which a USD file is shown, default its start")
+    add(
+        "--time",
+        type=parse_time,
+        metavar="T",
+        help="seconds at which an animation is shown; of a USD file the time code, default its start",
+    )
+    add("--animation", metavar="NAME", help="the animation, by name or index; default the first")
 
 
 def _add_render_arguments(parser: Parser) -> None:
@@ -205,7 +214,9 @@ def _add_render_arguments(parser: Parser) -> None:
     add("--camera-path", metavar="FILE", help="move the camera along the keys of a .json file")
     add("--layers", default="", metavar="A,B,C", help="buffers to write to an .npz beside each frame")
     add("--shard", type=parse_shard, metavar="I/N", help="render part I of N of the frames, from 1/N to N/N")
-    add("--fps", type=int, default=24, metavar="N", help="frames per second of an .mp4, default 24")
+    add(
+        "--fps", type=int, default=24, metavar="N", help="frames per second of the animation and of an .mp4, default 24"
+    )
 
 
 def _add_messages(parser: Parser, asked: str) -> None:

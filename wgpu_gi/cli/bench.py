@@ -21,9 +21,11 @@ from ..measure.results import PRESET, Report, SceneReport
 from ..measure.truth import Progress, Truth, truth_by_path, truth_from_file
 from ..options import TECHNIQUES, Settings, check_size
 from ..pictures.atomic_file import check_writable
+from ..scene.player import find_animation
+from ..scene.pose import Pose
 from ..scene.scene import Scene
 from ..settings import QUALITIES, apply_quality, assign, validate
-from .common import LISTS, prepare_scene, print_settings, warn_of_cpu
+from .common import LISTS, prepare_scene, print_settings, time_of, warn_of_cpu
 from .messages import Messages
 
 DEFAULT_SIZE = (640, 360)
@@ -151,6 +153,10 @@ def bench_scene(
 ) -> SceneReport:
     """Load and measure one scene."""
     scene, camera = prepare_scene(arguments, name, say)
+    time = time_of(arguments, name, scene)
+    scene, camera = Pose().at(scene, camera, time, arguments.animation)
+    if time is not None:
+        name = f"{name}, {find_animation(scene, arguments.animation).name or 'animation'} at {time:g} s"
     # All techniques are compared with the same path tracer.
     visible_only = candidates[0].settings.path.visible_only
     with say.progress(name) as bar:

@@ -22,7 +22,8 @@ from ..scene.files.environment_files import load_environment
 from ..scene.files.light_texts import parse_light, relight
 from ..scene.files.memory import MAX_MEMORY
 from ..scene.files.notes import Notes
-from ..scene.load import GLOW_NOTE, NO_CAMERA_NOTE, NO_LIGHT_NOTE, read_scene
+from ..scene.load import GLOW_NOTE, NO_CAMERA_NOTE, NO_LIGHT_NOTE, is_usd, read_scene
+from ..scene.pose import outside, start_of
 from ..scene.scene import Scene
 from ..settings import apply_quality, assign, cells_of, describe, format_rows, validate
 from ..version import __version__
@@ -148,7 +149,8 @@ def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Sce
             arguments.time,
         )
         camera = choose_camera(scene, arguments.camera, Path(source).parent)
-    for note in scene.notes:
+    notes = [*scene.notes, *outside(scene, time_of(arguments, source, scene), arguments.animation)]
+    for note in notes:
         if note != NO_CAMERA_NOTE or arguments.camera is None:
             say.note(f"{note} ({REMEDIES[note]})" if note in REMEDIES else note)
     say.detail(
@@ -158,12 +160,25 @@ def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Sce
     return scene, camera
 
 
+def time_of(arguments: Namespace, source: str, scene: Scene) -> float | None:
+    """Return the seconds at which to show the animation of the arguments; None for the scene as it stands.
+
+    `--time` of a USD file is its time code. Raises GiError for an animation that the scene does not have.
+    """
+    time = None if is_usd(source) else arguments.time
+    given = [flag for flag, value in (("--time", time), ("--animation", arguments.animation)) if value is not None]
+    if given and not scene.animations:
+        raise GiError(f"{source} has no animation for {' and '.join(given)}")
+    return start_of(scene, time, arguments.animation)
+
+
 def renderer_from(arguments: Namespace, settings: Settings, say: Messages) -> Renderer:
     """Load the scene and return its renderer. Note settings without effect; warn of a slow adapter."""
     scene, camera = prepare_scene(arguments, arguments.scene, say)
     for note in without_effect(settings, arguments.set):
         say.note(note)
     renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
+    renderer.time, renderer.animation = time_of(arguments, arguments.scene, scene), arguments.animation
     warn_of_cpu(renderer.adapter_name, renderer.is_cpu, say)
     return renderer
 
@@ -209,6 +224,8 @@ def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> 
         "software": f"wgpu_gi {__version__}",
         "scene": arguments.scene,
         "camera": "" if arguments.camera is None else arguments.camera,
+        "time": "" if arguments.time is None else arguments.time,
+        "animation": "" if arguments.animation is None else arguments.animation,
         "gi": settings.gi,
         "quality": arguments.quality,
         "bounces": "unlimited" if settings.bounces is None else settings.bounces,

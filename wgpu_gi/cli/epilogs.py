@@ -20,6 +20,8 @@ examples:
   wgpu-gi render scene.glb -o frame.exr --show radiance --show depth --show normal
   wgpu-gi render scene.glb -o f/{frame:04d}.exr --frames 0:240 --turntable --layers depth,normal --shard 1/8
   wgpu-gi render scene.glb -o around.mp4 --frames 0:240 --turntable
+  wgpu-gi render scene.glb --time 1.5 --animation walk
+  wgpu-gi render scene.glb -o walk.mp4 --frames 0:240 --fps 24
   wgpu-gi render --gi ssil --set help               the settings of a technique
 
 output:
@@ -34,6 +36,11 @@ output:
 cameras:
   --camera takes {"position": [0, 1, 5], "target": [0, 1, 0]}, or a .json file with that. Optional: "up", [0, 1, 0];
   "yfov_deg", the full vertical angle, 60; "orthographic_height", the height of a parallel view in metres.
+
+animations:
+  --time T shows the second T of an animation: before its start the first pose, after its end the last. Without
+  --time, a picture shows the scene at rest, and --frames plays: frame F shows the second F / fps, from the start
+  again after the end. A camera that the animation moves is followed. `wgpu-gi info SCENE` lists the animations.
 
 sequences:
   --frames A:B renders frames A to B-1 and skips those whose files exist, so the same command resumes a stopped run.
@@ -128,4 +135,10 @@ the time of every pass of every technique at 1920x1080; memory. In a source chec
 The exit code is 0, 1 if a check of the self-test failed, 2 for bad arguments.
 """
 
-INFO_EPILOG = "The exit code is 0 if an adapter can be used, else 2."
+INFO_EPILOG = """\
+examples:
+  wgpu-gi info                                      what this machine offers
+  wgpu-gi info scene.glb                            triangles, size, lights, cameras, animations and their duration
+
+The exit code is 0 if an adapter can be used, and for a scene that loads, else 2.
+"""

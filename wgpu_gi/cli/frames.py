@@ -1,5 +1,6 @@
 """`wgpu-gi render --frames`: renders a sequence, in shards on several machines; resumes a stopped run.
 
+The animation of a scene plays: frame F shows the second F / fps, from the start again after the end. `--time` holds it.
 A picture depends only on its command, not on what the process rendered before. Techniques with a temporal history
 render blocks of frames. Each block starts without history, with warm-up frames that are not written.
 """
@@ -19,6 +20,8 @@ from ..pictures.video import check_video, is_video, video_file
 from ..renderer import Renderer
 from ..rendering import read_pictures, with_alpha
 from ..scene.files.camera_paths import CameraAt, load_camera_path, turntable
+from ..scene.player import find_animation
+from ..scene.pose import looped
 from .common import checked_buffers, exposure_for, metadata_of, renderer_from, rendering
 from .frame_files import FrameFiles, Pictures
 from .messages import Messages, Report
@@ -26,19 +29,27 @@ from .messages import Messages, Report
 # Frames per block, and warm-up frames before each block. The warm-up adds a quarter to the cost; 8 frames fill the
 # average that the viewer uses.
 BLOCK, WARM_UP = 32, 8
+MOST_FPS = 1000
+
+TimeAt = Callable[[int], float | None]  # seconds in the animation at a frame; None: the scene as it stands
 
 
 @dataclass(frozen=True)
 class Job:
-    """The frames to render, with their cameras and buffers."""
+    """The frames to render, with their cameras, times and buffers."""
 
     frames: range
     shard: tuple[int, int]  # (I, N), from 1
     camera_at: CameraAt
+    time_at: TimeAt
     show: tuple[str, ...]
     exists: Callable[[int], bool]  # tells whether the files of a frame exist
     check: bool = False
     timings: bool = False
+
+    def turn_to(self, renderer: Renderer, frame: int) -> None:
+        """Set camera and time of a frame."""
+        renderer.camera, renderer.time = self.camera_at(frame), self.time_at(frame)
 
 
 def render_frames(arguments: Namespace, settings: Settings, shown: list[str], say: Messages) -> int:
@@ -56,6 +67,7 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
         frames=arguments.frames,
         shard=arguments.shard or (1, 1),
         camera_at=path or _without_path(arguments, renderer, say),
+        time_at=_times(arguments, renderer),
         show=with_alpha((*shown, *layers), settings),
         exists=(lambda frame: False) if files is None else files.exist,
         check=arguments.check,
@@ -63,7 +75,7 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
     )
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
     if files is not None:
-        files.claim(_command(arguments, shown, layers, metadata), _cameras(sequence))
+        files.claim(_command(arguments, shown, layers, metadata, renderer), _cameras(sequence, renderer))
 
     # The first frame sets the exposure of all frames.
     def measure() -> float | None:
@@ -85,7 +97,8 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
                 count += 1
     else:
         for frame, pictures in _render(renderer, sequence, say):
-            files.add(frame, pictures, exposure, metadata)
+            shown_at = {} if renderer.time is None else {"time": renderer.time}
+            files.add(frame, pictures, exposure, metadata | shown_at)
             count += 1
 
     # Print the reports and the result.
@@ -101,7 +114,9 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
 
 
 def _check(arguments: Namespace, shown: Sequence[str], settings: Settings) -> None:
-    """Raise GiError for flags that do not go together."""
+    """Raise GiError for flags that do not go together, and for a rate out of range."""
+    if not 1 <= arguments.fps <= MOST_FPS:
+        raise GiError(f"--fps must lie between 1 and {MOST_FPS}, not {arguments.fps}")
     if arguments.camera_path is not None and (arguments.turntable or arguments.camera is not None):
         raise GiError("--camera-path gives the camera of every frame; leave out --turntable and --camera")
     if not is_video(arguments.output):
@@ -112,19 +127,33 @@ def _check(arguments: Namespace, shown: Sequence[str], settings: Settings) -> No
         )
     if settings.transparent:
         raise GiError(f"-o {arguments.output}: a video holds no transparency; write frames, as .png or .exr")
-    check_video(arguments.output, arguments.size, arguments.fps)
+    check_video(arguments.output, arguments.size)
+
+
+def _plays(arguments: Namespace, renderer: Renderer) -> bool:
+    return bool(renderer.scene.animations) and arguments.time is None
+
+
+def _times(arguments: Namespace, renderer: Renderer) -> TimeAt:
+    """Return the time of each frame: that of the animation if it plays, else that of the arguments."""
+    if not _plays(arguments, renderer):
+        held = renderer.time
+        return lambda frame: held
+    duration = find_animation(renderer.scene, arguments.animation).duration
+    return lambda frame: looped(frame / arguments.fps, duration)
 
 
 def _without_path(arguments: Namespace, renderer: Renderer, say: Messages) -> CameraAt:
     if arguments.turntable:
         return turntable(renderer.camera, renderer.scene, arguments.frames)
-    say.note("nothing moves, so all frames are the same; see --turntable and --camera-path")
+    if not _plays(arguments, renderer):
+        say.note("nothing moves, so all frames are the same; see --turntable and --camera-path")
     camera = renderer.camera
     return lambda frame: camera
 
 
 def _command(
-    arguments: Namespace, shown: Sequence[str], layers: Sequence[str], metadata: dict[str, object]
+    arguments: Namespace, shown: Sequence[str], layers: Sequence[str], metadata: dict[str, object], renderer: Renderer
 ) -> dict[str, object]:
     """Return what must be equal in all shards; the adapter may differ."""
     frames = arguments.frames
@@ -135,18 +164,21 @@ def _command(
         "exposure": "automatic" if arguments.exposure is None else arguments.exposure,
         "show": list(shown),
         "layers": list(layers),
+        **({"fps": arguments.fps} if _plays(arguments, renderer) else {}),
     }
 
 
-def _cameras(sequence: Job) -> dict[int, dict[str, object]]:
-    """Return the pose and the lens of every frame, for use as the cameras of a data set."""
-    cameras = {}
+def _cameras(sequence: Job, renderer: Renderer) -> dict[int, dict[str, object]]:
+    """Return the pose and the lens of every frame, and its time, for use as the cameras of a data set."""
+    cameras: dict[int, dict[str, object]] = {}
     for frame in sequence.frames:
-        camera = sequence.camera_at(frame)
+        sequence.turn_to(renderer, frame)
+        camera = renderer.posed_camera
         cameras[frame] = {
             "world_from_view": camera.world_from_view.tolist(),
             "yfov": camera.yfov,
             "orthographic_height": camera.orthographic_height,
+            **({} if renderer.time is None else {"time": renderer.time}),
         }
     return cameras
 
@@ -158,7 +190,7 @@ def _exposure(
     given = exposure_for(output, settings, name, [[0.0]])
     if given is None or settings.exposure is not None:
         return given
-    renderer.camera = sequence.camera_at(sequence.frames[0])
+    sequence.turn_to(renderer, sequence.frames[0])
     with rendering(renderer, say, "exposure of the first frame") as report:
         renderer.run(report, show=sequence.show)
     return exposure_for(output, settings, name, renderer.read_back(name))
@@ -171,7 +203,7 @@ def _render(renderer: Renderer, sequence: Job, say: Messages) -> Iterator[tuple[
         return
     with rendering(renderer, say) as report:
         # `has_history` is known once a frame is declared. `motion` also depends on the previous frame.
-        renderer.camera = sequence.camera_at(frames[0])
+        sequence.turn_to(renderer, frames[0])
         renderer.step(show=sequence.show)
         has_history = renderer.has_history or "motion" in sequence.show
         blocks = list(_blocks(frames, sequence.shard, BLOCK if has_history else 1))
@@ -182,7 +214,7 @@ def _render(renderer: Renderer, sequence: Job, say: Messages) -> Iterator[tuple[
             if has_history:
                 renderer.forget()
             for frame in run:
-                renderer.camera = sequence.camera_at(frame)
+                sequence.turn_to(renderer, frame)
                 pictures = _pictures(renderer, sequence, _part_of(report, done, total))
                 done += 1
                 if frame in block and not exists(frame):

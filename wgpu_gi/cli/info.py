@@ -1,4 +1,4 @@
-"""`wgpu-gi info`: prints versions, adapters, the adapter in use, and how to install what is missing."""
+"""`wgpu-gi info`: prints versions, adapters, the adapter in use, and how to install what is missing; or a scene."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ..extras import EXTRAS
 from ..gpu.capabilities import costs_of
 from ..gpu.device import list_adapters
 from ..resources import resource_dir
+from ..scene.load import read_scene
 from ..version import __version__
 
 if TYPE_CHECKING:
@@ -33,8 +34,11 @@ NO_ADAPTER = (
 )
 
 
-def info(_arguments: Namespace) -> int:
-    """Print what this machine offers; return 0 if an adapter can be used, else 2."""
+def info(arguments: Namespace) -> int:
+    """Print what this machine offers; return 0 if an adapter can be used, else 2. With a scene, print its summary."""
+    if arguments.scene is not None:
+        print(read_scene(arguments.scene))
+        return 0
     adapters = list_adapters()
     usable = [adapter for adapter in adapters if adapter.usable]
     print(f"wgpu_gi {__version__} on Python {platform.python_version()}, {platform.platform()}")

@@ -36,6 +36,8 @@ def render(arguments: Namespace) -> int:
 
     # Render.
     renderer = renderer_from(arguments, settings, say)
+    if renderer.time is None and renderer.scene.animations:
+        say.note("the animations are at rest; --time T shows the second T of one, --frames plays it")
     start = time.perf_counter()
     with rendering(renderer, say) as report:
         show = with_alpha(shown, settings)

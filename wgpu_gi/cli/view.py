@@ -8,6 +8,7 @@ from ..errors import GiError
 from ..extras import install_hint
 from ..options import check_size
 from ..scene.files.memory import GIB, MAX_MEMORY
+from ..scene.load import is_usd
 from .common import list_names, renderer_from, settings_from
 from .messages import Messages
 
@@ -34,9 +35,10 @@ def view(arguments: Namespace) -> int:
             source += [f"--{name}", getattr(arguments, name)]
     if arguments.max_memory != MAX_MEMORY:
         source += ["--max-memory", f"{arguments.max_memory / GIB:g}"]
-    for name in ("point_size", "time"):
-        if getattr(arguments, name) is not None:
-            source += [f"--{name.replace('_', '-')}", f"{getattr(arguments, name):g}"]
+    if arguments.point_size is not None:
+        source += ["--point-size", f"{arguments.point_size:g}"]
+    if arguments.time is not None and is_usd(arguments.scene):
+        source += ["--time", f"{arguments.time:g}"]
     for light in arguments.light:
         source += ["--light", light]
     for change in arguments.relight:

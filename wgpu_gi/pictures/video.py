@@ -23,13 +23,11 @@ def is_video(path: str | Path) -> bool:
     return Path(path).suffix.lower() == ".mp4"
 
 
-def check_video(path: str | Path, size: tuple[int, int], fps: int) -> None:
+def check_video(path: str | Path, size: tuple[int, int]) -> None:
     """Raise GiError now if a video could not be written later."""
     _av()
     if size[0] % 2 or size[1] % 2:
         raise GiError(f"{path}: H.264 needs an even width and height, not {size[0]}x{size[1]}; change --size")
-    if not 1 <= fps <= 1000:
-        raise GiError(f"{path}: --fps must lie between 1 and 1000, not {fps}")
     check_writable(path)
 
 

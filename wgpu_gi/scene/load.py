@@ -128,7 +128,14 @@ def _environment(environment: Any, max_memory: int, strict: bool) -> tuple[Envir
     return load_environment(Path(environment), notes, max_memory=max_memory), notes.sentences
 
 
-def lit(source: Any, environment: Environment | str | Path | None = None) -> tuple[Scene, list[str]]:
+def is_usd(source: object) -> bool:
+    """Tell whether `load` would read a USD file, which is shown at a time code."""
+    return isinstance(source, (str, os.PathLike)) and Path(source).suffix.lower() in USD_EXTENSIONS
+
+
+def lit(
+    source: Any, environment: Environment | str | Path | None = None, time: float | None = None
+) -> tuple[Scene, list[str]]:
     """Return a scene with light to render, and the notes that its user has not seen.
 
     A Scene with light is returned itself, so that later changes show; one without is copied. See `load`.
@@ -139,7 +146,7 @@ def lit(source: Any, environment: Environment | str | Path | None = None) -> tup
         known = source.notes
         if environment is None and has_light(source):
             return source, []
-    scene = read_scene(source, environment=environment)
+    scene = read_scene(source, environment=environment, time=time)
     return scene, with_remedies(note for note in scene.notes if note not in known and note != NO_CAMERA_NOTE)
 
 

@@ -255,6 +255,8 @@ class App:
             self._todo.append(self._save)
         elif key == glfw.KEY_C:
             self._todo.append(self._copy)
+        elif key == glfw.KEY_SPACE:
+            session.playback.toggle()
         elif key == glfw.KEY_F:
             self.controller.frame_all()
         elif key == glfw.KEY_HOME:

@@ -36,7 +36,7 @@ class CameraController:
     def take(self, camera: Camera) -> None:
         """Look through another camera."""
         self._session.camera = camera
-        self._session.pivot = navigation.pivot_of(camera, self._session.renderer.scene)
+        self._session.pivot = navigation.pivot_of(self._session.camera, self._session.renderer.scene)
 
     def frame_all(self) -> None:
         """Place the camera so that it sees the whole scene."""

@@ -58,7 +58,8 @@ class Comparison:
             adapter = session.renderer.adapter_name
             self._renderer = Renderer(session.renderer.scene, size=session.size, settings=settings, adapter=adapter)
         truth = self._renderer
-        truth.settings, truth.camera, truth.size = settings, session.camera, session.size
+        truth.settings, truth.camera, truth.size = settings, session.renderer.camera, session.size
+        truth.time, truth.animation = session.renderer.time, session.renderer.animation
         truth.automatic_exposure, truth.on_compile = session.exposure, session.on_compile
 
         def progress(fraction: float) -> None:

@@ -10,6 +10,7 @@ import ipywidgets as widgets
 
 from ..options import TECHNIQUES
 from ..settings import QUALITIES, Row, describe
+from .playback import SPEEDS
 from .session import Session
 
 WIDTH = "260px"
@@ -21,7 +22,7 @@ class Controls:
 
     def __init__(self, session: Session, done: Callable[[], None]) -> None:
         self._session, self._done = session, done
-        self._following = False  # `follow` is moving the slider
+        self._following = False  # `follow` is moving a slider
         self.technique = self._dropdown("technique", (*TECHNIQUES,), session.settings.gi)
         self.quality = self._dropdown("quality", QUALITIES, session.quality)
         automatic = session.settings.exposure is None
@@ -38,10 +39,9 @@ class Controls:
         self._rows = {row.name: row for row in describe(session.settings) if row.name not in MAIN}
         self.setting = self._dropdown("setting", (*self._rows,), "bounces")
         self.value = widgets.VBox()
-        self.box = widgets.VBox(
-            [self.technique, self.quality, self.exposure, self.automatic, self.buffer, self.setting, self.value],
-            layout={"width": "280px"},
-        )
+        self._add_playback()
+        rows = [self.technique, self.quality, self.exposure, self.automatic, self.buffer, self.setting, self.value]
+        self.box = widgets.VBox([*self.playback, *rows], layout={"width": "280px"})
         self.technique.observe(self._on_technique, "value")
         self.quality.observe(self._on_quality, "value")
         self.exposure.observe(self._on_exposure, "value")
@@ -62,11 +62,43 @@ class Controls:
         self._done()
 
     def follow(self) -> None:
-        """Move the exposure slider to the automatic exposure."""
+        """Move the exposure slider to the automatic exposure, and the time line to the time that is shown."""
+        playback, self._following = self._session.playback, True
         if self.automatic.value and self.exposure.value != self._session.exposure:
-            self._following = True
             self.exposure.value = self._session.exposure
-            self._following = False
+        if self.playback:
+            self.time.max, self.time.value = playback.duration, playback.time
+            self.play.value = playback.playing
+        self._following = False
+
+    def _add_playback(self) -> None:
+        """Make the controls of the scene's animations, if it has any."""
+        playback = self._session.playback
+        self.playback: tuple[Any, ...] = ()
+        if not playback.names:
+            return
+        self.animation = self._dropdown("animation", playback.names, playback.name)
+        self.play = widgets.ToggleButton(playback.playing, description="play", layout={"width": WIDTH})
+        self.time = widgets.FloatSlider(
+            playback.time, min=0.0, max=playback.duration, step=0.001, description="time (s)", layout={"width": WIDTH}
+        )
+        low, high = SPEEDS
+        self.speed = widgets.FloatSlider(
+            playback.speed, min=low, max=high, step=0.1, description="speed", layout={"width": WIDTH}
+        )
+        self.loop = widgets.Checkbox(playback.loop, description="loop", layout={"width": WIDTH})
+        self.playback = self.animation, self.play, self.time, self.speed, self.loop
+        self.animation.observe(lambda change: self._play(playback.choose, change["new"]), "value")
+        self.play.observe(lambda change: self._play(playback.toggle), "value")
+        self.time.observe(lambda change: self._play(playback.seek, change["new"]), "value")
+        self.speed.observe(lambda change: setattr(playback, "speed", change["new"]), "value")
+        self.loop.observe(lambda change: setattr(playback, "loop", change["new"]), "value")
+
+    def _play(self, action: Callable[..., None], *values: Any) -> None:
+        """Carry out an action of the user, not one of `follow`."""
+        if not self._following:
+            action(*values)
+            self._done()
 
     def _on_exposure(self, change: dict[str, Any]) -> None:
         if not self._following:

@@ -20,8 +20,7 @@ from ..options import Settings
 from ..pictures.display import display_layer, png_bytes
 from ..pictures.tables import html_table
 from ..renderer import Renderer
-from ..rendering import settings_of
-from ..scene.load import lit
+from ..rendering import lit_at, settings_of
 from ..scene.scene import Environment
 from .camera_controller import CameraController
 from .session import DISPLAY, REST_SECONDS, Session
@@ -51,6 +50,8 @@ def show(
     size: tuple[int, int] = (640, 360),
     camera: Camera | str | int | dict[str, Any] | None = None,
     environment: Environment | str | Path | None = None,
+    time: float | None = None,
+    animation: str | int | None = None,
     gi: str | None = None,
     quality: str | None = None,
     settings: Settings | None = None,
@@ -59,15 +60,17 @@ def show(
     """Return a live view of a scene; the last line of a cell shows it, as `display` does.
 
     Drag to orbit, shift + drag to pan, right drag to look around, wheel to zoom, double-click to set the pivot; F
-    frames the scene, Home returns to the start camera. Running the cell again closes its earlier view. Arguments are
-    those of `render`; the view changes a copy of `settings`. Raises GiError for bad values.
+    frames the scene, Home returns to the start camera, the space bar plays and pauses the animation. Running the cell
+    again closes its earlier view. Arguments are those of `render`; the view changes a copy of `settings`. Raises
+    GiError for bad values.
     """
     chosen = settings_of(settings, {"gi": gi}, quality)
     if settings is None:
         chosen.path.samples_per_run = 1  # shows the first sample at once
-    lighted, notes = lit(scene, environment)
+    lighted, seconds, notes = lit_at(scene, environment, time, animation)
     warn_of(notes, stacklevel=2)
     renderer = Renderer(lighted, size=size, camera=camera, settings=chosen, adapter=adapter)
+    renderer.time, renderer.animation = seconds, animation
     return View(Session(renderer, quality or "medium", (lighted.name or "SCENE",)))
 
 
@@ -213,6 +216,8 @@ class View:
     def _on_key(self, key: str) -> None:
         if key in ("f", "F"):
             self._controller.frame_all()
+        elif key == " ":
+            self.session.playback.toggle()
         elif key == "Home":
             self._controller.take(self.session.start_camera)
 

@@ -12,6 +12,7 @@ from ..options import TECHNIQUES, Settings, uses
 from ..settings import QUALITIES, Row, describe
 from .comparison import MODES, Comparison
 from .lights import LightPanel
+from .playback import SPEEDS
 from .probe import PROBED, Probe
 from .session import Session
 from .thumbnails import SIZE
@@ -27,6 +28,7 @@ double click         set the pivot to the surface there
 middle drag          pan; also shift + left drag
 wheel                zoom to the pivot
 right drag           look around; with W A S D Q E held: fly, with shift faster
+Space                play and pause the animation
 F                    frame all
 Home                 return to the camera of the start
 1 ... 9              the scene's cameras
@@ -87,6 +89,7 @@ class Panel:
         if self.message:
             imgui.text_wrapped(self.message)
         imgui.separator()
+        self._animation()
         self._rendering()
         self._truth()
         self._probe()
@@ -95,6 +98,27 @@ class Panel:
         self._thumbnails()
         self._sections()
         imgui.end()
+
+    def _animation(self) -> None:
+        """Draw the time line of the scene's animations."""
+        playback = self._session.playback
+        if not playback.names:
+            return
+        name = _combo("animation", playback.name, playback.names)
+        if name:
+            playback.choose(name)
+        if imgui.button("pause (Space)" if playback.playing else "play (Space)"):
+            playback.toggle()
+        imgui.same_line()
+        _, playback.loop = imgui.checkbox("loop", playback.loop)
+        imgui.same_line()
+        imgui.set_next_item_width(WIDTH * 0.3)
+        flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.logarithmic
+        _, playback.speed = imgui.slider_float("speed", playback.speed, *SPEEDS, format="%.2f", flags=flags)
+        sought, seconds = imgui.slider_float("time (s)", playback.time, 0.0, playback.duration, "%.3f")
+        if sought:
+            playback.seek(seconds)
+        imgui.separator()
 
     def _rendering(self) -> None:
         """Draw technique, quality, exposure, and the buffer shown."""

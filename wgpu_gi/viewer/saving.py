@@ -19,7 +19,7 @@ from .session import DISPLAY, Session
 
 def command_of(session: Session, output: str = "view.png") -> str:
     """Return the command line that renders the view, with its exposure as a number."""
-    # Scene, size, camera, changed lights, buffer.
+    # Scene, size, camera, changed lights, buffer, time.
     size, camera = "{}x{}".format(*session.size), json.dumps(_camera_fields(session))
     words = ["wgpu-gi", "render", *session.source, "-o", output, "--size", size, "--camera", camera]
     for text in light_texts(session.renderer.scene):
@@ -27,6 +27,8 @@ def command_of(session: Session, output: str = "view.png") -> str:
             words += ["--relight", text]
     if session.shown != DISPLAY:
         words += ["--show", session.shown]
+    if session.renderer.time is not None:
+        words += ["--time", repr(float(session.renderer.time)), f"--animation={session.playback.name}"]
 
     # Technique, exposure, and each setting that differs from its preset.
     settings = session.settings

@@ -25,10 +25,11 @@ from ..webgpu_limits import MAX_TEXTURE_SIDE
 from .dynamic_resolution import DynamicResolution, pixels_at
 from .exposure_meter import ExposureMeter
 from .navigation import pivot_of
+from .playback import Playback
 
 REST_SECONDS = 0.25  # from the last move to rest: longer than a hand pauses within a drag
-# Frames of temporal accumulation while the camera moves, and while a lamp does, whose light must follow: two thirds and
-# a third of a second at 25 per second. tests/truth/README.md, "Moving pictures".
+# Frames of temporal accumulation while the camera moves, and while lamps or things do, whose light must follow: two
+# thirds and a third of a second at 25 per second. tests/truth/README.md, "Moving pictures".
 SHARED_FRAMES, RELIT_FRAMES = 16, 8
 TIMING_SECONDS = 0.25  # between measurements of the passes while moving: measuring costs time, and nobody reads faster
 REFINEMENT = 4  # levels by which each step at rest raises the resolution: from the coarsest to full in three steps
@@ -41,13 +42,14 @@ class Interrupted(Exception):
 
 
 class Session:
-    """A scene in a view. `camera`, `pivot`, settings, `shown` and `size` may change between steps."""
+    """A scene in a view. `camera`, `pivot`, settings, `shown`, `size`, `playback` may change between steps."""
 
     def __init__(self, renderer: Renderer, quality: str = "medium", source: Sequence[str] = ("cornell",)) -> None:
         """`source` has the arguments of `wgpu-gi render` that select the scene."""
         self.renderer = renderer
         self.quality = quality
         self.source = list(source)
+        self.playback = Playback(renderer, self.relit)
         self.start_camera = renderer.camera
         self.start_lights = light_texts(renderer.scene)
         self.pivot = pivot_of(renderer.camera, renderer.scene)
@@ -63,7 +65,7 @@ class Session:
         self.resolution = DynamicResolution()
         self._timed = -math.inf  # time of the last measurement of the passes
         self._level = 0  # level of resolution of the next step at rest
-        self._moved = self._relit = -math.inf  # times of the last move and of the last change of a light
+        self._moved = self._relit = -math.inf  # times of the last move, and of the last change of a light or a pose
         self.at_rest = False  # the picture is complete; nothing to do until something changes
         self.interrupted = False  # something changed since the last step began
         self.shown_range: tuple[float, float] | None = None  # least and largest value shown
@@ -87,8 +89,8 @@ class Session:
 
     @property
     def camera(self) -> Camera:
-        """The camera of the view. Setting it counts as a move."""
-        return self.renderer.camera
+        """The camera of the view, where the animation has moved it. Setting it counts as a move."""
+        return self.renderer.posed_camera
 
     @camera.setter
     def camera(self, camera: Camera) -> None:
@@ -116,8 +118,8 @@ class Session:
 
     @property
     def moving(self) -> bool:
-        """True until REST_SECONDS after the last move."""
-        return time.monotonic() - self._moved < REST_SECONDS
+        """True while an animation plays, and until REST_SECONDS after the last move."""
+        return self.playback.playing or time.monotonic() - self._moved < REST_SECONDS
 
     # ------------------------------------------------------------------------------------------------ Changes
 
@@ -160,7 +162,7 @@ class Session:
             self.shown = DISPLAY
 
     def relit(self) -> None:
-        """Record a change of lights. It counts as a move, so dragging a light also uses dynamic resolution."""
+        """Record a change of lights or of a pose. It counts as a move, so it also uses dynamic resolution."""
         self._relit = self._moved = time.monotonic()
         self._meter.moved()
         self.changed()
@@ -183,6 +185,7 @@ class Session:
         During a long frame at rest, `tick` receives the fraction done; if it changes anything, the frame is abandoned.
         After a failure, `error` says why and the last picture remains.
         """
+        self.playback.tick()
         if self.at_rest:
             return False
         # Choose the resolution.
@@ -231,8 +234,8 @@ class Session:
         return ran or exposed
 
     def render_full_size(self) -> None:
-        """End a move, and render until the picture has its full size and is no preview."""
-        self._moved = -math.inf
+        """Pause, end a move, and render until the picture has its full size and is no preview."""
+        self.playback.playing, self._moved = False, -math.inf
         while (self.renderer.size != self.size or self.renderer.shows_preview) and not self.error:
             self.step()
 
@@ -278,7 +281,7 @@ class Session:
 
     @contextmanager
     def _smoothed(self, moving: bool) -> Iterator[None]:
-        """Anti-alias moving frames; accumulate over SHARED_FRAMES, or over RELIT_FRAMES while lights change."""
+        """Anti-alias moving frames; accumulate over SHARED_FRAMES, or over RELIT_FRAMES while light changes."""
         temporal = self.settings.temporal
         own, self.renderer.moving = temporal.frames, moving
         if moving:
