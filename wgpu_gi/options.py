@@ -15,6 +15,7 @@ from .techniques import deferred, many_light, reference, ssao, ssdo, ssil
 from .techniques.deferred.direct import DirectSettings, draws_emitters
 from .techniques.deferred.environment import EnvironmentSettings
 from .techniques.deferred.shadow_views import ShadowSettings
+from .techniques.deferred.transmission import draws_transmission
 from .techniques.many_light.gather import GatherSettings
 from .techniques.many_light.ism import IsmSettings
 from .techniques.many_light.rsm import RsmSettings
@@ -101,7 +102,8 @@ def picture_count(settings: Settings, scene: Scene) -> int:
     technique = technique_of(settings.gi)
     if technique.averages_samples:
         return 1
-    varies = settings.camera.jitter or technique.is_random or draws_emitters(settings.direct, scene)
+    draws = draws_emitters(settings.direct, scene) or draws_transmission(scene, diffuse=settings.diffuse)
+    varies = settings.camera.jitter or technique.is_random or draws
     return settings.camera.frames if varies else 1
 
 

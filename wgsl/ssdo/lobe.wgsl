@@ -1,6 +1,6 @@
 // Directions drawn from the coat of a surface, and the weight of the light that they find: f_r cos / pdf, f_r the
 // coat's part of the BRDF. The density is that of `common/brdf.wgsl`, so weights are bounded.
-#import "common/brdf.wgsl"
+#import "common/lobes.wgsl"
 #import "common/random.wgsl"
 
 const LOBE_SEED: u32 = 0x9e3779b9u;  // sets the sequence apart from that of other directions
@@ -12,7 +12,7 @@ const WIDE: f32 = 0.25;
 
 // Returns whether directions are drawn from a coat. `others`: there are directions drawn by the cosine.
 fn draws_lobe(brdf: Brdf, others: bool) -> bool {
-    return brdf.glossy && !(others && brdf.alpha >= WIDE);
+    return brdf.glossy && !(others && lobe_width(brdf) >= WIDE);
 }
 
 // Returns pi f_r of a coat, the weight of the light from a direction drawn by the cosine.

@@ -91,10 +91,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let ray = pixel_ray(id.xy);
     let position = ray.origin + ray.direction * seen;
-    var coat = brdf;
-    coat.diffuse = vec3f(0.0);
     let offset = ray_offset(surface.geometric_normal, pixel_terms(position));
-    let light = reflected(id.xy, surface, coat, ray, position, offset);
+    let light = reflected(id.xy, surface, coat_of(brdf), ray, position, offset);
     glossy[index] = vec4f(light / coat_tint(brdf, surface.normal, -ray.direction), plane_depth(ray, seen));
     normals[index] = pack_view_normal(surface.normal);
 }

@@ -6,6 +6,7 @@
 // does.
 #import "shared/gbuffer/load.wgsl"
 #import "common/coat.wgsl"
+#import "common/lobes.wgsl"
 #import "shared/upsample/read.wgsl"
 #import "shared/upsample/unrepresented.wgsl"
 
@@ -27,6 +28,9 @@ fn lit(pixel: vec2u, surface: GbufferSurface, irradiance: vec3f) -> vec4f {
             // The base gets what the coat transmits, in the mean over the hemisphere: T(w_o).
             let to_eye = -pixel_ray(pixel).direction;
             light *= loss_to_eye(brdf, surface.normal, to_eye).transmitted;
+            if (HAS_CLEARCOAT || HAS_SHEEN) {
+                light *= left_for_base(brdf, to_eye * frame_from_normal(surface.normal)).scattered;
+            }
             if (HAS_GLOSSY && brdf.glossy) {
                 light += glossy[pixel.y * view.size.x + pixel.x].rgb * coat_tint(brdf, surface.normal, to_eye);
             }

@@ -10,6 +10,7 @@ from ..shared.technique import Light, Technique
 from .base import declare_base
 from .direct import declare_direct
 from .inputs import DeferredInputs
+from .transmission import with_transmission
 from .update import DeferredOptions, deferred_inputs
 
 TECHNIQUE = Technique(
@@ -27,4 +28,5 @@ def declare_direct_light(graph: Graph, settings: DeferredOptions, scene: Deferre
     """Declare direct light, W/(m2 sr); the environment counts as unoccluded."""
     base = declare_base(graph, settings, scene)
     direct = declare_direct(graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, settings.seed)
-    return Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
+    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
+    return with_transmission(graph, scene, base.gbuffer, light, 0, settings.seed)

@@ -11,6 +11,7 @@ from ...gpu.handles import Buffer
 from ..deferred.base import Base, declare_base
 from ..deferred.direct import declare_direct
 from ..deferred.sky import declare_sky
+from ..deferred.transmission import with_transmission
 from ..shared.technique import Light, Technique
 from .compensation import declare_compensation
 from .denoise import History, declare_denoise
@@ -69,7 +70,7 @@ def declare_many_light(graph: Graph, settings: ManyLightOptions, scene: ManyLigh
     light = Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
     if reflects:
         light.indirect = _declare_indirect(graph, settings, scene, base, direct, light.views)
-    return light
+    return with_transmission(graph, scene, base.gbuffer, light, settings.bounces, settings.seed)
 
 
 def _declare_indirect(

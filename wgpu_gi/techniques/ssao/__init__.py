@@ -9,6 +9,7 @@ from __future__ import annotations
 from ...gpu.graph import Graph
 from ..deferred.base import declare_base
 from ..deferred.direct import declare_direct
+from ..deferred.transmission import with_transmission
 from ..shared.technique import Light, Technique
 from ..ssdo.inputs import SsdoInputs
 from ..ssdo.occlusion import History, declare_occlusion
@@ -54,4 +55,5 @@ def declare_ssao(graph: Graph, settings: OcclusionOptions, scene: SsdoInputs) ->
         occlusion.sky,
         sources.layers,
     )
-    return Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
+    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
+    return with_transmission(graph, scene, base.gbuffer, light, 0, settings.seed)

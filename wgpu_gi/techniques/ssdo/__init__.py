@@ -9,6 +9,7 @@ from __future__ import annotations
 from ...gpu.graph import Graph
 from ..deferred.base import declare_base
 from ..deferred.direct import declare_direct
+from ..deferred.transmission import with_transmission
 from ..shared.technique import Light, Technique
 from .bounce import declare_bounce
 from .inputs import SsdoInputs
@@ -58,4 +59,4 @@ def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Ligh
         light.indirect = declare_bounce(
             graph, s, settings.denoise, scene, sources, occlusion, direct, atlas, base.ambient, history, seed
         )
-    return light
+    return with_transmission(graph, scene, base.gbuffer, light, settings.bounces, seed)

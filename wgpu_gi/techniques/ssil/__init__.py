@@ -9,6 +9,7 @@ from ...gpu.graph import Graph
 from ..deferred.base import declare_base
 from ..deferred.direct import declare_direct
 from ..deferred.sky import declare_sky
+from ..deferred.transmission import with_transmission
 from ..shared.technique import Light, Technique
 from .inputs import SsilInputs
 from .ssil import MOST_BOUNCES, declare_bounces, is_amortised
@@ -54,4 +55,4 @@ def declare_ssil(graph: Graph, settings: SsilOptions, scene: SsilInputs) -> Ligh
             settings.bounces,
             seed,
         )
-    return light
+    return with_transmission(graph, scene, gbuffer, light, settings.bounces, seed)

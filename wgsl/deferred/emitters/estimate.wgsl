@@ -69,7 +69,7 @@ fn peak_brdf_pdf(r: Receiver) -> f32 {
     }
     let cos_o = max(r.w_o.z, 1e-3);
     let share = lobe_shares(r.brdf, cos_o, coat_loss(r.brdf.fit, r.brdf.alpha, cos_o)).single;
-    return mix(INV_PI, ggx_pdf(r.brdf.alpha, 1.0, cos_o), share);
+    return mix(INV_PI, ggx_pdf(lobe_width(r.brdf), 1.0, cos_o), share);
 }
 
 // Returns the radiance that a hit of the BRDF's sample adds.

@@ -6,7 +6,7 @@
 //   b  sine of the lobe's mean direction to the normal, over the sine of w_o: 1 for a mirror
 // by the midpoint rule over visible normals (Dupuy and Benyoub 2023), denser towards both ends of their range, where
 // the shadowing term has kinks. Errs only by the rule: 2048 points.
-#import "common/brdf.wgsl"
+#import "common/ggx.wgsl"
 
 @group(1) @binding(11) var table: texture_storage_2d<rgba32float, write>;
 

@@ -3,8 +3,9 @@
 // L_o = integral f_r L cos dw over the hemisphere of the normal. Under a constant environment the result is exact but
 // for the table's interpolation and the fits. Under a picture the base and the coat's second scattering add (diffuse T +
 // F_ms M) E / pi, as if all directions sent alike, and the lobe the split sum R F mean(L) of Karis 2013. Departure: mean(L) is looked up
-// around the lobe's mean direction, since grazing and rough lobes lean away from the mirror direction. Errs at glancing
-// angles, where lobes are longer than wide, and includes light from below the surface's horizon. Without the occlusion
+// around the lobe's mean direction, since grazing and rough lobes lean away from the mirror direction. A clear coat adds a
+// lobe about its own normal; sheen sends as if light came from all directions alike; a stretched lobe is the mean of several
+// narrower ones along its axis. Errs at glancing angles, where lobes are longer than wide, and includes light from below the surface's horizon. Without the occlusion
 // of `deferred/sky` or `ssdo` it errs bright.
 #import "scene/environment.wgsl"
 #import "deferred/environment/maps.wgsl"
@@ -70,6 +71,41 @@ struct Ambient {
     coat: vec3f,  // the lobe, and what the coat scatters more than once
 }
 
+// Returns the environment's mean radiance under a GGX lobe; `entry`: of the table; `normal` and `w_o` are unit, of the world.
+fn lobe_light(normal: vec3f, w_o: vec3f, cos_o: f32, entry: vec3f, alpha: f32) -> vec3f {
+    // The lobe's mean direction along the surface, away from the viewer.
+    let across = entry.z * (normal * cos_o - w_o);
+    let lobe = across + normal * sqrt(max(1.0 - dot(across, across), 0.0));
+    return ambient_lobe(normalize(lobe), alpha);
+}
+
+// Parts of a stretched lobe.
+const STRETCHED_PARTS: u32 = 5u;
+
+// Returns the same under a stretched lobe: of lobes as wide as it is across, about normals at equal steps of the
+// distribution of slopes along it, x = a s / sqrt(1 - s^2).
+fn stretched_light(b: Brdf, normal: vec3f, w_o: vec3f) -> vec3f {
+    let tangent = frame_from_normal(normal) * vec3f(b.tangent, 0.0);
+    var sum = vec4f(0.0);
+    for (var k = 0u; k < STRETCHED_PARTS; k += 1u) {
+        let s = (2.0 * f32(k) + 1.0) / f32(STRETCHED_PARTS) - 1.0;
+        let h = normalize(normal + tangent * (b.alpha * b.stretch * s * inverseSqrt(1.0 - s * s)));
+        let direction = reflect(-w_o, h);
+        let cosine = max(dot(direction, normal), 1e-4);
+        sum += cosine * vec4f(ambient_lobe(direction, max(b.alpha / b.stretch, MIN_ALPHA)), 1.0);
+    }
+    return sum.rgb / sum.a;
+}
+
+// Returns the light that a clear coat reflects.
+fn clearcoat_light(c: Clearcoat, normal: vec3f, w_o: vec3f) -> vec3f {
+    let n = frame_from_normal(normal) * c.normal;
+    let cos_o = clamp(dot(n, w_o), 0.0, 1.0);
+    let entry = load_ambient_albedo(cos_o, c.alpha);
+    let share = c.share * fresnel_schlick(vec3f(DIELECTRIC_F0), entry.y).x * entry.x;
+    return share * lobe_light(n, w_o, cos_o, entry, c.alpha);
+}
+
 // Returns the light reflected to w_o by base and coat; `normal` and `w_o` are unit, of the world.
 fn ambient_parts(brdf: Brdf, normal: vec3f, w_o: vec3f) -> Ambient {
     if (!HAS_ENVIRONMENT) {
@@ -81,13 +117,28 @@ fn ambient_parts(brdf: Brdf, normal: vec3f, w_o: vec3f) -> Ambient {
     }
     let cos_o = clamp(dot(normal, w_o), 0.0, 1.0);
     let entry = load_ambient_albedo(cos_o, brdf.alpha);
-    let fresnel = fresnel_schlick(brdf.f0, entry.y);
-    // The lobe's mean direction along the surface, away from the viewer.
-    let across = entry.z * (normal * cos_o - w_o);
-    let lobe = across + normal * sqrt(max(1.0 - dot(across, across), 0.0));
     let loss = coat_loss(brdf.fit, brdf.alpha, cos_o);
-    let once = fresnel * entry.x * ambient_lobe(normalize(lobe), brdf.alpha);
-    return Ambient(brdf.diffuse * loss.transmitted * mean, once + brdf.multiple * loss.missing * mean);
+    var light: vec3f;
+    if (HAS_ANISOTROPY && brdf.stretch > 1.0) {
+        light = stretched_light(brdf, normal, w_o);
+    } else {
+        light = lobe_light(normal, w_o, cos_o, entry, brdf.alpha);
+    }
+    var parts = Ambient(
+        brdf.diffuse * loss.transmitted * mean,
+        lobe_reflectance(brdf, entry) * light + brdf.multiple * loss.missing * mean);
+    if (HAS_SHEEN && max3(brdf.sheen) > 0.0) {
+        let left = left_by_sheen(brdf, cos_o);
+        parts = Ambient(
+            parts.base * left.scattered, parts.coat * left.mirrored + sheen_reflectance(brdf, cos_o) * mean);
+    }
+    if (HAS_CLEARCOAT && brdf.clearcoat.share > 0.0) {
+        let left = left_by_clearcoat(brdf, w_o * frame_from_normal(normal));
+        parts = Ambient(
+            parts.base * left.scattered,
+            parts.coat * left.mirrored + clearcoat_light(brdf.clearcoat, normal, w_o));
+    }
+    return parts;
 }
 
 // Returns the radiance reflected to w_o, W/(m2 sr).

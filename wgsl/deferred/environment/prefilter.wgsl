@@ -4,7 +4,7 @@
 // 2013, "Real Shading in Unreal Engine 4"). Departure: the sum covers the whole map instead of samples, in quadtree
 // cells that are small against the lobe and the distance from its middle. Even a small, bright sun causes no noise. In:
 // cells. Out: maps, W/(m2 sr) before the scene's colour factor. Errs by the lobe's curvature within a cell, either way.
-#import "common/brdf.wgsl"
+#import "common/ggx.wgsl"
 #import "deferred/environment/cells.wgsl"
 #import "deferred/environment/maps.wgsl"
 

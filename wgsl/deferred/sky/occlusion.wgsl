@@ -61,8 +61,6 @@ struct Target {
 
 fn target_of(brdf: Brdf, normal: vec3f, to_eye: vec3f) -> Target {
     let frame = frame_from_normal(normal);
-    var coat = brdf;
-    coat.diffuse = vec3f(0.0);
     var inverse = vec3f(0.0);
     if (COAT) {
         var reference = ambient_parts(brdf, normal, to_eye).coat;
@@ -71,7 +69,7 @@ fn target_of(brdf: Brdf, normal: vec3f, to_eye: vec3f) -> Target {
         }
         inverse = 1.0 / max(reference, vec3f(1e-37));
     }
-    return Target(normal, frame, coat, to_eye * frame, inverse);
+    return Target(normal, frame, coat_of(brdf), to_eye * frame, inverse);
 }
 
 fn random_pair(number: u32, pair: u32) -> vec2f {

@@ -16,7 +16,7 @@
 struct Params {
     vpl_count: u32,
     seed: u32,
-    widest: f32,  // alpha of the widest lobe that takes a ray
+    widest: f32,  // alpha: coats with a lobe as narrow take a ray
 }
 
 const LOBE_PAIR: u32 = 17u;      // of random numbers: the direction
@@ -44,17 +44,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let at = load_receiver(grid_pixel(id.xy), 0.0);
-    if (at.depth <= 0.0 || !at.brdf.glossy || at.brdf.alpha > params.widest) {
+    if (at.depth <= 0.0 || !at.brdf.glossy || lobe_width(at.brdf) > params.widest) {
         return;
     }
     // Draw a direction from the coat.
     let block = hash2(id.x / BLOCK, hash2(id.y / BLOCK, params.seed));
     let index = (sequence.index * BLOCK + id.y % BLOCK) * BLOCK + id.x % BLOCK;
-    var coat = at.brdf;
-    coat.diffuse = vec3f(0.0);
     let frame = frame_from_normal(at.normal);
     let u = sobol_2d(index, hash2(LOBE_PAIR, block));
-    let drawn = sample_brdf(coat, at.to_eye * frame, u, sobol_2d(index, hash2(CHOICE_PAIR, block)).x);
+    let drawn = sample_brdf(coat_of(at.brdf), at.to_eye * frame, u, sobol_2d(index, hash2(CHOICE_PAIR, block)).x);
     let direction = frame * drawn.w_i;
 
     // Find the light along it.

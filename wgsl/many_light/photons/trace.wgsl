@@ -10,6 +10,7 @@
 #import "scene/surface.wgsl"
 #import "scene/trace.wgsl"
 #import "common/random.wgsl"
+#import "common/lobes.wgsl"
 #import "many_light/vpl/table.wgsl"
 #import "many_light/vpl/lobe.wgsl"
 #import "many_light/gather/receiver.wgsl"
@@ -107,7 +108,7 @@ fn leave_at(pixel: vec2u, r: Receiver, photon: Landed, share: f32) {
     let shine = shine_of(
         r.brdf, r.eye_loss, r.normal, r.to_eye, -photon.direction, squared, PI * photon.radius * photon.radius);
     add(index, flux * (far * shine.transmitted));
-    if (r.brdf.glossy && r.brdf.alpha > params.widest) {
+    if (r.brdf.glossy && lobe_width(r.brdf) > params.widest) {
         add_glossy(index, flux * shine.coat / coat_tint(r.brdf, r.normal, r.to_eye));
     }
 }

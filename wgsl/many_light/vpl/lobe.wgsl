@@ -5,7 +5,7 @@
 // Hits of reflections take the whole lobe, widened by the angle that the VPL's disc subtends, as a virtual spherical light is
 // (Hasan et al. 2009, "Virtual Spherical Lights for Many-Light Rendering of Glossy Scenes"). It errs blurry, by less than the
 // distance between VPLs; all else is exact.
-#import "common/brdf.wgsl"
+#import "common/ggx.wgsl"
 #import "many_light/vpl/vpl.wgsl"
 
 // Reflectance of the diffuse VPL that is as bright as the brightest part of a lobe that is gathered.
@@ -24,14 +24,20 @@ struct Sent {
 // Draws a direction from the lobe.
 fn send_by_lobe(v: Vpl, u: vec2f) -> Sent {
     let alpha = max(v.lobe.roughness * v.lobe.roughness, MIN_ALPHA);
-    let coat = brdf_lobe(alpha, v.lobe.f0);
     let frame = frame_from_normal(v.lobe.normal);
-    let drawn = sample_brdf(coat, v.lobe.to_light * frame, u, 0.0);
-    let direction = frame * drawn.w_i;
+    let w_o = v.lobe.to_light * frame;
+    let w_i = reflect(-w_o, sample_visible_normal(vec2f(alpha), w_o, u));
+    let direction = frame * w_i;
+    let h = normalize(w_i + w_o);
+    let f = fresnel_schlick(v.lobe.f0, dot(w_i, h))
+        * (ggx_distribution(alpha, h.z) * smith_visibility(alpha, w_i.z, w_o.z));
+    let pdf = ggx_pdf(alpha, h.z, w_o.z);
     // Light, unlike importance, leaves by the cosine with the geometric normal (Veach 1997, section 5.3.2).
     let cosine = dot(v.normal, direction);
-    let share = select(0.0, cosine / max(drawn.w_i.z, 1e-6), cosine > 0.0 && drawn.pdf > 0.0);
-    return Sent(direction, v.lobe.arriving * drawn.weight * share);
+    if (cosine <= 0.0 || w_i.z <= 0.0 || w_o.z <= 0.0 || pdf <= 0.0) {
+        return Sent(direction, vec3f(0.0));
+    }
+    return Sent(direction, v.lobe.arriving * (f * (w_i.z / pdf)) * (cosine / max(w_i.z, 1e-6)));
 }
 
 // Returns the lobe's alpha for a receiver at a distance whose inverse is `nearness`, 1/m. A mirror's D = 1 / (pi alpha^2)

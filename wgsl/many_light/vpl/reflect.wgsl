@@ -34,12 +34,15 @@ fn reflect_flux(s: Surface, direction: vec3f, flux: vec3f, area: f32, nearness: 
     let is_lit = (s.flags & UNLIT) == 0u;
     let b = surface_brdf(s);
     let arriving = select(vec3f(0.0), flux * ratio, is_lit);
+    let r = reflectances_of(b, shading);
     if (HAS_LOBES && b.glossy && (!METALS_ONLY || s.metallic > 0.0)) {
-        let entry = load_ambient_albedo(shading, b.alpha);
-        let lobe = fresnel_schlick(b.f0, entry.y) * entry.x * arriving;
+        // The base's lobe sends what layers above it leave; what they reflect leaves like diffuse light.
+        let share = left_for_base(b, vec3f(sqrt(1.0 - shading * shading), 0.0, shading)).mirrored * b.f90;
         return Vpl(
-            s.position, normal, arriving * wide_reflectance(b, shading), area,
-            VplLobe(sqrt(b.alpha), arriving, -direction, nearness, s.unbent_normal, b.f0, lobe), false);
+            s.position, normal, arriving * (r.wide + r.clearcoat), area,
+            VplLobe(
+                sqrt(b.alpha), arriving * share, -direction, nearness, s.unbent_normal, b.f0 / max(b.f90, 1e-6),
+                arriving * r.lobe), false);
     }
-    return Vpl(s.position, normal, arriving * directional_reflectance(b, shading), area, no_lobe(), false);
+    return Vpl(s.position, normal, arriving * (r.lobe + r.clearcoat + r.wide), area, no_lobe(), false);
 }

@@ -1,0 +1,69 @@
+// The light that a surface point at the end of a path sends back along it, W/(m2 sr).
+//
+// Where the picture shows the point and it is matte, its light is that of its pixel. Elsewhere L = L_d + f_r cos / density
+// L(y): a sample of the lights (`deferred/hit_light.wgsl`) and, with BOUNCE, a ray that follows the BRDF to y, whose light is
+// that of its pixel or of a sample of the lights. Errs dark by further bounces where the picture shows neither point.
+#import "shared/gbuffer/in_picture.wgsl"
+#import "deferred/transmission/walk.wgsl"
+#import "common/matte.wgsl"
+
+override BOUNCE: bool = true;        // ends in no pixel reflect light of other surfaces
+override HAS_INDIRECT: bool = true;  // the technique has indirect light
+
+@group(1) @binding(11) var<storage, read> direct: array<vec4f>;
+@group(1) @binding(12) var<storage, read> indirect: array<vec4f>;
+
+// Returns direct and indirect light of the pixel onto which a point falls.
+fn picture_light(position: vec3f) -> vec3f {
+    let pixel = pixel_in_picture(position);
+    let index = pixel.y * view.size.x + pixel.x;
+    if (HAS_INDIRECT) {
+        return direct[index].rgb + indirect[index].rgb;
+    }
+    return direct[index].rgb;
+}
+
+// Returns whether the picture shows a point and the light that it sends along the path.
+fn is_shown(p: PathPoint) -> bool {
+    return is_matte_brdf(p.brdf) && is_in_picture(p.surface.position, p.side);
+}
+
+// Returns the light of other surfaces that a point reflects; `pair`: first of the random numbers.
+fn bounced_light(p: PathPoint, numbers: Numbers, pair: u32) -> vec3f {
+    let drawn = sample_brdf(p.brdf, p.w_o, pair_of(numbers, pair), pair_of(numbers, pair + 1u).x);
+    let direction = normalize_or(p.frame * drawn.w_i, p.side);
+    if (drawn.pdf <= 0.0 || dot(direction, p.side) <= 0.0) {
+        return vec3f(0.0);
+    }
+    let hit = trace(Ray(leave_surface(p.surface, direction), direction), FLOAT_MAX);
+    if (hit.triangle == NONE) {
+        return vec3f(0.0);
+    }
+    let s = surface_at(hit, direction);
+    if ((s.flags & UNLIT) != 0u) {
+        return vec3f(0.0);
+    }
+    let y = path_point(s, direction);
+    if (is_shown(y)) {
+        return drawn.weight * picture_light(s.position);
+    }
+    return drawn.weight * reflected_radiance(y, no_arrival(), numbers.index, hash2(pair + 2u, numbers.code));
+}
+
+// Returns the light of a path's end, `hit` of a ray in `direction`; `emission_share`: of its own emission that counts.
+fn light_of_end(hit: Hit, direction: vec3f, emission_share: f32, numbers: Numbers) -> vec3f {
+    let s = surface_at(hit, direction);
+    if ((s.flags & UNLIT) != 0u) {
+        return s.base_color;
+    }
+    let emitted = s.emission * emission_share;
+    let p = path_point(s, direction);
+    if (is_shown(p)) {
+        return emitted + picture_light(s.position);
+    }
+    let reflected = reflected_radiance(p, no_arrival(), numbers.index, hash2(END_PAIRS, numbers.code));
+    if (BOUNCE) {
+        return emitted + reflected + bounced_light(p, numbers, END_PAIRS + 8u);
+    }
+    return emitted + reflected;
+}
