@@ -12,6 +12,7 @@ from hypothesis import given
 from wgpu_gi.errors import GiError
 from wgpu_gi.measure.scenes import KINDS, make_scene
 from wgpu_gi.measure.scenes.degenerate import CAMERAS, FLAWS
+from wgpu_gi.measure.scenes.layers import LAYERED, SOLID, THIN
 from wgpu_gi.measure.scenes.moving import LEAST_SECONDS, MOST_SECONDS
 from wgpu_gi.measure.scenes.surfaces import SURFACES
 from wgpu_gi.pictures.color import linear_from_srgb
@@ -35,6 +36,8 @@ DIGESTS = {
     "degenerate": "25598e09eac485c2",
     "extreme": "47d4a5f308247826",
     "moving": "6bb0c513ed310f1d",
+    "layered": "a8b5e959d3f48749",
+    "glass": "39ca37bde2fbd163",
 }
 
 
@@ -126,6 +129,27 @@ def test_textured_has_colors_emission_and_vertex_colors():
     assert any(mesh.colors is not None for scene in textured for mesh in scene.meshes)
     assert any(mesh.texcoords1 is not None for scene in textured for mesh in scene.meshes)
     assert any(m.base_color_texture is not None and m.base_color_texture.rotation != 0 for m in materials)
+
+
+def test_layered_has_every_layer_and_their_textures():
+    materials = [m for scene in first("layered") for m in scene.materials]
+    assert {m.name for m in materials} >= set(LAYERED)
+    for field in ("clearcoat", "sheen_roughness", "anisotropy"):
+        assert max(getattr(m, field) for m in materials) > 0.9
+    assert any(m.ior > 2 for m in materials) and any(m.specular == 0 for m in materials)
+    for name in ("specular", "specular_color", "clearcoat", "clearcoat_normal", "sheen_color", "anisotropy"):
+        assert any(getattr(m, f"{name}_texture") is not None for m in materials), name
+
+
+def test_glass_has_panes_sheets_stacks_and_closed_solids():
+    scenes = first("glass")
+    assert {m.name for scene in scenes for m in scene.materials} >= set(THIN) | set(SOLID)
+    stacks = [sum(i.name.startswith("stacked") for i in scene.instances) for scene in scenes]
+    assert max(stacks) == 5 and sorted(set(stacks))[:2] == [0, 2]
+    for scene in scenes:
+        for mesh in scene.meshes:
+            is_open = mesh.name in ("plane", "curtain", "stacked")
+            assert not is_open or mesh.materials[0].thickness == 0
 
 
 def test_many_has_hundreds_of_lights_and_instances():

@@ -15,7 +15,8 @@ from .draws import Draws
 from .extreme import extreme
 from .moving import moving
 from .outdoors import foliage, street
-from .rooms import GLOSSY_ROOM, TEXTURED_ROOM, furnished_room, many
+from .panes import glass
+from .rooms import GLOSSY_ROOM, LAYERED_ROOM, TEXTURED_ROOM, furnished_room, many
 from .scales import far, huge, tiny
 
 _MAKERS: dict[str, Callable[[Draws], Scene]] = {
@@ -31,6 +32,8 @@ _MAKERS: dict[str, Callable[[Draws], Scene]] = {
     "degenerate": degenerate,
     "extreme": extreme,
     "moving": moving,
+    "layered": lambda draws: furnished_room(draws, LAYERED_ROOM),
+    "glass": glass,
 }
 
 KINDS = tuple(_MAKERS)
@@ -45,6 +48,8 @@ def make_scene(kind: str, seed: int) -> Scene:
     lights and instances. tiny, huge: rooms and streets scaled by 1e-6 to 1e6. far: at up to 1e7 m. degenerate: slivers,
     doubled and coplanar faces, odd transforms and cameras. extreme: intensities 1e-12 to 1e12, albedo 0 and 1. moving:
     a room with skins, morph targets and moving instances, lights and materials, at a random time of its animation.
+    layered: clear coats, sheen, anisotropy, dielectrics, their textures. glass: panes, blended sheets, stacks of them,
+    solid and rough glass.
 
     Raises GiError for an unknown kind or a seed below 0.
     """

@@ -11,7 +11,7 @@ from .draws import Draws
 from .lights import emitters, scaled_color, scaled_light
 from .outdoors import street
 from .rooms import furnished_room
-from .surfaces import grey, rgba
+from .textures import grey, rgba
 
 DIMMEST, BRIGHTEST = 1e-12, 1e12
 

@@ -21,7 +21,8 @@ from ...scene.scene import (
 )
 from .draws import Draws, Rgb, place, unit
 from .solids import ball, box, plane, torus
-from .surfaces import grey, rgba, screen
+from .surfaces import screen
+from .textures import grey, rgba
 
 Point = Sequence[float]
 

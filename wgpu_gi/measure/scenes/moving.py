@@ -16,7 +16,8 @@ from .draws import Draws, Rgb, place, unit
 from .lights import LAMPS, light_room, sky
 from .rooms import Size, add_camera, add_objects, add_walls
 from .solids import ball, box, joined, settled_rows, sheet, torus
-from .surfaces import SURFACES, WALLS, paint, rgba, surface
+from .surfaces import SURFACES, WALLS, paint, surface
+from .textures import rgba
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,8 @@ from ...scene.scene import Instance, Material, Mesh, Scene
 from .draws import Draws, place
 from .lights import lamp, point_light, sky, spot_light, sun
 from .solids import ball, box, frustum, plane, solid
-from .surfaces import holes, paint, rgba, surface
+from .surfaces import paint, surface
+from .textures import holes, rgba
 
 GROUND = ("matte", "colored", "textured", "clay", "bumpy")
 FACADES = ("matte", "colored", "white", "textured", "clay", "glossy", "bumpy", "dark")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...camera import Camera
 from ...scene.scene import Instance, Material, Mesh, Scene
 from .draws import Draws, place
+from .layers import LAYERED
 from .lights import LAMPS, lamp, light_room, point_light, sky, spot_light, sun
 from .solids import SHAPES, Part, ball, box, joined, plane, solid
 from .surfaces import GLOSSY, SURFACES, TEXTURED, WALLS, paint, surface
@@ -33,6 +34,7 @@ class RoomPlan:
 
 ROOM = RoomPlan()
 GLOSSY_ROOM = RoomPlan(("matte", "colored", "white", *GLOSSY), GLOSSY, object_count=(4, 10), opening=0.3)
+LAYERED_ROOM = RoomPlan(("matte", "colored", "white", *LAYERED), tuple(LAYERED), object_count=(4, 10), opening=0.3)
 TEXTURED_ROOM = RoomPlan(("textured", "textured", "painted", "white"), TEXTURED, ("screen", *LAMPS), opening=0.3)
 
 
@@ -106,12 +108,17 @@ def add_camera(draws: Draws, scene: Scene, size: Size) -> None:
 
 
 def add_objects(draws: Draws, scene: Scene, size: Size, names: tuple[str, ...], count: int) -> None:
-    """Add `count` objects that stand, lie, hang or float in the room; none comes within 0.4 m of the camera."""
+    """Add `count` objects of the materials `names` that stand, lie, hang or float in the room."""
+    place_objects(draws, scene, size, lambda: solid(draws, surface(draws, names)), count)
+
+
+def place_objects(draws: Draws, scene: Scene, size: Size, make: Callable[[], Mesh], count: int) -> None:
+    """Place `count` meshes that `make` returns, or returned before; none comes within 0.4 m of the camera."""
     eye = scene.cameras[0].position
     meshes: list[Mesh] = []
     while count > 0:
         # Choose a new mesh, or seldom one that is there already.
-        mesh = draws.choice(meshes) if meshes and draws.chance(0.15) else solid(draws, surface(draws, names))
+        mesh = draws.choice(meshes) if meshes and draws.chance(0.15) else make()
         scale = np.array([draws.log_uniform(0.2, 1.2) for _ in range(3)])
         if draws.chance(0.5):
             scale[:] = scale[0]

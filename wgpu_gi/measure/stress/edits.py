@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,7 @@ def moved(scene: Scene, matrix: Matrix) -> Scene:
     The sky turns only about +Y and mirrors only along x.
     """
     scale, mirrors, turn = _parts(matrix)
-    world = copied(scene, light=lambda x: _moved_light(x, matrix, scale))
+    world = copied(scene, partial(_scaled_volume, scale), light=lambda x: _moved_light(x, matrix, scale))
     for instance in world.instances:
         instance.world_from_local = matrix @ instance.world_from_local
     world.cameras = [_moved_camera(camera, matrix, scale, mirrors) for camera in scene.cameras]
@@ -89,6 +90,11 @@ def _parts(matrix: Matrix) -> tuple[float, bool, float]:
     scale = power if abs(scale / power - 1) < 1e-12 else scale
     linear = matrix[:3, :3] @ np.diag([-1.0, 1.0, 1.0]) if determinant < 0 else matrix[:3, :3]
     return scale, determinant < 0, float(np.arctan2(linear[0, 2], linear[0, 0]))
+
+
+def _scaled_volume(scale: float, m: Material) -> Material:
+    """Scale the distance in which a volume absorbs; its thickness is a length of the mesh."""
+    return replace(m, attenuation_distance=None if m.attenuation_distance is None else m.attenuation_distance * scale)
 
 
 def _moved_light(light: Light, matrix: Matrix, scale: float) -> Light:
@@ -132,8 +138,13 @@ def channels_rolled(scene: Scene) -> Scene:
             m,
             base_color=rolled(m.base_color),
             emission=rolled(m.emission),
+            specular_color=rolled(m.specular_color),
+            sheen_color=rolled(m.sheen_color),
+            attenuation_color=rolled(m.attenuation_color),
             base_color_texture=rolled_texture(m.base_color_texture),
             emission_texture=rolled_texture(m.emission_texture),
+            specular_color_texture=rolled_texture(m.specular_color_texture),
+            sheen_color_texture=rolled_texture(m.sheen_color_texture),
         ),
         mesh=lambda m: m if m.colors is None else replace(m, colors=m.colors[:, [1, 2, 0, 3]].copy()),
         light=lambda x: replace(x, color=rolled(x.color)),

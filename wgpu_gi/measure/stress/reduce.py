@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TypeVar
 
@@ -122,19 +122,18 @@ def _without_sky(scene: Scene) -> Iterator[Scene]:
             yield replace(scene, environment=replace(scene.environment, image=None, rotation=0.0))
 
 
-TEXTURES = (
-    "base_color_texture",
-    "metallic_roughness_texture",
-    "normal_texture",
-    "occlusion_texture",
-    "emission_texture",
-)
+DEFAULTS: dict[str, object] = {f.name: f.default for f in fields(Material) if f.name.endswith("_texture")}
+DEFAULTS |= {
+    f.name: f.default
+    for f in fields(Material)
+    if f.name.startswith(("ior", "specular", "clearcoat", "sheen", "transmission", "thickness", "atten", "anisotropy"))
+}
 
 
 def _simpler_materials(scene: Scene) -> Iterator[Scene]:
     """Yield the scene with one property of one material simplified."""
     for k, material in enumerate(scene.materials):
-        changes: list[dict[str, object]] = [{name: None} for name in TEXTURES if getattr(material, name) is not None]
+        changes = [{name: value} for name, value in DEFAULTS.items() if getattr(material, name) != value]
         if max(material.emission) > 0:
             changes += [{"emission": (0.0, 0.0, 0.0)}]
         if material.metallic > 0:
