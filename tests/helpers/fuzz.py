@@ -54,8 +54,11 @@ Files = dict[str, bytes]  # the first one is damaged and loaded
 # ------------------------------------------------------------------------------------------------ Valid files
 
 
-def gltf_document() -> tuple[dict[str, Any], bytes]:
-    """Return JSON and data of a file with every part of the format and all extensions."""
+def gltf_document(animated: bool = False) -> tuple[dict[str, Any], bytes]:
+    """Return JSON and data of a file with every part of the format and all extensions, except animations unless asked.
+
+    Animations keep skins and morph targets from being applied at loading.
+    """
     builder = GltfBuilder()
     pixels = np.random.default_rng(0).integers(0, 256, (4, 4, 3)).astype(np.uint8)
     first = builder.texture(pixels, {"wrapS": 33071, "magFilter": 9728})
@@ -124,8 +127,38 @@ def gltf_document() -> tuple[dict[str, Any], bytes]:
     copies = {"EXT_mesh_gpu_instancing": {"attributes": places}, "KHR_node_visibility": {"visible": True}}
     builder.node(mesh=pair, extensions=copies)
     _add_compressed(builder)
+    if animated:
+        _add_animations(builder, child)
     builder.glb_bytes()
     return builder.json, bytes(builder.data)
+
+
+def _add_animations(builder: GltfBuilder, child: int) -> None:
+    """Add two animations with all interpolations, of nodes, weights and pointers."""
+    times = builder.accessor(np.float32([0, 0.5, 1]))
+    turns = builder.accessor((np.eye(4)[[3, 0, 1]] * 127).astype(np.int8), normalized=True)
+    spline = builder.accessor(np.random.default_rng(1).random((9, 3)).astype(np.float32))
+    weights = builder.accessor(np.linspace(0, 1, 6).astype(np.float32))
+    single, steps = builder.accessor(np.float32([0, 1, 0.5])), builder.accessor(np.eye(3, dtype=np.float32))
+    lights, material = "/extensions/KHR_lights_punctual/lights/0", "/materials/0"
+    layer = f"{material}/extensions/KHR_materials_emissive_strength/emissiveStrength"
+    targets = [
+        (turns, "LINEAR", {"node": child, "path": "rotation"}),
+        (spline, "CUBICSPLINE", {"node": child, "path": "translation"}),
+        (steps, "STEP", {"node": child, "path": "scale"}),
+        (weights, "LINEAR", {"node": child + 2, "path": "weights"}),
+        *((single, "LINEAR", f"{lights}/{name}") for name in ("intensity", "range", "spot/outerConeAngle")),
+        *((steps, "LINEAR", path) for path in (f"{lights}/color", f"{material}/emissiveFactor", "/nodes/1/scale")),
+        *((single, "STEP", path) for path in ("/cameras/0/perspective/yfov", layer, "/nodes/0/weights/1")),
+    ]
+    for chosen in (targets, targets[:2]):
+        samplers, channels = [], []
+        for output, interpolation, target in chosen:
+            if isinstance(target, str):
+                target = {"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": target}}}
+            channels.append({"sampler": len(samplers), "target": target})
+            samplers.append({"input": times, "output": output, "interpolation": interpolation})
+        builder.add("animations", {"name": "move", "samplers": samplers, "channels": channels})
 
 
 def _add_compressed(builder: GltfBuilder) -> None:
@@ -463,6 +496,13 @@ def read_scene(path: Path) -> None:
     assert scene.triangle_count and np.isfinite(scene.bounds()).all() and all("\n" not in note for note in scene.notes)
     for camera in scene.cameras:
         check_camera(camera)
+    for number in range(len(scene.animations)):
+        for seconds in (0.0, 0.3, 0.75, 1e9):
+            posed = scene.at(seconds, number)
+            check_scene(posed)
+            assert np.isfinite(posed.bounds()).all()
+            for camera in posed.cameras:
+                check_camera(camera)
 
 
 def read_environment(path: Path) -> None:
@@ -502,6 +542,8 @@ def formats() -> dict[str, tuple[Files, Callable[[bytes, random.Random], bytes],
     """Return for each format its files, how to damage the first, and how to read it."""
     document, data = gltf_document()
     glb = glb_bytes(json.dumps(document).encode(), data)
+    moving, keys = gltf_document(animated=True)
+    moving_glb = glb_bytes(json.dumps(moving).encode(), keys)
     beside = {"b.bin": data}
     linked = document | {"buffers": [{"byteLength": len(data), "uri": "b.bin"}]}
     texture, library = {"t.png": picture("PNG")}, {"m.mtl": MTL.encode()}
@@ -516,6 +558,8 @@ def formats() -> dict[str, tuple[Files, Callable[[bytes, random.Random], bytes],
     found: dict[str, Any] = {
         "glb json": ({"s.glb": glb}, json_damage(document, lambda text: glb_bytes(text, data)), read_scene),
         "glb bytes": ({"s.glb": glb}, damaged_bytes, read_scene),
+        "moving json": ({"s.glb": moving_glb}, json_damage(moving, lambda text: glb_bytes(text, keys)), read_scene),
+        "moving bytes": ({"s.glb": moving_glb}, damaged_bytes, read_scene),
         "gltf json": ({"s.gltf": json.dumps(linked).encode(), **beside}, json_damage(linked), read_scene),
         "gltf text": ({"s.gltf": json.dumps(linked, indent=1).encode(), **beside}, damaged_text, read_scene),
         "gltf buffer": ({"b.bin": data, "s.gltf": json.dumps(linked).encode()}, damaged_bytes, read_scene),

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .deformation import posed_positions
 from .scene import Scene
 
 Array = NDArray[np.float64]
@@ -128,7 +129,7 @@ def _chunks(scene: Scene) -> Iterator[Array]:
     """Yield the scene's triangles in the world, (n, 3, 3), counter-clockwise from their front."""
     for instance in scene.instances:
         matrix = np.asarray(instance.world_from_local, np.float64)
-        positions = np.asarray(instance.mesh.positions, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+        positions = posed_positions(instance) @ matrix[:3, :3].T + matrix[:3, 3]
         triangles = np.asarray(instance.mesh.triangles, np.int64).reshape(-1, 3)
         if np.linalg.det(matrix[:3, :3]) < 0:
             triangles = triangles[:, ::-1]

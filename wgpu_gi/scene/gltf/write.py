@@ -1,8 +1,9 @@
 """Writes a `Scene` as a binary glTF 2.0 file (.glb) that `load_gltf` reads back unchanged, with json and struct alone.
 
 Extensions: KHR_lights_punctual, KHR_texture_transform, KHR_materials_emissive_strength, KHR_materials_unlit and those
-of `layers.py`. What glTF cannot express:
+of `layers.py`. What the file does not hold:
 - an environment: `save_glb` writes it beside the file;
+- animations, with a GiWarning: everything stands as the scene has it, skinned and morphed meshes in their pose;
 - triangles without area, unused vertices, unused materials and meshes without triangles: loaders leave them out;
 - an emission or a light's colour above 1: a power of two moves to the strength or intensity, which is exact;
 - nodes with shear: their matrices are written, and `load_gltf` reads them, but glTF asks for products of translation,
@@ -23,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...camera import Camera
-from ...errors import GiError
+from ...errors import GiError, warn_of
 from ...pictures.atomic_file import atomic_file
 from ...pictures.image import save_image
 from ..check import check_camera, check_scene
+from ..deformation import posed_mesh
 from ..files.png_writer import encode_png
 from ..load import glows_only, has_light
 from ..scene import (
@@ -74,6 +76,8 @@ def save_glb(path: str | Path, scene: Scene) -> str | None:
         check_camera(camera)
     data = _Writer(scene).to_bytes()
     environment = _save_environment(path, scene)
+    if scene.animations:
+        warn_of([f"{path.name} holds the scene as it stands: animations are not written"], stacklevel=2)
     with atomic_file(path) as temporary:
         temporary.write_bytes(data)
     return environment
@@ -109,6 +113,7 @@ class _Writer:
     def __init__(self, scene: Scene) -> None:
         self._glb = Glb()
         self._scene = scene
+        self._posed: list[Mesh] = []
 
     def to_bytes(self) -> bytes:
         """Return the file, with nodes in the order of the scene, whose lists loaders restore."""
@@ -121,8 +126,9 @@ class _Writer:
     # -------------------------------------------------------------------------------------------- geometry
 
     def _instance(self, instance: Instance) -> int:
-        """Add a node for an instance."""
-        mesh = instance.mesh
+        """Add a node for an instance, with its mesh in its pose."""
+        mesh = posed_mesh(instance)
+        self._posed.append(mesh)  # kept alive, since meshes are known by their ids
         index = self._glb.once("meshes", id(mesh), lambda: self._mesh(mesh))
         return self._glb.node(instance.name or mesh.name, instance.world_from_local, {"mesh": index})
 
