@@ -11,7 +11,7 @@ from .techniques.deferred import declare_direct_light
 from .techniques.many_light import declare_many_light
 from .techniques.reference import declare_primary, declare_reference
 from .techniques.shared.antialias import declare_antialias
-from .techniques.shared.composite import declare_display, declare_mean, declare_sum
+from .techniques.shared.composite import declare_display, declare_mean, declare_sum, declare_tinted
 from .techniques.ssao import declare_ssao
 from .techniques.ssdo import declare_ssdo
 from .techniques.ssil import declare_ssil
@@ -39,6 +39,8 @@ def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int, ali
             light = declare_ssil(graph, settings, scene)
         case _:
             raise AssertionError(settings.gi)
+    # Glass in front of what a pixel shows tints it, after all filters.
+    light = declare_tinted(graph, light)
     # Radiance is the sum of the layers, anti-aliased over moving frames; a still picture is the mean of its frames.
     radiance = light.radiance or declare_sum(graph, light.emission, light.direct, light.indirect)
     if aliased is None:

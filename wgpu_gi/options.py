@@ -28,6 +28,7 @@ from .techniques.shared.temporal import TemporalSettings
 from .techniques.ssdo.settings import SsdoSettings
 from .techniques.ssil.ssil import SsilSettings
 from .techniques.ssil.voxels import VoxelSettings
+from .upload.see_through import is_see_through
 from .webgpu_limits import MAX_TEXTURE_SIDE
 
 MAX_PIXELS = 2**25  # each takes 96 bytes of running means and results: 3 GiB
@@ -103,7 +104,8 @@ def picture_count(settings: Settings, scene: Scene) -> int:
     if technique.averages_samples:
         return 1
     draws = draws_emitters(settings.direct, scene) or draws_transmission(scene, diffuse=settings.diffuse)
-    varies = settings.camera.jitter or technique.is_random or draws
+    dithers = any(is_see_through(m, settings.diffuse) for m in scene.materials)
+    varies = settings.camera.jitter or technique.is_random or draws or dithers
     return settings.camera.frames if varies else 1
 
 

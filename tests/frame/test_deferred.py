@@ -252,6 +252,8 @@ def test_plan_gives_the_reason_of_every_skip():
     lacks = {
         "gbuffer/masked": "no alpha-masked material",
         "shadow/masked": "no alpha-masked material",
+        "gbuffer/tint": "no thin, smooth glass",
+        "shadow/see_through": "no see-through material",
         "environment/albedo": "there is no environment",
         "environment/leaves": "there is no environment",
         "environment/sum": "there is no environment",

@@ -181,7 +181,7 @@ def _measure(
     weights, vertices = part.weights_at(np.repeat(owner[small], POINTS), cell_weights(where))
     radiance[small] = radiance_at(part, vertices, weights).reshape(-1, POINTS, 3).mean(1)
     # The share of points that the mask leaves.
-    if part.material.alpha_mode == "mask":
+    if part.material.alpha_mode != "opaque":
         where = (boxes[:, None, :2] + points * boxes[:, None, 2:]).reshape(-1, 2)
         weights, vertices = part.weights_at(np.repeat(owner, POINTS), cell_weights(where))
         radiance *= opacity_at(part, vertices, weights).reshape(-1, POINTS, 1).mean(1)

@@ -106,7 +106,7 @@ def _divide_textured(part: EmittingPart, wanted: NDArray[np.float64], light: NDA
 def _divide_part(part: EmittingPart, wanted: NDArray[np.float64], light: NDArray[np.float64]) -> EmitterLeaves:
     """Divide the triangles of a part without emission texture, of luminances `light`, into `wanted` leaves each."""
     # Choose how often to halve each triangle.
-    area, masked = part.areas(), part.material.alpha_mode == "mask"
+    area, masked = part.areas(), part.material.alpha_mode != "opaque"
     halvings = np.ceil(np.log2(np.maximum(wanted, 1.0)))
     if masked and part.material.base_color_texture is not None:
         texels = texel_counts(part, part.material.base_color_texture)

@@ -101,5 +101,7 @@ def opacity_at(part: EmittingPart, vertices: NDArray, weights: NDArray[np.float6
         alpha *= np.einsum("nk,nk->n", weights, np.asarray(part.mesh.colors, np.float64)[vertices, 3])
     if material.base_color_texture is not None:
         alpha *= sample_texture(material.base_color_texture, part.mesh, vertices, weights)[:, 3]
+    if material.alpha_mode == "blend":
+        return np.clip(alpha, 0.0, 1.0)[:, None]
     kept = (alpha >= material.alpha_cutoff) | (material.alpha_mode != "mask")
     return kept[:, None].astype(np.float64)

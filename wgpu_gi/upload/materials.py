@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from ..errors import warn_of
 from ..gpu.wgsl.load import load
 from ..scene.scene import Material, Texture
-from .layers import layer_textures, layers_of, pack_layers
+from .layers import is_clear, layer_textures, layers_of, pack_layers
 from .light_values import emitted_radiance
 from .mip_levels import Content
 from .resources import GpuResources
 from .texture_atlas import Atlas, AtlasImage, Place, atlas_rectangles, pack_atlas
 
 CONSTANTS = load("scene/materials.wgsl").constants
-DOUBLE_SIDED, UNLIT, TEXTURED, COATED, BLENDED, LAYERED = (
-    int(CONSTANTS[flag]) for flag in ("DOUBLE_SIDED", "UNLIT", "TEXTURED", "COATED", "BLENDED", "LAYERED")
+DOUBLE_SIDED, UNLIT, TEXTURED, COATED, BLENDED, LAYERED, GLASS = (
+    int(CONSTANTS[flag]) for flag in ("DOUBLE_SIDED", "UNLIT", "TEXTURED", "COATED", "BLENDED", "LAYERED", "GLASS")
 )
 PRESENT, TEXCOORD_1, SIXTEEN_BITS, TRANSFORMED = (
     int(CONSTANTS[flag]) for flag in ("PRESENT", "TEXCOORD_1", "SIXTEEN_BITS", "TRANSFORMED")
@@ -100,7 +100,9 @@ class MaterialUpload:
             record["emitter_pdf"] = pdf.get(id(m), 0.0)
             pack_layers(record, m)
             flags = DOUBLE_SIDED * m.double_sided | UNLIT * m.unlit | COATED * (not self._diffuse)
-            flags |= BLENDED * (m.alpha_mode == "blend") | LAYERED * (not self._diffuse and bool(layers_of(m)))
+            flags |= BLENDED * (m.alpha_mode == "blend")
+            if not self._diffuse:
+                flags |= LAYERED * bool(layers_of(m)) | GLASS * is_clear(m)
             for atlas, textures in self._textures(m).items():
                 for slot, (image, texture) in textures.items():
                     flags |= TEXTURED

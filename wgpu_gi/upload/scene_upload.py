@@ -29,6 +29,7 @@ from .light_values import emission_key, emitted_radiance, environment_radiance, 
 from .materials import MaterialUpload
 from .mesh_data import Topology
 from .resources import GpuResources
+from .see_through import has_openings, is_see_through
 from .solid_meshes import SolidMeshes
 from .surface_samples import sample_surfaces
 from .tree_builder import TreeBuilder
@@ -245,13 +246,14 @@ class SceneUpload:
         emissive = any(emitted_radiance(m).any() for m in materials)
         environment = scene.environment
         layers = layer_features([] if self.diffuse else materials)
-        blends = any(m.alpha_mode == "blend" for m in materials)
         return {
             **layers,
-            "HAS_BLENDS": blends,
-            "HAS_SEE_THROUGH": blends or (not self.diffuse and any(map(is_clear, materials))),
             "HAS_INSTANCES": self._hierarchy.has_instances,
-            "HAS_MASKS": any(m.alpha_mode == "mask" for m in materials),
+            "HAS_BLENDS": any(m.alpha_mode == "blend" for m in materials),
+            "HAS_SEE_THROUGH": any(is_see_through(m, self.diffuse) for m in materials),
+            "HAS_TINTS": not self.diffuse and any(map(is_clear, materials)),
+            "HAS_MASKS": any(map(has_openings, materials)),
+            "HAS_CUT_OUTS": any(m.alpha_mode == "mask" for m in materials),
             "HAS_TEXTURES": self._materials.has_textures,
             "HAS_EMISSION_MAPS": any(m.emission_texture for m in materials),
             "HAS_ROUGHNESS_MAPS": not self.diffuse and any(m.metallic_roughness_texture for m in materials),

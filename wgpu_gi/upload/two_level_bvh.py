@@ -18,6 +18,7 @@ from .mesh_data import MASKED, NONE, MeshData, Placement, prepare_meshes
 from .mesh_trees import refit_tree
 from .node_quantization import QuantizationGrid
 from .scene_origin import scene_origin
+from .see_through import has_openings
 from .top_level import OPEN_UP_TO, Subtrees, build_top_level, open_subtrees
 from .tree_builder import TreeBuilder
 from .wide_bvh import EMPTY, STACK_LEVELS, WideBvh
@@ -190,8 +191,8 @@ class TwoLevelBvh:
         self.changed = {"nodes", "triangles", "vertices"}
 
     def _number_materials(self, meshes: list[Mesh], material_index: dict[int, int]) -> None:
-        """Write the triangles' material numbers, and the flag of those with an alpha mask."""
-        materials = [[(material_index[id(m)], m.alpha_mode == "mask") for m in mesh.materials] for mesh in meshes]
+        """Write the triangles' material numbers, and the flag of those that rays may pass."""
+        materials = [[(material_index[id(m)], has_openings(m)) for m in mesh.materials] for mesh in meshes]
         if materials == self._materials:
             return
         self._materials = materials

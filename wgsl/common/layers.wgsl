@@ -10,6 +10,7 @@ override HAS_VOLUMES: bool = true;       // KHR_materials_volume: transmission t
 override HAS_LAYERS: bool = true;        // any of these
 override HAS_BLENDS: bool = true;        // alpha blending
 override HAS_SEE_THROUGH: bool = true;   // alpha blending or thin, smooth transmission: rays pass straight on
+override HAS_TINTS: bool = true;         // thin, smooth transmission: rays that pass or hit it carry weights
 
 const CLEAR_ROUGHNESS: f32 = 0.05;  // thin glass that is at most so rough passes rays straight on
 

@@ -94,8 +94,8 @@ fn reflected_radiance(p: PathPoint, further: Arrival, index: u32, code: u32) -> 
         rays.limit = select(0.0, FLOAT_MAX, max3(sky) > 0.0);
     }
     let found = trace_all(rays);
-    var sum = select(direct.irradiance, vec3f(0.0), found.occluded_a);
-    sum += select(further.irradiance, vec3f(0.0), found.occluded_b);
-    sum += select(vec3f(0.0), sky, found.hit.triangle == NONE);
+    var sum = select(direct.irradiance * found.tint_a, vec3f(0.0), found.occluded_a);
+    sum += select(further.irradiance * found.tint_b, vec3f(0.0), found.occluded_b);
+    sum += select(vec3f(0.0), sky * found.hit.tint, found.hit.triangle == NONE);
     return sum * INV_PI;
 }

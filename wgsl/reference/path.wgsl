@@ -15,6 +15,7 @@
 #import "common/random.wgsl"
 #import "reference/connect.wgsl"
 #import "reference/camera_visibility.wgsl"
+#import "reference/pixel_of.wgsl"
 
 // Only surfaces that the picture shows send light, as if there were no others: the best that screen space can find.
 override VISIBLE_ONLY: bool = false;
@@ -53,18 +54,9 @@ const LIGHT_RAY_PAIR: u32 = 1u;
 const FIRST_VERTEX_PAIR: u32 = 4u;
 const PAIRS_PER_VERTEX: u32 = 3u;
 
-// Returns the pixel of a thread: a workgroup is a tile of 8 x 8 pixels, so that rays of a SIMD group stay close.
-// Consecutive rows of tiles lie far apart in the picture, so that all dispatches take about the same time per workgroup,
-// not a few ms for the sky and seconds for a room.
-fn pixel_of(workgroup: u32, local: u32) -> vec2u {
-    let tiles = (view.size + 7u) / 8u;
-    let row = (workgroup / tiles.x) * params.row_stride % tiles.y;
-    return vec2u(workgroup % tiles.x, row) * 8u + vec2u(local % 8u, local / 8u);
-}
-
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) local: u32) {
-    let pixel = pixel_of(params.first_workgroup + workgroup.x, local);
+    let pixel = pixel_of(params.first_workgroup + workgroup.x, local, params.row_stride);
     if (any(pixel >= view.size)) {
         return;
     }
@@ -122,15 +114,16 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
                 break;
             }
             sample += 1u;
+            rays.index = done + sample - 1u;
             path_radiance = vec3f(0.0);
             lit.offset = -1.0;
             from_light = use_light_rays;
             if (use_light_rays) {
-                let index = done + sample - 1u;
                 light_ray = sample_light_ray(
-                    sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR)),
-                    sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR + 1u)),
-                    sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR + 2u)));
+                    sobol_2d(rays.index, hash2(pixel_seed, LIGHT_RAY_PAIR)),
+                    sobol_2d(rays.index, hash2(pixel_seed, LIGHT_RAY_PAIR + 1u)),
+                    sobol_2d(rays.index, hash2(pixel_seed, LIGHT_RAY_PAIR + 2u)));
+                rays.seed = ~pixel_seed | 1u;
                 rays.main = light_ray.ray;
                 rays.limit = select(0.0, FLOAT_MAX, max3(light_ray.flux) > 0.0);
             }
@@ -142,6 +135,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             let position = select(vec2f(0.5), jittered, view.jitter != 0u);
             rays.main = camera_ray(vec2f(pixel) + position);
             rays.limit = FLOAT_MAX;
+            rays.seed = pixel_seed | 1u;
             throughput = vec3f(1.0);
             depth = 0u;
             origin_density = 0.0;
@@ -152,6 +146,8 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         steps += found.steps;
         let arrived = rays.limit > 0.0;
         var connected = vec3f(0.0);
+        pending_a *= found.tint_a;
+        pending_b *= found.tint_b;
         if (rays.limit_a > 0.0 && !found.occluded_a) {
             connected += pending_a;
             // The vertex that cast the shadow rays lies before the ray in flight.
@@ -170,7 +166,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             continue;
         }
 
-        // Evaluate the surface that the main ray hits.
+        // Evaluate the surface that the main ray hits, behind those that it has passed.
         let hit_something = found.hit.triangle != NONE;
         let squared_distance = found.hit.distance * found.hit.distance;
         var surface: Surface;
@@ -187,6 +183,8 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             sends = shown.by_camera;
         }
 
+        throughput *= found.hit.tint;
+        light_ray.flux *= found.hit.tint;
         if (from_light) {
             // Keep the light ray's hit for the vertices of the coming path.
             if (sends && (surface.flags & UNLIT) == 0u) {
@@ -211,11 +209,13 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             light_pdf = environment_pdf(rays.main.direction);
             light_density = parallel_density();
         }
-        hits += select(0.0, 1.0, hit_something && depth == 0u);
+        // Glass covers a share of the environment.
+        let covered = select(select(0.0, 1.0 - luminance(throughput), HAS_TINTS), 1.0, hit_something);
+        hits += select(0.0, covered, depth == 0u);
         if (max3(arriving) > 0.0) {
             if (depth == 0u) {
-                sum_emission += arriving;
-                path_radiance += arriving;
+                sum_emission += throughput * arriving;
+                path_radiance += throughput * arriving;
             } else {
                 let density = light_density * abs(dot(origin_normal, rays.main.direction));
                 let weighted = throughput * arriving
@@ -277,6 +277,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         let direction = normalize(frame * next.w_i);
         rays.main = Ray(leave_surface(surface, direction), direction);
         rays.limit = FLOAT_MAX;
+        rays.seed = hash2(pixel_seed, depth) | 1u;
     }
 
     // Merge the new samples with the old ones (Chan et al. 1979).

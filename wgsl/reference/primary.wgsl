@@ -1,4 +1,5 @@
-// One invocation finds the surface at the centre of one pixel, by a camera ray.
+// One invocation finds the surface at the centre of one pixel, by a camera ray. See-through surfaces count as there if
+// they let pass at most half of the light.
 //
 // Out: albedo (base colour) and, in a, 1 where something is seen; shading normal facing the viewer and, in a, the
 // distance along the ray in metres (0: nothing there); position in metres relative to the scene's origin and, in a, the
@@ -18,7 +19,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let index = pixel.y * view.size.x + pixel.x;
     let ray = camera_ray(vec2f(pixel) + 0.5);
-    let hit = trace(ray, FLOAT_MAX);
+    let hit = trace_firm(ray, FLOAT_MAX);
     if (hit.triangle == NONE) {
         albedo[index] = vec4f(0.0);
         normal[index] = vec4f(0.0);

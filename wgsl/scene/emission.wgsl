@@ -1,22 +1,26 @@
 // The radiance of a point of an emitting triangle.
 #import "scene/surface.wgsl"
+#import "scene/see_through.wgsl"
 
-// Returns `radiance` times the emission texture, on the side that shines, W/(m2 sr); 0 where the triangle is cut out.
+// Returns `radiance` times the emission texture, on the side that shines, W/(m2 sr), times the share of the point that
+// is surface.
 fn emission_at(triangle: u32, radiance: vec3f, weights: vec2f) -> vec3f {
+    var covered = radiance;
     if (HAS_MASKS) {
-        let t = load_triangle(triangle);
-        if ((t.flags & MASKED) != 0u && is_cut_out(t, weights)) {
+        let coverage = coverage_at(load_triangle(triangle), weights);
+        if (coverage <= 0.0) {
             return vec3f(0.0);
         }
+        covered *= coverage;
     }
     if (HAS_TEXTURES) {
         let t = load_triangle(triangle);
         if (has_texture(t.material, EMISSION_SLOT)) {
             let k = load_corners(t, weights);
-            return radiance * sample_texture(t.material, EMISSION_SLOT, texcoord0_at(k), texcoord1_at(k)).rgb;
+            return covered * sample_texture(t.material, EMISSION_SLOT, texcoord0_at(k), texcoord1_at(k)).rgb;
         }
     }
-    return radiance;
+    return covered;
 }
 
 // Returns barycentric weights of the second and third corner, uniform over a triangle's area. Rows of constant u.y are

@@ -15,7 +15,7 @@ const REF_INSTANCE: u32 = 0x40000000u;  // | instance
 // triangle flags; above them the weights of the anchor, 14 bits each
 const SMOOTH: u32 = 1u;       // has vertex normals
 const COLORED: u32 = 2u;      // has vertex colours
-const MASKED: u32 = 4u;       // its material has an alpha cutoff
+const MASKED: u32 = 4u;       // its material has an alpha cutoff, or is see-through
 const HAS_TANGENTS: u32 = 8u;
 
 struct Node {
@@ -103,7 +103,10 @@ struct Hit {
     triangle: u32,   // NONE: the ray left the scene
     instance: u32,
     from_anchor: vec2f,  // point - anchor = from_anchor.x edge1 + from_anchor.y edge2
+    tint: vec3f,     // factor on light that comes along the ray: of see-through surfaces passed, and of that hit
 }
+
+const UNTINTED: vec3f = vec3f(1.0);  // nothing see-through lies on the way
 
 // Returns the barycentric weights of the second and third corner at a triangle's anchor.
 fn anchor_weights(t: Triangle) -> vec2f {

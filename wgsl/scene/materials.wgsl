@@ -9,6 +9,8 @@ const TEXTURED: u32 = 4u; // some texture is bound, so texture coordinates are n
 const COATED: u32 = 8u;   // Lambert under a GGX coat; without it, pure Lambert
 const BLENDED: u32 = 16u; // light passes by 1 - alpha
 const LAYERED: u32 = 32u; // it has layers (`common/layers.wgsl`)
+const GLASS: u32 = 64u;   // parts may be thin, smooth glass, which passes light straight on by its colour
+const SEE_THROUGH: u32 = BLENDED | GLASS;
 
 struct Material {
     base_color: vec4f,

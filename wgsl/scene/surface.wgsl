@@ -150,7 +150,12 @@ fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFo
 
 fn surface_brdf(s: Surface) -> Brdf {
     if (HAS_LAYERS && (s.flags & LAYERED) != 0u) {
-        return brdf_of(s.base_color, s.metallic, s.roughness, s.layers, s.normal, s.front);
+        var layered = brdf_of(s.base_color, s.metallic, s.roughness, s.layers, s.normal, s.front);
+        if (HAS_TINTS && (s.flags & GLASS) != 0u && s.roughness <= CLEAR_ROUGHNESS) {
+            // Rays pass it straight on (`see_through.wgsl`).
+            layered.transmitted = vec3f(0.0);
+        }
+        return layered;
     }
     if (HAS_COATS && (s.flags & COATED) != 0u) {
         return brdf_metallic_roughness(s.base_color, s.metallic, s.roughness);

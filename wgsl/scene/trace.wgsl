@@ -1,12 +1,15 @@
 // Ray traversal of the scene's two-level hierarchy, shared by all passes.
 //
+// See-through surfaces (`see_through.wgsl`): shadow rays collect their tints; a main ray passes each, or finds it, by a
+// random choice. Tints and weights of glass are collected on the way to the hit, once it is known.
+//
 // Nodes have up to four children, visited nearest first, with one stack for both levels (`geometry.wgsl` describes the
 // tables). Boxes are padded for rounding, so the traversal misses no triangle that the ray-triangle test accepts.
 //
 // A step visits a node and tests a triangle of the last leaf found, whose latencies overlap. CPU drivers that run eight
 // rays in lockstep execute both in any case; loops that go down to the next leaf first take 1.3 to 1.5 times as long
 // (llvmpipe, Sponza).
-#import "scene/corners.wgsl"
+#import "scene/see_through.wgsl"
 #import "scene/node.wgsl"
 #import "scene/ray_triangle.wgsl"
 
@@ -22,20 +25,43 @@ struct Rays {
     limit_b: f32,
     main: Ray,
     limit: f32,
+    seed: u32,       // of the main ray's choices at see-through surfaces; 0: they follow from the ray's own bits
+    index: u32,      // of the sample in that seed's sequence
 }
+
+// Seeds without random choice: the ray passes what passes more than half of the light, or all that is see-through.
+const MIDDLE_SEED: u32 = 0xffffffffu;
+const PASSING_SEED: u32 = 0xfffffffeu;
 
 struct Found {
     hit: Hit,           // first hit of the main ray
     occluded_a: bool,   // the shadow ray hits something before its limit
     occluded_b: bool,
+    tint_a: vec3f,      // share of light that passes the see-through surfaces on the way of the shadow ray
+    tint_b: vec3f,
     steps: u32,         // nodes visited and triangles tested
+}
+
+// Returns the number in [0, 1) by which a main ray passes a see-through triangle or not.
+fn passing_number(rays: Rays, triangle: u32) -> f32 {
+    if (rays.seed >= PASSING_SEED) {
+        return select(0.5, -1.0, rays.seed == PASSING_SEED);
+    }
+    if (rays.seed != 0u) {
+        return sobol_2d(rays.index, hash2(rays.seed, triangle)).x;
+    }
+    let d = bitcast<vec3u>(rays.main.direction);
+    let o = bitcast<vec3u>(rays.main.origin);
+    return unit_float(hash2(triangle, hash2(d.x ^ o.y, hash2(d.y ^ o.z, hash2(d.z ^ o.x, 1u)))));
 }
 
 // Traces up to three rays in one loop: a SIMD lane that finishes a ray starts its next one without waiting for other
 // lanes. `any` and `closest` are constants: whether there are shadow rays, and a main ray.
 fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
-    var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0)), false, false, 0u);
-    var stage = select(2u, 0u, any);  // 1, 2: the shadow rays; 3: the main ray
+    var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0), UNTINTED), false, false, UNTINTED, UNTINTED, 0u);
+    var stage = select(2u, 0u, any);  // 1, 2: the shadow rays; 3: the main ray; 4: its tint, on the way to its hit
+    var last_stage = select(2u, 3u, closest);
+    var nearest_glass = FLOAT_MAX;    // that the main ray has passed
     var world = rays.main;            // the ray being traced
     var origin = world.origin;
     var direction = world.direction;
@@ -51,7 +77,7 @@ fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
     var blocked = false;
 
     // The hit of an alpha-masked triangle, before its alpha lookup.
-    var masked = Hit(0.0, NONE, NONE, vec2f(0.0));
+    var masked = Hit(0.0, NONE, NONE, vec2f(0.0), UNTINTED);
 
     // Alpha is looked up outside the inner loop: inside, CPUs that run lanes in lockstep would look it up at every
     // triangle (Sponza, path tracer: 835 -> 555 ms).
@@ -70,10 +96,16 @@ fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
                 } else {
                     // Start the next ray.
                     stage += 1u;
-                    if (stage > select(2u, 3u, closest)) {
+                    if (HAS_TINTS && closest && stage == 4u && nearest_glass < found.hit.distance) {
+                        last_stage = 4u;
+                    }
+                    if (stage > last_stage) {
                         break;
                     }
                     nearest = select(select(rays.limit_a, rays.limit_b, stage == 2u), rays.limit, stage == 3u);
+                    if (HAS_TINTS && stage == 4u) {
+                        nearest = found.hit.distance;
+                    }
                     if (nearest <= 0.0) {
                         continue;
                     }
@@ -128,7 +160,7 @@ fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
                     let h = hit_plane(origin, direction, t);
                     if (is_in_triangle(h, t, nearest)) {
                         let met = Hit(
-                            h.distance, first, select(instance, t.instance, t.instance != NONE), h.from_anchor);
+                            h.distance, first, select(instance, t.instance, t.instance != NONE), h.from_anchor, UNTINTED);
                         if (HAS_MASKS && (t.flags & MASKED) != 0u) {
                             masked = met;
                         } else if (any && (!closest || stage < 3u)) {
@@ -189,9 +221,32 @@ fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
             break;
         }
         let t = load_triangle(masked.triangle);
-        if (!is_cut_out(t, hit_weights(t, masked))) {
+        let is_shadow = any && (!closest || stage < 3u);
+        var stops = false;
+        if (is_see_through(t.material)) {
+            let p = passage_of_hit(t, masked, world.direction);
+            if (is_shadow) {
+                if (stage == 1u) {
+                    found.tint_a *= p.tint;
+                    stops = max3(found.tint_a) <= 0.0;
+                } else {
+                    found.tint_b *= p.tint;
+                    stops = max3(found.tint_b) <= 0.0;
+                }
+            } else if (HAS_TINTS && stage == 4u) {
+                found.hit.tint *= p.passed;
+            } else if (passing_number(rays, masked.triangle) < p.chance) {
+                nearest_glass = min(nearest_glass, masked.distance);
+            } else {
+                masked.tint = vec3f(p.kept);
+                stops = true;
+            }
+        } else if (!(HAS_TINTS && stage == 4u)) {
+            stops = !is_cut_out(t, hit_weights(t, masked));
+        }
+        if (stops) {
             nearest = masked.distance;
-            if (any && (!closest || stage < 3u)) {
+            if (is_shadow) {
                 found.occluded_a = found.occluded_a || stage == 1u;
                 found.occluded_b = found.occluded_b || stage == 2u;
                 current = ABSENT;
@@ -214,10 +269,20 @@ fn trace_all(rays: Rays) -> Found {
 
 // Returns the first hit of a ray nearer than `limit`.
 fn trace(ray: Ray, limit: f32) -> Hit {
-    return traverse(Rays(ray, 0.0, ray, 0.0, ray, limit), false, true).hit;
+    return traverse(Rays(ray, 0.0, ray, 0.0, ray, limit, 0u, 0u), false, true).hit;
+}
+
+// Returns the first hit of a ray that passes what passes more than half of the light: nothing is random.
+fn trace_firm(ray: Ray, limit: f32) -> Hit {
+    return traverse(Rays(ray, 0.0, ray, 0.0, ray, limit, MIDDLE_SEED, 0u), false, true).hit;
+}
+
+// Returns the factor on light that passes see-through surfaces nearer than `limit`, which a ray has passed by chance.
+fn tint_of_passed(ray: Ray, limit: f32) -> vec3f {
+    return traverse(Rays(ray, 0.0, ray, 0.0, ray, limit, PASSING_SEED, 0u), false, true).hit.tint;
 }
 
 // Returns in `occluded_a` whether a ray hits anything nearer than `limit`.
 fn trace_shadow(ray: Ray, limit: f32) -> Found {
-    return traverse(Rays(ray, limit, ray, 0.0, ray, 0.0), true, false);
+    return traverse(Rays(ray, limit, ray, 0.0, ray, 0.0, 0u, 0u), true, false);
 }

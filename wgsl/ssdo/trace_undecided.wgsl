@@ -37,6 +37,11 @@ fn store_radiance(index: u32, direction: vec3f, radiance: vec3f) {
         pack_hit_direction(HitDirection(direction, 1.0, true, true)));
 }
 
+// Returns whether a direction passes see-through surfaces: by chance, as often as their light passes.
+fn passes_by_chance(tint: vec3f, index: u32) -> bool {
+    return !HAS_SEE_THROUGH || unit_float(hash2(index, bitcast<u32>(hits[index].y))) < luminance(tint);
+}
+
 // Traces a direction; `index`: of its entry in `hits`.
 fn trace_direction(index: u32) {
     // The ray leaves the pixel's surface, on the side of the direction.
@@ -50,7 +55,8 @@ fn trace_direction(index: u32) {
     let offset = ray_offset(surface.geometric_normal, pixel_terms(position));
     let ray = Ray(offset_origin(position, surface.geometric_normal, offset, direction), direction);
     if (!NEEDS_LIGHT) {
-        let is_free = !trace_shadow(ray, FLOAT_MAX).occluded_a;
+        let found = trace_shadow(ray, FLOAT_MAX);
+        let is_free = !found.occluded_a && passes_by_chance(found.tint_a, index);
         hits[index] = vec2u(select(DARK_HIT, NO_HIT, is_free), code);
         return;
     }
@@ -60,9 +66,9 @@ fn trace_direction(index: u32) {
         return;
     }
     // Find the light of the hit, in the picture or elsewhere.
-    var weight = 1.0;
+    var weight = luminance(hit.tint);
     if (SAMPLE_ENVIRONMENT && index % (DIRECTIONS + LOBES) < DIRECTIONS) {
-        weight = 0.5 * direction_weight(direction, surface.normal);
+        weight *= 0.5 * direction_weight(direction, surface.normal);
     }
     let s = surface_at(hit, direction);
     let side = select(-s.geometric_normal, s.geometric_normal, s.front);

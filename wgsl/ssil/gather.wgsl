@@ -1,5 +1,5 @@
 // The irradiance of a pixel from samples of one level. The importing shader defines fn prepare(start: Endpoint), called
-// once per pixel, fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32, from 0 to 1, and DRAWS_PER_TEST, the
+// once per pixel, fn visibility(start: Endpoint, end: Endpoint, number: u32) -> vec3f, from 0 to 1, and DRAWS_PER_TEST, the
 // number of drawn samples per test.
 //
 // E = sum_i Phi_i cos_i cos'_i V_i / (d_i^2 + R_i^2), R_i^2 = BOUND_SHARE cos'_i A_i / pi: eq. 3 with the point-to-disc

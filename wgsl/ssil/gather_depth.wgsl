@@ -17,7 +17,7 @@ const DRAWS_PER_TEST: u32 = 1u;
 
 fn prepare(start: Endpoint) {}
 
-fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {
+fn visibility(start: Endpoint, end: Endpoint, number: u32) -> vec3f {
     let jitter = fract(f32(number) * 0.618034);
     let reach = vec2f(abs(end.pixel - start.pixel));
     let gap = END_PIXELS / max(max(reach.x, reach.y), 2.0 * END_PIXELS);
@@ -33,7 +33,7 @@ fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {
         let off = depth / max(dot(surfel_position(texel), view.forward), 1e-30) - 1.0;
         visible = select(visible, 0.0, !is_empty(texel) && off > BEHIND && off < BEHIND + THICKNESS);
     }
-    return visible;
+    return vec3f(visible);
 }
 
 @compute @workgroup_size(8, 8)

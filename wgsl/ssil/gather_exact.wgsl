@@ -9,14 +9,15 @@ const DRAWS_PER_TEST: u32 = 4u;
 
 fn prepare(start: Endpoint) {}
 
-fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {
+fn visibility(start: Endpoint, end: Endpoint, number: u32) -> vec3f {
     let way = end.position - start.position;
     // Surfels have no geometric normal, so both ends move along the ray, by 20 offsets: enough down to 3 degrees above
     // the surface. Errs bright: the ray misses blockers within that distance.
     let offset = ray_offset(ANY_NORMAL, pixel_terms(view.position + start.position));
     let gap = normalize_or(way, vec3f(0.0)) * (20.0 * offset);
     let shadow = Ray(view.position + start.position + gap, way - 2.0 * gap);
-    return select(1.0, 0.0, trace_shadow(shadow, 1.0).occluded_a);
+    let found = trace_shadow(shadow, 1.0);
+    return select(found.tint_a, vec3f(0.0), found.occluded_a);
 }
 
 @compute @workgroup_size(8, 8)

@@ -5,8 +5,8 @@ const DRAWS_PER_TEST: u32 = 1u;
 
 fn prepare(start: Endpoint) {}
 
-fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {
-    return 1.0;
+fn visibility(start: Endpoint, end: Endpoint, number: u32) -> vec3f {
+    return vec3f(1.0);
 }
 
 @compute @workgroup_size(8, 8)

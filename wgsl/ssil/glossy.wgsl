@@ -69,7 +69,7 @@ fn reflected(pixel: vec2u, surface: GbufferSurface, coat: Brdf, ray: Ray, positi
         // Find the light along it.
         let hit = trace(Ray(position + side * offset, direction), FLOAT_MAX);
         if (hit.triangle != NONE) {
-            sum += drawn.weight * light_of_hit(hit, direction, number, block);
+            sum += drawn.weight * hit.tint * light_of_hit(hit, direction, number, block);
         }
     }
     return sum / f32(DIRECTIONS);

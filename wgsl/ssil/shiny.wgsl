@@ -69,7 +69,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
             let hit = trace(Ray(start, direction), FLOAT_MAX);
             if (hit.triangle != NONE) {
-                light += light_of_hit(hit, direction, number, block);
+                light += hit.tint * light_of_hit(hit, direction, number, block);
             }
         }
     }

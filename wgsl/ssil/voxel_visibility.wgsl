@@ -9,6 +9,6 @@ fn prepare(start: Endpoint) {
     lifted_start = lifted(start.position, start.normal);
 }
 
-fn visibility(start: Endpoint, end: Endpoint, number: u32) -> f32 {
-    return march(lifted_start, lifted(end.position, end.normal), fract(f32(number) * 0.618034));
+fn visibility(start: Endpoint, end: Endpoint, number: u32) -> vec3f {
+    return vec3f(march(lifted_start, lifted(end.position, end.normal), fract(f32(number) * 0.618034)));
 }

@@ -27,6 +27,8 @@ TECHNIQUE = Technique(
 def declare_direct_light(graph: Graph, settings: DeferredOptions, scene: DeferredInputs) -> Light:
     """Declare direct light, W/(m2 sr); the environment counts as unoccluded."""
     base = declare_base(graph, settings, scene)
-    direct = declare_direct(graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, settings.seed)
-    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
+    direct = declare_direct(graph, settings.direct, scene, base.gbuffer, base.shadow_maps, base.ambient, settings.seed)
+    light = Light(
+        base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance, tint=base.tint
+    )
     return with_transmission(graph, scene, base.gbuffer, light, 0, settings.seed)

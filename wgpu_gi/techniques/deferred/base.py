@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer, Texture
-from ..shared.gbuffer import Gbuffer, declare_gbuffer, declare_motion
+from ...gpu.handles import Buffer
+from ..shared.gbuffer import Gbuffer, declare_gbuffer, declare_motion, declare_tint
 from .environment import Ambient, EnvironmentSettings, declare_environment
 from .inputs import DeferredInputs
-from .shadow import declare_shadow_maps
+from .shadow import ShadowMaps, declare_shadow_maps
 
 
 class BaseOptions(Protocol):
@@ -21,12 +21,16 @@ class BaseOptions(Protocol):
 
 @dataclass
 class Base:
-    """G-buffer, motion vectors, prefiltered environment, and shadow atlas (None: no light casts shadows)."""
+    """G-buffer, motion vectors, prefiltered environment, and shadow maps (None: no light casts shadows).
+
+    tint: factor on each pixel's light, of glass; None: there is no glass.
+    """
 
     gbuffer: Gbuffer
     motion: Buffer
     ambient: Ambient
-    shadow_atlas: Texture | None
+    shadow_maps: ShadowMaps | None
+    tint: Buffer | None
 
 
 def declare_base(
@@ -46,4 +50,5 @@ def declare_base(
         gbuffer = declare_gbuffer(graph, scene)[0]
     motion = declare_motion(graph, scene, gbuffer, scene.before_from_now)
     ambient = declare_environment(graph, settings.environment, scene, lobes=lobes, albedo=albedo)
-    return Base(gbuffer, motion, ambient, declare_shadow_maps(graph, scene))
+    shadows = declare_shadow_maps(graph, scene)
+    return Base(gbuffer, motion, ambient, shadows, declare_tint(graph, scene, gbuffer))

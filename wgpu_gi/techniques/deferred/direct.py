@@ -14,7 +14,7 @@ import numpy as np
 
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer, Texture
+from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...scene.scene import Scene
@@ -24,6 +24,7 @@ from ..shared.gbuffer import Gbuffer
 from .emitters import declare_emitters
 from .environment import Ambient
 from .inputs import DeferredInputs, DirectInputs
+from .shadow import ShadowMaps, shadow_reads
 
 TILE = int(load("deferred/direct/tile.wgsl").constants["TILE"])
 UNROLLED = 3  # up to this many lights, the shader has no loop
@@ -57,7 +58,11 @@ class DirectSettings(KnownAttributes):
         range=(2, 64),
         presets={"low": 2, "high": 8},
     )
-    edges: bool = setting(True, "Trace shadow rays where shadow maps are undecided, instead of filtering.")
+    edges: bool = setting(
+        True,
+        "Trace shadow rays where shadow maps are undecided, instead of filtering. Scenes with see-through surfaces"
+        " always do.",
+    )
     tiles: bool = setting(True, "Cull lights by tiles of 16x16 pixels if there are many.")
     contacts: int = setting(
         0,
@@ -78,7 +83,7 @@ def declare_direct(
     settings: DirectSettings,
     scene: DeferredInputs,
     gbuffer: Gbuffer,
-    atlas: Texture | None,
+    maps: ShadowMaps | None,
     ambient: Ambient,
     seed: int,
     sky: Buffer | None = None,
@@ -89,7 +94,7 @@ def declare_direct(
     `sky`: light of the environment at each pixel, occluded, (r, g, b, 1); None: it is not occluded. `layers`: at most
     four layers of depth peeling; `gbuffer` is the first.
     """
-    direct = _declare_mapped(graph, settings, scene, gbuffer, atlas, ambient, sky, layers)
+    direct = _declare_mapped(graph, settings, scene, gbuffer, maps, ambient, sky, layers)
     if not scene.emitters.leaves:
         by_maps = settings.emitters == "maps"
         graph.skip("emitters", "direct.emitters is maps" if by_maps else "nothing emits light")
@@ -102,7 +107,7 @@ def _declare_mapped(
     settings: DirectSettings,
     scene: DeferredInputs,
     gbuffer: Gbuffer,
-    atlas: Texture | None,
+    maps: ShadowMaps | None,
     ambient: Ambient,
     sky: Buffer | None,
     layers: Sequence[Gbuffer],
@@ -110,7 +115,8 @@ def _declare_mapped(
     """Declare the light of the sources with shadow maps, and of the environment; arguments as in `declare_direct`."""
     width, height = graph.size
     direct = graph.buffer("direct/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
-    traced = settings.edges and atlas is not None
+    # How much light passes see-through surfaces, only rays find.
+    traced = maps is not None and (settings.edges or scene.features["HAS_SEE_THROUGH"])
     edges = graph.buffer("direct/edges", dtype=np.uint32, count=width * height if traced else 1)
     edge_groups = graph.buffer("direct/edge_groups", dtype=np.uint32, count=4)
     tiles = _declare_tiles(graph, settings, scene.direct, gbuffer)
@@ -118,7 +124,7 @@ def _declare_mapped(
         "surfaces": gbuffer.surfaces,
         "distance": gbuffer.distance,
         "light_table": scene.direct.lights,
-        "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
+        **shadow_reads(graph, maps),
         "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
         "gather_sampler": graph.sampler("nearest"),
         "sky": sky or graph.neutral("buffer"),
@@ -151,7 +157,7 @@ def _declare_mapped(
         constants = {**ambient.constants("deferred/direct/edges.wgsl"), **occluded}
         _declare_edges(graph, scene, constants, inputs_of_edges, edge_groups, direct)
     else:
-        graph.skip("direct/edges", "no light casts shadows" if atlas is None else "direct.edges is off")
+        graph.skip("direct/edges", "no light casts shadows" if maps is None else "direct.edges is off")
     return direct
 
 

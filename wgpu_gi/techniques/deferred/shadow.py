@@ -1,25 +1,52 @@
 """Shadow maps: all views of all lights in one depth atlas, redrawn only when lights or geometry change.
 
+See-through surfaces have an atlas of their own: behind one, a shadow ray finds how much light passes.
+
 Williams 1978, "Casting Curved Shadows on Curved Surfaces"; filtering in `wgsl/deferred/shadow/lookup.wgsl`.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from ...gpu.graph import Graph
-from ...gpu.handles import Texture
+from ...gpu.handles import Handle, Texture
 from .inputs import DeferredInputs
 from .shadow_draws import ShadowPart, slot_bits
 
 
-def declare_shadow_maps(graph: Graph, scene: DeferredInputs) -> Texture | None:
-    """Declare the atlas of all shadow views, depth reversed; return None if there are no views."""
+@dataclass
+class ShadowMaps:
+    """Atlases of all shadow views, depth reversed: of what stops light, and of see-through surfaces (None: none)."""
+
+    depth: Texture
+    see_through: Texture | None
+
+
+def shadow_reads(graph: Graph, maps: ShadowMaps | None) -> dict[str, Handle]:
+    """Return the atlases as `wgsl/deferred/shadow/lookup.wgsl` binds them."""
+    empty = graph.neutral("texture_depth_2d")
+    see_through = maps.see_through if maps else None
+    return {"shadow_atlas": maps.depth if maps else empty, "see_through_atlas": see_through or empty}
+
+
+def declare_shadow_maps(graph: Graph, scene: DeferredInputs) -> ShadowMaps | None:
+    """Declare the atlases of all shadow views; return None if there are no views."""
     if not scene.direct.atlas_size:
         graph.skip("shadow/opaque", "no light casts shadows")
         return None
     size = scene.direct.atlas_size
     atlas = graph.texture("shadow/atlas", "depth32float", size=(size, size))
-    for part, masked in (("opaque", False), ("masked", True)):
-        if masked and not scene.draws.masked:
+    glass = None
+    if scene.features["HAS_SEE_THROUGH"]:
+        glass = graph.texture("shadow/see_through_atlas", "depth32float", size=(size, size))
+    else:
+        graph.skip("shadow/see_through", "no see-through material")
+    for part, target in (("opaque", atlas), ("masked", atlas), ("see_through", glass)):
+        masked = part != "opaque"
+        if target is None:
+            continue
+        if part == "masked" and not scene.features["HAS_CUT_OUTS"]:
             graph.skip("shadow/masked", "no alpha-masked material")
             continue
         shader = "deferred/shadow/masked.wgsl" if masked else "deferred/shadow/map.wgsl"
@@ -28,9 +55,13 @@ def declare_shadow_maps(graph: Graph, scene: DeferredInputs) -> Texture | None:
             shader,
             draw=ShadowPart(scene.shadows, masked),
             index=scene.raster_indices,
-            depth=atlas,
+            depth=target,
             reads={**scene.surfaces, **scene.raster, "shadow_views": scene.direct.views},
-            constants={**scene.constants(shader), "SLOT_BITS": slot_bits(scene.draws)},
-            load=masked,
+            constants={
+                **scene.constants(shader),
+                "SLOT_BITS": slot_bits(scene.draws),
+                **({"SEE_THROUGH_ONLY": part == "see_through"} if masked else {}),
+            },
+            load=part == "masked",
         )
-    return atlas
+    return ShadowMaps(atlas, glass)

@@ -141,8 +141,7 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
     records, version = upload.resources["shadow_views"]
     views = graph.share("scene/shadow_views", records, (version, state.shadows.version))
     raster = share_raster(graph, upload)
-    features = state.features | {"HAS_CUT_OUTS": raster.features["HAS_MASKS"]}
-    raster.features |= features
+    raster.features |= state.features
     direct = DirectInputs(lights, state.count, state.bounded, views, state.atlas_size)
     return DeferredInputs(
         **vars(raster),

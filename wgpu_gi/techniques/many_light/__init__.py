@@ -65,9 +65,11 @@ def declare_many_light(graph: Graph, settings: ManyLightOptions, scene: ManyLigh
     base = declare_base(graph, settings, scene, albedo=reflects)
     sky = declare_sky(graph, settings.environment, scene, base.gbuffer, base.ambient, settings.seed, scene.frames)
     direct = declare_direct(
-        graph, settings.direct, scene, base.gbuffer, base.shadow_atlas, base.ambient, settings.seed, sky
+        graph, settings.direct, scene, base.gbuffer, base.shadow_maps, base.ambient, settings.seed, sky
     )
-    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
+    light = Light(
+        base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance, tint=base.tint
+    )
     if reflects:
         light.indirect = _declare_indirect(graph, settings, scene, base, direct, light.views)
     return with_transmission(graph, scene, base.gbuffer, light, settings.bounces, settings.seed)

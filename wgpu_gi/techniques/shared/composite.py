@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
+from .technique import Light
 
 MEANS = "mean/"  # prefix of the names of passes that average frames
 
@@ -28,6 +31,35 @@ def declare_sum(graph: Graph, emission: Buffer, direct: Buffer, indirect: Buffer
         constants={"HAS_INDIRECT": indirect is not None},
     )
     return radiance
+
+
+def declare_tinted(graph: Graph, light: Light) -> Light:
+    """Declare the layers of `light` times its tint; return `light` itself if it has none."""
+    if light.tint is None:
+        return light
+    width, height = graph.size
+    sources = {"emission": light.emission, "direct": light.direct, "indirect": light.indirect}
+    tinted = {
+        name: graph.buffer(
+            f"composite/tinted_{name}",
+            dtype=FOUR_FLOATS,
+            count=width * height if layer else 1,
+            width=width,
+            nonnegative=True,
+        )
+        for name, layer in sources.items()
+    }
+    graph.compute(
+        "composite/tint",
+        "shared/composite/tint.wgsl",
+        over=(width, height),
+        reads={"tint": light.tint, **{name: layer or graph.neutral("buffer") for name, layer in sources.items()}},
+        writes={f"tinted_{name}": buffer for name, buffer in tinted.items()},
+        params={"size": (width, height)},
+        constants={"HAS_INDIRECT": light.indirect is not None},
+    )
+    indirect = tinted["indirect"] if light.indirect else None
+    return replace(light, emission=tinted["emission"], direct=tinted["direct"], indirect=indirect, tint=None)
 
 
 def declare_mean(graph: Graph, name: str, layer: Buffer) -> Buffer:

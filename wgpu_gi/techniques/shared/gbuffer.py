@@ -136,10 +136,11 @@ def _declare_visibility(
     depth = graph.texture(f"{name}/depth{suffix}", "depth32float")
     shader = "shared/gbuffer/visibility.wgsl"
     behind = graph.neutral("texture_2d") if nearer is None else nearer
+    fragment = "fragment_see_through" if scene.features["HAS_SEE_THROUGH"] else "fragment_masked"
     for part, masked in (("opaque", False), ("masked", True)):
         runs = scene.draws.masked if masked else scene.draws.opaque
         if masked and not runs:
-            graph.skip(f"{name}/masked{suffix}", "no alpha-masked material")
+            graph.skip(f"{name}/masked{suffix}", "no alpha-masked material, no see-through one")
             continue
         graph.raster(
             f"{name}/{part}{suffix}",
@@ -151,10 +152,29 @@ def _declare_visibility(
             reads={**scene.surfaces, **scene.raster, "nearer": behind},
             constants={**scene.constants(shader), "PEEL": nearer is not None},
             uniforms={"view": view},
-            entry=("vertex_masked", "fragment_masked") if masked else ("vertex", "fragment"),
+            entry=("vertex_masked", fragment) if masked else ("vertex", "fragment"),
             load=masked,
         )
     return visibility, depth
+
+
+def declare_tint(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer) -> Buffer | None:
+    """Declare the factor on each pixel's light, (r, g, b, -), of glass it shows or shows through; None: 1."""
+    if not scene.features["HAS_TINTS"]:
+        graph.skip("gbuffer/tint", "no thin, smooth glass")
+        return None
+    width, height = graph.size
+    tint = graph.buffer("gbuffer/tint", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
+    shader = "shared/gbuffer/tint.wgsl"
+    graph.compute(
+        "gbuffer/tint",
+        shader,
+        over=(width, height),
+        reads={**scene.surfaces, "visibility": gbuffer.visibility, "distance": gbuffer.distance},
+        writes={"tint": tint},
+        constants=scene.constants(shader),
+    )
+    return tint
 
 
 def declare_motion(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer, before_from_now: Shared) -> Buffer:

@@ -63,6 +63,7 @@ class Light:
     emission: sources seen directly. direct: light scattered once. indirect: light scattered more often (None: none).
     radiance: their sum, if the technique computes it. views: further buffers to show, by the names in `Technique.extra`
     and `Technique.views`. distance: of the surface at each pixel, metres, 0: none; all that have `motion` have it.
+    tint: factor on all layers, still to be applied, of the glass that a pixel shows; None: 1.
     """
 
     emission: Buffer
@@ -71,6 +72,7 @@ class Light:
     radiance: Buffer | None = None
     views: dict[str, Buffer] = field(default_factory=dict)
     distance: Texture | None = None
+    tint: Buffer | None = None
 
 
 def _no_warm_up(settings: Any) -> int:

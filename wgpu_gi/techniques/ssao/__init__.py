@@ -49,11 +49,13 @@ def declare_ssao(graph: Graph, settings: OcclusionOptions, scene: SsdoInputs) ->
         settings.direct,
         scene,
         base.gbuffer,
-        base.shadow_atlas,
+        base.shadow_maps,
         base.ambient,
         settings.seed,
         occlusion.sky,
         sources.layers,
     )
-    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
+    light = Light(
+        base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance, tint=base.tint
+    )
     return with_transmission(graph, scene, base.gbuffer, light, 0, settings.seed)

@@ -49,14 +49,16 @@ def declare_ssdo(graph: Graph, settings: SsdoOptions, scene: SsdoInputs) -> Ligh
         reflects=bounces,
         one_bounce=settings.bounces == 1,
     )
-    atlas, layers = base.shadow_atlas, sources.layers
+    maps, layers = base.shadow_maps, sources.layers
     direct = declare_direct(
-        graph, settings.direct, scene, base.gbuffer, atlas, base.ambient, seed, occlusion.sky, layers
+        graph, settings.direct, scene, base.gbuffer, maps, base.ambient, seed, occlusion.sky, layers
     )
-    light = Light(base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance)
+    light = Light(
+        base.gbuffer.emission, direct, views={"motion": base.motion}, distance=base.gbuffer.distance, tint=base.tint
+    )
     # Gather one bounce from the same occluders.
     if bounces:
         light.indirect = declare_bounce(
-            graph, s, settings.denoise, scene, sources, occlusion, direct, atlas, base.ambient, history, seed
+            graph, s, settings.denoise, scene, sources, occlusion, direct, maps, base.ambient, history, seed
         )
     return with_transmission(graph, scene, base.gbuffer, light, settings.bounces, seed)

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer, Texture
+from ...gpu.handles import Buffer
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
+from ..deferred.shadow import ShadowMaps
 from ..shared.denoise import DenoiseSettings
 from ..shared.gbuffer import Gbuffer
 from .occlusion import History, Occlusion, declare_full_resolution
@@ -34,7 +35,7 @@ def declare_bounce(
     sources: Sources,
     occlusion: Occlusion,
     direct: Buffer,
-    atlas: Texture | None,
+    maps: ShadowMaps | None,
     ambient: Ambient,
     history: History,
     seed: int,
@@ -42,7 +43,7 @@ def declare_bounce(
     """Declare the indirect light of one bounce off the surfaces found: (r, g, b, -) per pixel, W/(m2 sr)."""
     search, gbuffer = occlusion.search, sources.layers[0]
     # Gather the radiance that each source reflects, along the directions of the search.
-    senders = declare_senders(graph, settings, scene, sources, direct, atlas, ambient, seed)
+    senders = declare_senders(graph, settings, scene, sources, direct, maps, ambient, seed)
     by_coats = occlusion.coats or search
     coats = coat_buffer(graph, by_coats) if by_coats.lobes else None
     if search.request is None:

@@ -7,9 +7,10 @@ sources are lit at every SENDER_STRIDE-th pixel of every SENDER_STRIDE-th row; e
 from __future__ import annotations
 
 from ...gpu.graph import Graph
-from ...gpu.handles import Buffer, Texture
+from ...gpu.handles import Buffer
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
+from ..deferred.shadow import ShadowMaps
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import SURFACE, Gbuffer
 from .search import SENDER_STRIDE, SKY_STRIDE, declare_search, grid_size
@@ -26,7 +27,7 @@ def declare_senders(
     scene: DeferredInputs,
     sources: Sources,
     direct: Buffer,
-    atlas: Texture | None,
+    maps: ShadowMaps | None,
     ambient: Ambient,
     seed: int,
 ) -> Buffer:
@@ -41,7 +42,7 @@ def declare_senders(
         sky: Buffer | None = None
         if ambient.features["HAS_ENVIRONMENT"]:
             sky = _declare_sky(graph, settings, scene, sources, ambient, seed, number)
-        _declare_lit_senders(graph, scene, sources, number, atlas, ambient, sky, senders, first)
+        _declare_lit_senders(graph, scene, sources, number, maps, ambient, sky, senders, first)
         if scene.emitters.leaves:
             _declare_emitters(graph, scene, sources, number, senders, first, seed)
     return senders
@@ -79,7 +80,7 @@ def _declare_lit_senders(
     scene: DeferredInputs,
     sources: Sources,
     number: int,
-    atlas: Texture | None,
+    maps: ShadowMaps | None,
     ambient: Ambient,
     sky: Buffer | None,
     senders: Buffer,
@@ -97,7 +98,7 @@ def _declare_lit_senders(
             "distance": gbuffer.distance,
             "coarse": sky if sky is not None else graph.neutral("buffer"),
             "light_table": scene.direct.lights,
-            "shadow_atlas": atlas if atlas is not None else graph.neutral("texture_depth_2d"),
+            "shadow_atlas": maps.depth if maps else graph.neutral("texture_depth_2d"),
             "shadow_sampler": graph.sampler("linear", "clamp", "greater-equal"),
         },
         writes={"senders": senders},

@@ -39,8 +39,8 @@ def declare_ssil(graph: Graph, settings: SsilOptions, scene: SsilInputs) -> Ligh
     base = declare_base(graph, settings, scene)
     gbuffer = base.gbuffer
     sky = declare_sky(graph, settings.environment, scene, gbuffer, base.ambient, seed, scene.frames)
-    direct = declare_direct(graph, settings.direct, scene, gbuffer, base.shadow_atlas, base.ambient, seed, sky)
-    light = Light(gbuffer.emission, direct, views={"motion": base.motion}, distance=gbuffer.distance)
+    direct = declare_direct(graph, settings.direct, scene, gbuffer, base.shadow_maps, base.ambient, seed, sky)
+    light = Light(gbuffer.emission, direct, views={"motion": base.motion}, distance=gbuffer.distance, tint=base.tint)
     if settings.bounces != 0:
         light.indirect = declare_bounces(
             graph,

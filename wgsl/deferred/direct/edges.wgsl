@@ -63,10 +63,10 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
                 continue;
             }
             let verdict = shadow_verdict(light, count, r.position, r.geometric_normal, incident.direction);
-            var lit = verdict.lit;
-            if (lit == UNDECIDED && CUTS_LOOPS && steps > STEP_BUDGET) {
-                lit = shadow_filter(light, count, r.position, r.geometric_normal, incident.direction);
-            } else if (lit == UNDECIDED) {
+            var lit = vec3f(verdict.lit);
+            if (verdict.lit == UNDECIDED && CUTS_LOOPS && steps > STEP_BUDGET) {
+                lit = vec3f(shadow_filter(light, count, r.position, r.geometric_normal, incident.direction));
+            } else if (verdict.lit == UNDECIDED) {
                 let start = leave_surface(s, incident.direction);
                 let is_sun = light.kind == DIRECT_SUN;
                 // Shift only the start; the end stays.
@@ -74,7 +74,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
                 let rays_end = min(verdict.reach, select(STOP_SHORT, FLOAT_MAX, is_sun));
                 let shadow = Ray(start, way);
                 let found = trace_shadow(shadow, rays_end);
-                lit = select(1.0, 0.0, found.occluded_a);
+                lit = select(found.tint_a, vec3f(0.0), found.occluded_a);
                 steps += found.steps;
             }
             sum += lit * radiance;

@@ -131,10 +131,10 @@ fn scattered_from_emitters(r: Receiver, offset: f32, pixel: vec2u, index: u32, s
             rays.limit = select(0.0, FLOAT_MAX, scattered.pdf > 0.0 && is_finite(scattered.weight));
         }
         let found = trace_all(rays);
-        sum.halves[0] += select(a.light, vec3f(0.0), found.occluded_a);
-        sum.halves[1] += select(b.light, vec3f(0.0), found.occluded_b);
+        sum.halves[0] += select(a.light * found.tint_a, vec3f(0.0), found.occluded_a);
+        sum.halves[1] += select(b.light * found.tint_b, vec3f(0.0), found.occluded_b);
         if (rays.limit > 0.0 && found.hit.triangle != NONE) {
-            sum.by_brdf += emission_of_hit(t, rays.main, found.hit, scattered);
+            sum.by_brdf += found.hit.tint * emission_of_hit(t, rays.main, found.hit, scattered);
         }
     }
     sum.halves *= 2.0 / f32(RAYS);

@@ -5,8 +5,10 @@
 // compares each texel with the receiver's plane (receiver plane depth bias). It is exact where it decides, but misses
 // blockers thinner than a texel (errs bright).
 #import "deferred/shadow/table.wgsl"
+#import "common/layers.wgsl"
 
 @group(1) @binding(27) var shadow_atlas: texture_depth_2d;
+@group(1) @binding(46) var see_through_atlas: texture_depth_2d;  // as the atlas, of see-through surfaces alone
 @group(1) @binding(28) var shadow_sampler: sampler_comparison;
 @group(1) @binding(29) var gather_sampler: sampler;
 
@@ -133,7 +135,16 @@ fn shadow_filter(light: DirectLight, count: u32, position: vec3f, normal: vec3f,
 // Returns the depths of the texels (0, 1), (1, 1), (1, 0), (0, 0) from `corner` on, relative to the point's plane.
 fn depths_above(p: Projected, slope: vec2f, corner: vec2f) -> vec4f {
     let scale = 1.0 / vec2f(textureDimensions(shadow_atlas));
-    let depths = textureGather(shadow_atlas, gather_sampler, (corner + 1.0) * scale);
+    return above_plane(p, slope, corner, textureGather(shadow_atlas, gather_sampler, (corner + 1.0) * scale));
+}
+
+// Returns the depths of see-through surfaces, as `depths_above`.
+fn see_through_above(p: Projected, slope: vec2f, corner: vec2f) -> vec4f {
+    let scale = 1.0 / vec2f(textureDimensions(see_through_atlas));
+    return above_plane(p, slope, corner, textureGather(see_through_atlas, gather_sampler, (corner + 1.0) * scale));
+}
+
+fn above_plane(p: Projected, slope: vec2f, corner: vec2f, depths: vec4f) -> vec4f {
     let from_point = corner + 0.5 - p.texel;
     return depths - p.depth - slope.x * (from_point.x + vec4f(0.0, 1.0, 1.0, 0.0))
         - slope.y * (from_point.y + vec4f(1.0, 1.0, 0.0, 0.0));
@@ -157,7 +168,7 @@ const REACH_OVER_TEXELS: f32 = 2.0;
 
 // Returns a verdict of lit if no texel around the point shows anything above its plane and the 2x2 nearest show the
 // plane itself, of shadowed if all show a blocker well above it. Undecided are a shadow's edge, a contact, geometry
-// finer than the texels, and depths too coarse for them. The 2x2 texels around the point must agree; with cut-outs,
+// finer than the texels, depths too coarse for them, and what lies behind a see-through surface. The 2x2 texels around the point must agree; with cut-outs,
 // such as leaves, which are often finer than texels, the 4x4 around it.
 //
 // Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
@@ -197,9 +208,19 @@ fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f
     let is_clear = lowest > clear;
     // Where rounding exceeds OWN_PLANE, as in a fine cascade of a scene of kilometres, it may hide a blocker or seem one.
     let is_coarse = rounding > OWN_PLANE * steep || abs(dot(normal, to_light)) < GRAZING;
-    let lit = select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_coarse);
+    var lit = select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_coarse);
+    var needs_whole_ray = is_coarse;
+    if (HAS_SEE_THROUGH) {
+        let a = see_through_above(p, slope, corner + vec2f(-1.0, -1.0));
+        let b = see_through_above(p, slope, corner + vec2f(1.0, -1.0));
+        let c = see_through_above(p, slope, corner + vec2f(-1.0, 1.0));
+        let d = see_through_above(p, slope, corner + vec2f(1.0, 1.0));
+        let is_behind = max4(max(max(a, b), max(c, d))) > own;
+        lit = select(lit, UNDECIDED, is_behind && lit != 0.0);
+        needs_whole_ray = needs_whole_ray || is_behind;
+    }
     // Blockers may rise between the texels' centres.
     let above = REACH_OVER_TEXELS * (max(highest, 0.0) + clear);
     let reach = above / select(p.depth + above, -view.depth_scale, is_sun);
-    return Verdict(lit, select(reach, select(1.0, FLOAT_MAX, is_sun), is_coarse));
+    return Verdict(lit, select(reach, select(1.0, FLOAT_MAX, is_sun), needs_whole_ray));
 }

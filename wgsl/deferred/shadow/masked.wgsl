@@ -1,6 +1,9 @@
 // One fragment of an alpha-masked surface writes its depth to a shadow view, unless its bilinear alpha is below the
-// material's cutoff. Out: depth, reversed.
+// material's cutoff; with SEE_THROUGH_ONLY, one of a see-through surface that is not fully open. Out: depth, reversed.
 #import "deferred/shadow/vertices.wgsl"
+#import "scene/see_through.wgsl"
+
+override SEE_THROUGH_ONLY: bool = false;
 
 struct Varyings {
     @builtin(position) clip: vec4f,
@@ -17,7 +20,16 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) slot: u32)
 
 @fragment
 fn fragment(in: Varyings) {
-    if (is_open(Mask(in.texcoords, in.alpha, in.material))) {
+    let mask = Mask(in.texcoords, in.alpha, in.material);
+    if (SEE_THROUGH_ONLY || is_see_through(in.material)) {
+        let alpha = base_alpha(
+            mask.material, mask.alpha, mask.texcoords.xy, mask.texcoords.zw,
+            UvFootprint(vec4f(0.0), vec4f(0.0), 1.0), true);
+        let is_blank = (materials[in.material].flags & BLENDED) != 0u && alpha <= 0.0;
+        if (!SEE_THROUGH_ONLY || !is_see_through(in.material) || is_blank) {
+            discard;
+        }
+    } else if (is_open(mask)) {
         discard;
     }
 }

@@ -179,7 +179,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
             let start = offset_origin(position, surface.geometric_normal, offset, picked.direction);
             let way = Ray(start, picked.direction);
             let found = trace_shadow(way, FLOAT_MAX);
-            visible += select(picked.light, vec3f(0.0), found.occluded_a);
+            visible += select(picked.light * found.tint_a, vec3f(0.0), found.occluded_a);
         }
     }
     arriving[index] = vec4f(visible / f32(rays), plane_depth(ray, distance_seen));

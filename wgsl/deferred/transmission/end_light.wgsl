@@ -45,9 +45,9 @@ fn bounced_light(p: PathPoint, numbers: Numbers, pair: u32) -> vec3f {
     }
     let y = path_point(s, direction);
     if (is_shown(y)) {
-        return drawn.weight * picture_light(s.position);
+        return drawn.weight * hit.tint * picture_light(s.position);
     }
-    return drawn.weight * reflected_radiance(y, no_arrival(), numbers.index, hash2(pair + 2u, numbers.code));
+    return drawn.weight * hit.tint * reflected_radiance(y, no_arrival(), numbers.index, hash2(pair + 2u, numbers.code));
 }
 
 // Returns the light of a path's end, `hit` of a ray in `direction`; `emission_share`: of its own emission that counts.

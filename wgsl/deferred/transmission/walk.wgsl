@@ -85,7 +85,7 @@ fn sampled_light(
     let start = leave_surface(s, light.direction);
     let shift = select(vec3f(0.0), start - s.position, light.limit < INFINITELY_FAR);
     let found = trace_shadow(Ray(start, light.to_light - shift), light.limit);
-    return select(radiance, vec3f(0.0), found.occluded_a);
+    return select(radiance * found.tint_a, vec3f(0.0), found.occluded_a);
 }
 
 // Follows a path through the surface `first`, which a ray in `direction` has hit.
@@ -114,6 +114,7 @@ fn walk_through(first: Surface, direction: vec3f, numbers: Numbers) -> Walk {
         walk.direction = normalize(frame * next.w_i);
         let sampled = samples_lights(brdf) && is_lit_from(s, walk.direction);
         let hit = trace(Ray(leave_surface(s, walk.direction), walk.direction), FLOAT_MAX);
+        walk.throughput *= hit.tint;
         if (hit.triangle == NONE) {
             let share = share_of_ray(environment_pdf(walk.direction), next.pdf, sampled);
             walk.light += walk.throughput * environment_radiance(walk.direction) * share;

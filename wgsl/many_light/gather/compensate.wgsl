@@ -112,7 +112,7 @@ fn light_of_path(start: Start, first_ray: Ray, first_hit: Hit) -> vec3f {
         let vpls = vpls_at_point(p, squared, start.proposed, sobol_2d(start.index, hash2(code, 2u)));
         let most = MOST_BOUND * start.proposed;
         let removed = min(vpls.removed, most / (squared + most));
-        throughput *= removed * (squared + start.proposed) / start.proposed;
+        throughput *= hit.tint * (removed * (squared + start.proposed) / start.proposed);
         if (k == 0u) {
             throughput *= transmitted_from(start.at.brdf, start.at.normal, ray.direction, start.at.to_eye);
             if (NEAR_FIELD) {

@@ -6,10 +6,10 @@
 #import "many_light/gather/gather.wgsl"
 #import "many_light/gather/shadow_rays.wgsl"
 
-fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> vec4f {
-    return vec4f(
-        trace_shadow_rays(shadow_ray(at.a, vpl), shadow_ray(at.b, vpl)),
-        trace_shadow_rays(shadow_ray(at.c, vpl), shadow_ray(at.d, vpl)));
+fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> mat3x4f {
+    let ab = trace_shadow_rays(shadow_ray(at.a, vpl), shadow_ray(at.b, vpl));
+    let cd = trace_shadow_rays(shadow_ray(at.c, vpl), shadow_ray(at.d, vpl));
+    return transpose(mat4x3f(ab.a, ab.b, cd.a, cd.b));
 }
 
 @compute @workgroup_size(GROUP_X, GROUP_Y)

@@ -1,5 +1,5 @@
 // A thread's sum over VPLs for its four pixels. The importing shader defines
-// fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> vec4f, from 0 to 1.
+// fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> mat3x4f, from 0 to 1, rows of red, green, blue.
 //
 // E = n^2 sum_i Phi_i / pi cos_i cos_x V_i / (d_i^2 + s A_i / pi) over the VPLs i of the pixel's class, n^2 classes,
 // with the bound of a disc of area A (Wallace et al. 1989, "A Ray Tracing Algorithm for Progressive Radiosity", eq. 5)
@@ -84,12 +84,12 @@ fn gather(place: Place, first_word: u32, word_count: u32) {
                 continue;
             }
             // Add the light that arrives. The near field takes its share of diffuse light only, not of the coats'.
-            let term = geometry.terms * visibility(slot, vpl, at);
+            let visible = visibility(slot, vpl, at);
             let far = far_field_shares(slot, geometry.squared, at);
             let flux = fluxes_of(vpl, at);
-            let red = flux[0] * term;
-            let green = flux[1] * term;
-            let blue = flux[2] * term;
+            let red = flux[0] * (geometry.terms * visible[0]);
+            let green = flux[1] * (geometry.terms * visible[1]);
+            let blue = flux[2] * (geometry.terms * visible[2]);
             if (HAS_COATS) {
                 let coats = shines_of(vpl, geometry.squared + bound, at);
                 let transmitted = far * coats.transmitted;

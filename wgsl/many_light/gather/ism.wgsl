@@ -7,11 +7,12 @@
 #import "shared/gbuffer/load.wgsl"
 #import "many_light/ism/lookup.wgsl"
 
-fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> vec4f {
+fn visibility(slot: u32, vpl: Vpl, at: Receivers) -> mat3x4f {
     let map = vpl_map(slot, vpl);
-    return vec4f(
+    let visible = vec4f(
         map_visibility(map, at.a.position, at.a.normal), map_visibility(map, at.b.position, at.b.normal),
         map_visibility(map, at.c.position, at.c.normal), map_visibility(map, at.d.position, at.d.normal));
+    return mat3x4f(visible, visible, visible);
 }
 
 @compute @workgroup_size(GROUP_X, GROUP_Y)

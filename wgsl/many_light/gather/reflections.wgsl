@@ -61,7 +61,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let offset = ray_offset(at.geometric_normal, pixel_terms(at.position));
         let hit = trace(Ray(offset_origin(at.position, at.geometric_normal, offset, direction), direction), FLOAT_MAX);
         if (hit.triangle != NONE) {
-            light = drawn.weight * light_of_hit(hit, direction, index, block);
+            light = drawn.weight * hit.tint * light_of_hit(hit, direction, index, block);
         }
     }
     glossy[id.y * grid_size().x + id.x] = vec4f(light / coat_tint(at.brdf, at.normal, at.to_eye), 1.0);

@@ -166,26 +166,25 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
         let b = load_vpl_with_lobe(slots.y);
         let c = load_vpl_with_lobe(slots.z);
         let d = load_vpl_with_lobe(slots.w);
-        let visibility = vec4f(
-            trace_shadow_rays(shadow_ray(at.a, a), shadow_ray(at.b, b)),
-            trace_shadow_rays(shadow_ray(at.c, c), shadow_ray(at.d, d)));
+        let ab = trace_shadow_rays(shadow_ray(at.a, a), shadow_ray(at.b, b));
+        let cd = trace_shadow_rays(shadow_ray(at.c, c), shadow_ray(at.d, d));
         // Add the light of the VPLs over their probabilities.
         let light_a = light_of(a, load_near_share(slots.x), at.a);
         let light_b = light_of(b, load_near_share(slots.y), at.b);
         let light_c = light_of(c, load_near_share(slots.z), at.c);
         let light_d = light_of(d, load_near_share(slots.w), at.d);
         let drawn = vec4f(light_a.weight, light_b.weight, light_c.weight, light_d.weight);
-        let inverse = visibility * total / max(drawn, vec4f(1e-37));
+        let inverse = total / max(drawn, vec4f(1e-37));
         let share = select(vec4f(0.0), inverse, drawn > vec4f(0.0));
-        colors[0] += light_a.irradiance * share.x;
-        colors[1] += light_b.irradiance * share.y;
-        colors[2] += light_c.irradiance * share.z;
-        colors[3] += light_d.irradiance * share.w;
+        colors[0] += light_a.irradiance * (share.x * ab.a);
+        colors[1] += light_b.irradiance * (share.y * ab.b);
+        colors[2] += light_c.irradiance * (share.z * cd.a);
+        colors[3] += light_d.irradiance * (share.w * cd.b);
         if (HAS_COATS) {
-            coats[0] += light_a.glossy * share.x;
-            coats[1] += light_b.glossy * share.y;
-            coats[2] += light_c.glossy * share.z;
-            coats[3] += light_d.glossy * share.w;
+            coats[0] += light_a.glossy * (share.x * ab.a);
+            coats[1] += light_b.glossy * (share.y * ab.b);
+            coats[2] += light_c.glossy * (share.z * cd.a);
+            coats[3] += light_d.glossy * (share.w * cd.b);
         }
     }
     // Each class has 1 / n^2 of the VPLs.

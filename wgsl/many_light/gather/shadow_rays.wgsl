@@ -17,9 +17,16 @@ fn shadow_ray(at: Receiver, vpl: Vpl) -> ShadowRay {
     return ShadowRay(Ray(start, way), select(0.0, STOP_SHORT, faces));
 }
 
-// Returns the visibility along two rays, 1 or 0 each. Both are traced in one loop, so a SIMD lane that finishes its
+// The light that arrives along two rays, as shares by colour.
+struct PassedPair {
+    a: vec3f,
+    b: vec3f,
+}
+
+// Returns the visibility along two rays: 0, or what see-through surfaces pass, 1 without. Both are traced in one loop, so a SIMD lane that finishes its
 // first ray does not wait for other lanes.
-fn trace_shadow_rays(a: ShadowRay, b: ShadowRay) -> vec2f {
-    let found = trace_all(Rays(a.ray, a.limit, b.ray, b.limit, a.ray, 0.0));
-    return vec2f(select(1.0, 0.0, found.occluded_a), select(1.0, 0.0, found.occluded_b));
+fn trace_shadow_rays(a: ShadowRay, b: ShadowRay) -> PassedPair {
+    let found = trace_all(Rays(a.ray, a.limit, b.ray, b.limit, a.ray, 0.0, 0u, 0u));
+    return PassedPair(
+        select(found.tint_a, vec3f(0.0), found.occluded_a), select(found.tint_b, vec3f(0.0), found.occluded_b));
 }

@@ -37,7 +37,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let normal = point.normal * frame;
     let facing = dot(normal, v);
     // Skip points behind the VPL or in its plane, and discs seen edge-on.
-    if (max3(vpl.flux) <= 0.0 || v.z <= MIN_SINE * distance || abs(facing) <= MIN_SINE * distance) {
+    if (point.open || max3(vpl.flux) <= 0.0 || v.z <= MIN_SINE * distance || abs(facing) <= MIN_SINE * distance) {
         return;
     }
     // Bound the disc in the map.

@@ -226,6 +226,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         near = near_share_of(v.position, v.normal);
     }
     let side = select(-s.geometric_normal, s.geometric_normal, s.front);
-    let landed = Landed(s.position, sent.direction, side, flux, sqrt(area * INV_PI), hit.distance, near);
+    let landed = Landed(s.position, sent.direction, side, flux * hit.tint, sqrt(area * INV_PI), hit.distance, near);
     splat(landed, hash2(id.x, hash2(sequence.index, params.seed)));
 }

@@ -4,6 +4,7 @@
 // Exact: where a transform stretches a mesh unevenly, triangles are drawn by their area before it, and each point's
 // represented area corrects for that.
 #import "scene/surface.wgsl"
+#import "scene/see_through.wgsl"
 #import "common/random.wgsl"
 #import "deferred/environment/reflectance.wgsl"
 
@@ -63,7 +64,7 @@ fn store_point(slot: u32, index: u32, count: u32, seed: u32) {
     let weights = sample_triangle(vec2f(left, u.y));
     let t = load_triangle(low);
     let stored_area = 0.5 * length(cross(t.edge1, t.edge2));
-    let s = surface_on(t, Hit(0.0, low, placed.instance, weights - anchor_weights(t)), vec3f(0.0, 0.0, 1.0));
+    let s = surface_on(t, Hit(0.0, low, placed.instance, weights - anchor_weights(t), UNTINTED), vec3f(0.0, 0.0, 1.0));
     // Compute the area that the point represents: area / (probability of the triangle * number of points).
     var edge1 = t.edge1;
     var edge2 = t.edge2;
@@ -74,10 +75,16 @@ fn store_point(slot: u32, index: u32, count: u32, seed: u32) {
     }
     let area = 0.5 * length(cross(edge1, edge2));
     let share = area * placed.local_area / max(stored_area * placed.share * f32(count), 1e-37);
+    // Of the points on see-through surfaces, as many are open as light passes.
+    var open = false;
+    if (is_see_through(t.material)) {
+        let passes = luminance(passage_of_weights(t, weights, 1.0).tint);
+        open = unit_float(hash2(index, seed ^ 0x51ed270bu)) < passes;
+    }
     // Store the point with its reflectance.
     let b = surface_brdf(s);
     let albedo = select(directional_reflectance(b, MEAN_COSINE), vec3f(0.0), (s.flags & UNLIT) != 0u);
     points[2u * slot] = vec4u(bitcast<vec3u>(s.position), pack2x16snorm(octahedral_encode(s.geometric_normal)));
     points[2u * slot + 1u] = vec4u(
-        bitcast<u32>(sqrt(share * INV_PI)), pack4x8unorm(vec4f(albedo, 1.0)), low, placed.instance);
+        bitcast<u32>(sqrt(share * INV_PI)), pack4x8unorm(vec4f(albedo, select(1.0, 0.0, open))), low, placed.instance);
 }

@@ -8,6 +8,7 @@ struct SurfacePoint {
     albedo: vec3f,    // hemispherical reflectance, 8 bits
     triangle: u32,
     instance: u32,
+    open: bool,       // on a see-through surface, where light passes: there is no surface
 }
 
 // Two words each. The points are a low-discrepancy sequence: every prefix is spread evenly over the area.
@@ -20,7 +21,8 @@ fn point_count() -> u32 {
 fn load_point(index: u32) -> SurfacePoint {
     let a = points[2u * index];
     let b = points[2u * index + 1u];
+    let surface = unpack4x8unorm(b.y);
     return SurfacePoint(
-        bitcast<vec3f>(a.xyz), octahedral_decode(unpack2x16snorm(a.w)), bitcast<f32>(b.x), unpack4x8unorm(b.y).rgb, b.z,
-        b.w);
+        bitcast<vec3f>(a.xyz), octahedral_decode(unpack2x16snorm(a.w)), bitcast<f32>(b.x), surface.rgb, b.z, b.w,
+        surface.a <= 0.0);
 }

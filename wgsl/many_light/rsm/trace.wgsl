@@ -70,6 +70,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
     let area = 1.0 / max(density * cosine, 1e-30);
     let nearness = select(1.0 / hit.distance, 0.0, sent.parallel);
-    let flux = sent.flux * (light.probability / texels);
+    let flux = sent.flux * hit.tint * (light.probability / texels);
     store(texel, pack_vpl(reflect_flux(s, sent.ray.direction, flux, area, nearness)));
 }

@@ -62,7 +62,7 @@ fn surface_of_point(point: SurfacePoint, direction: vec3f) -> Surface {
         / max(dot(normal, normal), 1e-37);
     let anchor = anchor_weights(t);
     return surface_on(
-        t, Hit(0.0, point.triangle, point.instance, clamp(from_anchor, -anchor, 1.0 - anchor)), direction);
+        t, Hit(0.0, point.triangle, point.instance, clamp(from_anchor, -anchor, 1.0 - anchor), UNTINTED), direction);
 }
 
 // Returns the environment's light that a side of a surface point reflects. The direction is drawn by the environment's
@@ -89,9 +89,10 @@ fn sky_vertex(point: SurfacePoint, area: f32, u: vec2f, choice: vec2f) -> Vpl {
     }
     // Test whether the environment is visible.
     let start = point.position + normal * ray_offset(normal, surface_terms(point.position));
-    if (trace(Ray(start, direction), FLOAT_MAX).triangle == NONE) {
+    let hit = trace(Ray(start, direction), FLOAT_MAX);
+    if (hit.triangle == NONE) {
         // Divide by the probability of the side, 1/2.
-        let inverse_density = 2.0 * area * cosine / density;
+        let inverse_density = hit.tint * (2.0 * area * cosine / density);
         v.flux = point.albedo * radiance * inverse_density;
         if (HAS_COATS) {
             v = reflect_flux(surface_of_point(point, -direction), -direction, radiance * inverse_density, area, 0.0);
@@ -115,7 +116,7 @@ fn light_vertex(light: Light, count: f32, choice: f32, u_point: vec2f, u_directi
     let cosine = max(abs(dot(s.geometric_normal, sent.ray.direction)), 1e-6);
     let area = 1.0 / max(density * cosine, 1e-30);
     let nearness = select(1.0 / hit.distance, 0.0, sent.parallel);
-    return reflect_flux(s, sent.ray.direction, sent.flux / count, area, nearness);
+    return reflect_flux(s, sent.ray.direction, sent.flux * hit.tint / count, area, nearness);
 }
 
 // The first vertex of a path: for the path's continuation, and as a candidate.
@@ -131,7 +132,7 @@ fn first_vertex(path: u32, index: u32) -> FirstVertex {
     let u_direction = sobol_2d(index, hash2(DIRECTION_PAIR, params.seed));
     if (path < params.sky_paths) {
         let point = load_point(path);
-        let area = PI * point.radius * point.radius;
+        let area = select(PI * point.radius * point.radius, 0.0, point.open);
         let v = sky_vertex(point, area, u_direction, vec2f(choices.y, u_point.x));
         return FirstVertex(v, v);
     }
@@ -208,6 +209,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         if (hit.triangle == NONE) {
             break;
         }
+        flux *= hit.tint;
         v = reflect_flux(surface_at(hit, ray.direction), ray.direction, flux, later_area, 1.0 / hit.distance);
         if (vertex < last) {
             store(path, vertex, v);

@@ -4,6 +4,9 @@
 // reversed, near / view depth. With PEEL, only fragments behind `nearer` pass: the next layer of depth peeling (Everitt
 // 2001).
 #import "shared/gbuffer/vertices.wgsl"
+#import "shared/gbuffer/dither.wgsl"
+#import "scene/hit_on_triangle.wgsl"
+#import "scene/see_through.wgsl"
 
 override PEEL: bool = false;
 
@@ -56,6 +59,34 @@ fn fragment_masked(in: MaskedVaryings) -> @location(0) vec2u {
     let footprint = UvFootprint(
         dpdx(in.texcoords) * view.footprint, dpdy(in.texcoords) * view.footprint, view.anisotropy);
     if (is_nearer(in.clip) || is_open_over(Mask(in.texcoords, in.alpha, in.ids.z), footprint, false)) {
+        discard;
+    }
+    return in.ids.xy + 1u;
+}
+
+// Of alpha-masked and see-through surfaces. Glass passes as much as `tint.wgsl` finds it to, at the pixel's point.
+@fragment
+fn fragment_see_through(in: MaskedVaryings) -> @location(0) vec2u {
+    let footprint = UvFootprint(
+        dpdx(in.texcoords) * view.footprint, dpdy(in.texcoords) * view.footprint, view.anisotropy);
+    let mask = Mask(in.texcoords, in.alpha, in.ids.z);
+    var is_open = is_nearer(in.clip);
+    if (!is_see_through(mask.material)) {
+        is_open = is_open || is_open_over(mask, footprint, false);
+    } else {
+        let pixel = vec2u(in.clip.xy);
+        var chance: f32;
+        if (HAS_TINTS && is_glass(mask.material)) {
+            let ray = pixel_ray(pixel);
+            let t = load_triangle(in.ids.x);
+            chance = passage_of_hit(t, hit_on_triangle(ray, t, in.ids.x, in.ids.y), ray.direction).chance;
+        } else {
+            chance = 1.0 - base_alpha(
+                mask.material, mask.alpha, mask.texcoords.xy, mask.texcoords.zw, footprint, false);
+        }
+        is_open = is_open || dither(pixel, in.ids.x) < chance;
+    }
+    if (is_open) {
         discard;
     }
     return in.ids.xy + 1u;

@@ -82,11 +82,12 @@ fn irradiance_by_path(start: Surface, index: u32, seed: u32) -> vec3f {
         rays.main = Ray(leave_surface(s, direction), direction);
         rays.limit = follows;
         let found = trace_all(rays);
-        sum += carried * select(source.irradiance, vec3f(0.0), found.occluded_a);
+        sum += carried * select(source.irradiance * found.tint_a, vec3f(0.0), found.occluded_a);
         if (follows <= 0.0) {
             break;
         }
-        // Add the source that the ray meets.
+        // Add the source that the ray meets, behind what it has passed.
+        carried *= found.hit.tint;
         var next: Surface;
         if (found.hit.triangle != NONE) {
             next = surface_at(found.hit, direction);

@@ -27,7 +27,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let number = hit_of_vote(table[2u * cell + 1u], vote_multiplier(sequence.index, params.seed));
     let hit = hits[number];
     let direction = octahedral_decode(unpack2x16snorm(hit.direction));
-    let s = surface_at(Hit(0.0, hit.triangle, hit.instance, hit.from_anchor), direction);
+    let s = surface_at(Hit(0.0, hit.triangle, hit.instance, hit.from_anchor, UNTINTED), direction);
     let seed = hash2(table[2u * cell], params.seed);
     let index = select(0u, cells[cell].drawn, updates_of(cells[cell].state) > 0u);
     cells[cell].update = irradiance_by_path(s, index, seed);

@@ -29,7 +29,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
             continue;
         }
         let direction = octahedral_decode(unpack2x16snorm(stored.direction));
-        let s = surface_at(Hit(0.0, stored.triangle, stored.instance, stored.from_anchor), direction);
+        let s = surface_at(Hit(0.0, stored.triangle, stored.instance, stored.from_anchor, UNTINTED), direction);
         let side = select(-s.geometric_normal, s.geometric_normal, s.front);
         let key = cell_key(s.position, side, sobol_2d(sequence.index, hash2(index, params.seed ^ PLACE_SEED)));
         cache_hits[index].cell = request_cell(key, index, multiplier);

@@ -33,7 +33,7 @@ fn offscreen_hit(start: Surface, direction: vec3f) -> OffscreenHit {
     found.surface = surface_at(found.hit, direction);
     let normal = found.surface.geometric_normal;
     found.side = select(-normal, normal, found.surface.front);
-    found.reflectance = reflectance_of(found.surface);
+    found.reflectance = reflectance_of(found.surface) * found.hit.tint;
     let black = (found.surface.flags & UNLIT) != 0u || max3(found.reflectance) <= 0.0;
     if (black || is_in_picture(found.surface.position, found.side)) {
         found.hit.triangle = NONE;

@@ -6,6 +6,7 @@
 // Coordinates"). Bits are flipped and set by atomics, so the result does not depend on the order of triangles. Errs by
 // omitting solids thinner than a slice or a cell, and by widening shells by up to a cell.
 #import "shared/gbuffer/vertices.wgsl"
+#import "scene/see_through.wgsl"
 #import "ssil/voxels/slices.wgsl"
 
 override HAS_SOLIDS: bool = true;
@@ -118,10 +119,16 @@ fn is_solid(triangle: u32) -> bool {
     return HAS_SOLIDS && (!HAS_SHELLS || ((solid_triangles[triangle / 32u] >> (triangle & 31u)) & 1u) != 0u);
 }
 
-// Returns whether a masked triangle is cut out at a point; `off`: its signed distances from the three edges, scaled.
-fn is_hole(triangle: u32, off: vec3f) -> bool {
+// Returns whether a masked triangle is cut out at a point; `off`: its signed distances from the three edges, scaled. A
+// see-through one is open in as many cells as it lets light pass.
+fn is_hole(triangle: u32, off: vec3f, cell: u32) -> bool {
     let shares = max(off, vec3f(0.0));
-    return is_cut_out(load_triangle(triangle), shares.yz / max(shares.x + shares.y + shares.z, 1e-37));
+    let weights = shares.yz / max(shares.x + shares.y + shares.z, 1e-37);
+    let t = load_triangle(triangle);
+    if (is_see_through(t.material)) {
+        return unit_float(hash2(cell, triangle)) < luminance(passage_of_weights(t, weights, 1.0).tint);
+    }
+    return is_cut_out(t, weights);
 }
 
 // The cells that a triangle may pass, from `low` to before `high`, and what finds them.
@@ -202,7 +209,7 @@ fn voxelize_cell(f: Footprint, t: Lines, at: vec2u, cut: bool, grid: Grid) {
             flip_slice(cell, slice_at(f.slices, depth));
         }
     } else if (HAS_SHELLS && all(off + t.wider >= vec3f(0.0))) {
-        if (HAS_CUTS && cut && is_hole(f.corners[0].triangle, off)) {
+        if (HAS_CUTS && cut && is_hole(f.corners[0].triangle, off, cell)) {
             return;
         }
         let around = vec2f(middle - t.reach, middle + t.reach);
