@@ -310,7 +310,6 @@ def test_damage_costs_its_part_and_is_noted(tmp_path, path, value, problem, left
     ("path", "value"),
     [
         (("nodes", 1, "extras"), [1, {"a": None}]),
-        (("animations",), [7]),
         (("unknown",), {"count": -1}),
         (("skins", 0, "skeleton"), "root"),
         (("cameras", 0, "perspective", "aspectRatio"), -1),

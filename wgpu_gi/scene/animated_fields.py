@@ -80,11 +80,14 @@ def fields_of(part: Any) -> dict[str, AnimatedField]:
     return next((fields for kind, fields in FIELDS.items() if isinstance(part, kind)), {})
 
 
-def set_field(part: Any, name: str, values: NDArray[np.float64]) -> None:
-    """Set a field to interpolated values, limited to its range, where splines may leave it."""
+def set_field(part: Any, name: str, values: NDArray[np.float64], index: int | None = None) -> None:
+    """Set a field, or one of its values, to interpolated ones, limited to its range, where splines may leave it."""
     width, low, high = fields_of(part)[name]
     limited = np.clip(values, low, high).tolist()
-    if name == "range" and limited[0] == 0.0:
+    if index is not None:
+        before = getattr(part, name)
+        setattr(part, name, (*before[:index], limited[0], *before[index + 1 :]))
+    elif name == "range" and limited[0] == 0.0:
         setattr(part, name, None)  # "no limit", as in files
     elif name == "direction" and not any(limited):
         return  # nowhere: the last direction stays

@@ -87,14 +87,15 @@ class Skeleton(KnownAttributes):
 class Channel(KnownAttributes):
     """One value that changes: the field `path` of `target`, from `track`, times `factor` if there is one.
 
-    Nodes: "translation", "rotation" (spherically interpolated), "scale". Instances: "morph_weights". Lights, cameras
-    and materials: any field of numbers, such as "intensity", "color", "yfov", "base_color", "emission".
+    Nodes have "translation", "rotation" (spherically interpolated) and "scale", instances "morph_weights", of which
+    `index` selects one. Lights, cameras and materials: any field of numbers, such as "intensity", "yfov", "base_color".
     """
 
     target: Node | Instance | Light | Camera | Material
     path: str
     track: Track
     factor: Track | None = None
+    index: int | None = None
 
 
 @dataclass(eq=False, repr=False, slots=True)

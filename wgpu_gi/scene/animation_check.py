@@ -11,7 +11,7 @@ from ..camera import Camera
 from .animated_fields import FIELDS, LIGHTS, fields_of
 from .animation import Animation, Attachment, Channel, Node, Skeleton, Track
 from .parts import Instance
-from .rules import Rule, array, choice, fault_of, instance_of, items, optional, text, vector
+from .rules import Rule, array, choice, fault_of, instance_of, is_whole, items, optional, text, vector
 
 _ANIMATION = {
     "name": text,
@@ -24,6 +24,7 @@ _CHANNEL = {
     "path": text,
     "track": instance_of(Track),
     "factor": optional(instance_of(Track)),
+    "index": Rule(lambda v: v is None or (is_whole(v) and v >= 0), "None or the index of a morph weight"),
 }
 _INTERPOLATION = {"interpolation": choice("step", "linear", "cubic")}
 _MATRIX = array("numbers", 4, 4)
@@ -85,7 +86,9 @@ def _channel_fault(channel: Channel) -> str | None:
     if channel.path not in known:
         kind, names = type(channel.target).__name__, ", ".join(map(repr, known))
         return f"path must be one of {names[:400]} for a {kind}, not {channel.path[:40]!r}"
-    for name, width in (("track", known[channel.path].width), ("factor", 1)):
+    if channel.index is not None and channel.path != "morph_weights":
+        return f"index must be None for {channel.path!r}, not {channel.index}"
+    for name, width in (("track", known[channel.path].width if channel.index is None else 1), ("factor", 1)):
         track = getattr(channel, name)
         if track is not None and (fault := _track_fault(track, width)) is not None:
             return f"{name}.{fault}"
@@ -109,8 +112,8 @@ def _track_fault(track: Track, width: int | None) -> str | None:
         return fault
     if not len(track.times) or len(track.times) != len(track.values):
         return f"times must be as many as the values, {len(track.values)}, and at least one, not {len(track.times)}"
-    if not np.isfinite(track.times).all() or (np.diff(track.times) < 0).any() or track.times[0] < 0:
-        return "times must be finite seconds from 0 on that do not fall"
+    if not np.isfinite(track.times).all() or (np.diff(track.times) < 0).any():
+        return "times must be finite seconds that do not fall"
     return None if np.isfinite(track.values).all() else "values must be finite"
 
 

@@ -137,7 +137,7 @@ class Posing:
             if not self._hierarchy.set(batch.channels, values):
                 for channel, value in zip(batch.channels, values, strict=True):
                     if id(channel.target) in self._copies:
-                        set_field(self.copy_of(channel.target), channel.path, value)
+                        set_field(self.copy_of(channel.target), channel.path, value, channel.index)
         # Place what hangs on nodes.
         if self._attachments or self._skeletons:
             self._hierarchy.place()

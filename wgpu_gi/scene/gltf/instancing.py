@@ -18,16 +18,17 @@ _BYTES = 1024  # of an instance: its matrix and Python objects
 def instance_matrices(
     document: Document, accessors: Accessors, node: JsonObject, world_from_node: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return world_from_instance (n, 4, 4) of a node: one without the extension, or if that is damaged."""
+    """Return node_from_instance (n, 4, 4) of a node: the identity without the extension, or if that is damaged."""
     extension = node.extension("EXT_mesh_gpu_instancing")
     if extension is None:
-        return world_from_node[None]
+        return np.eye(4)[None]
     try:
-        matrices = world_from_node @ _matrices(document, accessors, extension)
+        matrices = _matrices(document, accessors, extension)
     except Damage as error:
         document.notes.damage(f"{error}; its mesh is shown once.")
-        return world_from_node[None]
-    placed = (np.abs(matrices) < MAX_COORDINATE).all(axis=(1, 2))  # false for NaN, too
+        return np.eye(4)[None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        placed = (np.abs(world_from_node @ matrices) < MAX_COORDINATE).all(axis=(1, 2))  # false for NaN, too
     if not placed.all():
         extension.damage(f"{np.count_nonzero(~placed)} instances are not finite or out of range; they were left out")
     return matrices[placed]

@@ -1,9 +1,9 @@
 """Reads glTF 2.0 and GLB files as a `Scene`, with json and numpy alone (Khronos glTF 2.0 specification).
 
-Departures: alpha blending becomes an alpha mask, animations and morph targets are shown in their rest pose, lines are
-left out. The scene's notes say what was changed or left out. Files are untrusted: every index, count, type
-and path is checked, and nothing is allocated by an announced size. Damage costs the smallest part that holds it
-(a value, a triangle, a primitive, a texture, a skin, a light), with a note; `Notes(strict=True)` refuses it.
+Departures: alpha blending becomes an alpha mask, lines are left out. The scene stands in its rest pose, and `Scene.at`
+moves it. The scene's notes say what was changed or left out. Files are untrusted: every index, count, type and path is
+checked, and nothing is allocated by an announced size. Damage costs the smallest part that holds it (a value, a
+triangle, a primitive, a texture, a skin, a light, a channel), with a note; `Notes(strict=True)` refuses it.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from ..files.memory import MemoryBudget
 from ..files.notes import Notes
 from ..scene import DirectionalLight, Light, PointLight, Scene, SpotLight
 from ..transforms import rigid
+from .accessors import Accessors
+from .animations import Motion
 from .document import Document
 from .instances import read_instances
 from .json_object import JsonObject
@@ -40,16 +42,18 @@ def load_gltf(
     document = Document(path, budget or MemoryBudget(), notes or Notes())
     nodes = Nodes(document)
     shown = nodes.shown()
+    accessors = Accessors(document)
+    motion = Motion(document, accessors, nodes)
     scene = Scene(name=nodes.scene_name() or path.stem)
-    scene.instances = read_instances(document, nodes, shown, point_size)
-    scene.lights = _lights(document, nodes, shown)
-    scene.cameras = _cameras(document, nodes, shown)
-    _note_rest_pose(document)
+    scene.instances = read_instances(document, accessors, nodes, shown, motion, point_size)
+    scene.lights = _lights(document, nodes, shown, motion)
+    scene.cameras = _cameras(document, nodes, shown, motion)
+    scene.animations = motion.animations()
     scene.notes = document.notes.sentences
     return scene
 
 
-def _lights(document: Document, nodes: Nodes, shown: list[int]) -> list[Light]:
+def _lights(document: Document, nodes: Nodes, shown: list[int], motion: Motion) -> list[Light]:
     """Return the KHR_lights_punctual lights of the shown nodes, in world space."""
     extension = document.root.extension("KHR_lights_punctual")
     descriptions = document.named_objects(extension.values("lights"), "lights") if extension else []
@@ -59,8 +63,12 @@ def _lights(document: Document, nodes: Nodes, shown: list[int]) -> list[Light]:
         reference = description.extension("KHR_lights_punctual")
         if reference is not None:
             with document.leaving_out("the light"):
-                source = descriptions[reference.index("light", len(descriptions), "lights")]
-                lights.append(_light(source, nodes.placed(node), description.text("name") or source.text("name")))
+                index = reference.index("light", len(descriptions), "lights")
+                name = description.text("name") or descriptions[index].text("name")
+                light = _light(descriptions[index], nodes.placed(node), name)
+                lights.append(light)
+                motion.place(node, light)
+                motion.found("light", index, light)
     return lights
 
 
@@ -93,7 +101,7 @@ def _light(source: JsonObject, matrix: Matrix, name: str) -> Light:
     return SpotLight((x, y, z), direction, min(inner, outer), outer, intensity, color, reach, name)
 
 
-def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]:
+def _cameras(document: Document, nodes: Nodes, shown: list[int], motion: Motion) -> list[Camera]:
     """Return the cameras of the shown nodes, with the scale of their nodes removed."""
     descriptions = document.array("cameras")
     cameras: list[Camera] = []
@@ -103,7 +111,10 @@ def _cameras(document: Document, nodes: Nodes, shown: list[int]) -> list[Camera]
         if index is not None:
             with document.leaving_out("the camera"):
                 name = description.text("name") or descriptions[index].text("name")
-                cameras.append(_camera(descriptions[index], nodes.placed(node), name))
+                camera = _camera(descriptions[index], nodes.placed(node), name)
+                cameras.append(camera)
+                motion.place(node, camera)
+                motion.found("camera", index, camera)
     return cameras
 
 
@@ -117,17 +128,3 @@ def _camera(source: JsonObject, matrix: Matrix, name: str) -> Camera:
         return Camera(pose, orthographic_height=height, name=name)
     yfov = source.child("perspective").number("yfov", low=SMALLEST_YFOV, high=LARGEST_YFOV)
     return Camera(pose, yfov, None, name)
-
-
-def _note_rest_pose(document: Document) -> None:
-    """Note animations, skins and morph targets, which are shown in their rest pose."""
-    primitives = (primitive for mesh in document.array("meshes") for primitive in mesh.objects("primitives"))
-    moving = {
-        "animations": bool(document.root.values("animations")),
-        "skins": bool(document.root.values("skins")),
-        "morph targets": any("targets" in primitive for primitive in primitives),
-    }
-    kinds = [kind for kind, present in moving.items() if present]
-    if kinds:
-        listed = " and ".join([", ".join(kinds[:-1])] * (len(kinds) > 1) + kinds[-1:])
-        document.notes.add(f"{listed.capitalize()} are shown in their rest pose.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Literal
 
 from ...float_limits import LARGEST_FACTOR, LARGEST_LIGHT
@@ -53,6 +54,7 @@ class Materials:
         self._images = Images(document, accessors)
         self._specular_glossiness = SpecularGlossiness(document.budget)
         self._materials: dict[int | None, Material] = {}
+        self._copies: list[tuple[int | None, Material]] = []
 
     def __len__(self) -> int:
         return len(self._descriptions)
@@ -84,6 +86,16 @@ class Materials:
     def get(self, index: int | None) -> Material:
         """Return material `index`, which must have been loaded."""
         return self._materials[index]
+
+    def copy_for_points(self, index: int | None) -> Material:
+        """Return a new material `index` that does not glow, since each triangle of a point would be a light."""
+        material = replace(self._materials[index], emission=(0.0, 0.0, 0.0), emission_texture=None)
+        self._copies.append((index, material))
+        return material
+
+    def loaded(self) -> list[tuple[int, Material]]:
+        """Return the index of each material of the file that was loaded, and the material; then the copies."""
+        return [(i, material) for i, material in [*self._materials.items(), *self._copies] if i is not None]
 
     def _read(self, source: JsonObject) -> Material:
         """Return the material that a glTF material describes."""

@@ -6,7 +6,7 @@ Each primitive of points becomes a `Mesh` of its own, of discs or spheres; lines
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,12 @@ from ..mesh_cleaning import has_area, used_vertices
 from ..scene import Material, Mesh
 from . import compression as gltf_compression
 from .accessors import Accessors
+from .deformed_meshes import deformed_points, merged_skin, merged_targets, shown_points
 from .document import Document
 from .geometry import assemble
 from .json_object import JsonObject
 from .materials import Materials, some
-from .morphs import Weights, rest_weights
+from .morphs import Weights, rest_weights, target_count, target_names
 from .vertices import ATTRIBUTES, Pose, VertexReader, Vertices
 
 _POINTS, _TRIANGLES = 0, 4  # the primitive modes between are lines
@@ -40,6 +41,7 @@ class _Part:
     """Vertices and the triangles of all primitives of a mesh that share them."""
 
     vertices: Vertices
+    is_baked: bool
     triangles: list[NDArray[np.uint32]] = field(default_factory=list)
     slots: list[NDArray[np.uint32]] = field(default_factory=list)  # each triangle's index into the mesh's materials
 
@@ -56,7 +58,7 @@ class Meshes:
         self._reader = VertexReader(document, accessors)
         self._descriptions = document.array("meshes")
         self._point_size = point_size
-        self._meshes: dict[Hashable, list[PlacedMesh]] = {}
+        self._meshes: dict[tuple[int, Pose], list[PlacedMesh]] = {}
         self._index_count = 0
         self._without_area: dict[str, int] = {}
 
@@ -70,6 +72,10 @@ class Meshes:
     def weights(self, node: JsonObject, index: int) -> Weights:
         """Return the morph weights of mesh `index` at rest, as a node shows it."""
         return rest_weights(node, self._descriptions[index])
+
+    def target_count(self, index: int) -> int:
+        """Return the number of morph targets of mesh `index`."""
+        return target_count(self._descriptions[index])
 
     def materials_of(self, indices: Iterable[int]) -> set[int | None]:
         """Return the indices of the materials that these meshes use; None is the default material."""
@@ -116,7 +122,7 @@ class Meshes:
         finished = [part for part in finished if len(part.triangles[0])]
         if finished:
             materials = [self._materials.get(material) for material in slot_of_material]
-            placed.insert(0, (self._merge(index, finished, materials), np.eye(4)))
+            placed.insert(0, (self._merge(index, finished, materials, pose), np.eye(4)))
         if not placed:
             self._document.notes.add(f"Mesh {self.name(index)[:60]!r} was left out: it has no triangle with an area.")
         return placed
@@ -124,10 +130,12 @@ class Meshes:
     def _points(self, primitive: JsonObject, pose: Pose) -> PlacedMesh:
         """Return a primitive of points as discs or spheres. Raises Damage if no point is finite."""
         vertices = self._reader.read(primitive, None, pose)
+        if not np.isfinite(vertices["POSITION"]).all(axis=1).any():
+            raise primitive.error("none of its points is finite")
+        if not pose.is_baked:
+            vertices = shown_points(vertices)
         positions, colors, normals = (vertices.get(name) for name in ("POSITION", "COLOR_0", "NORMAL"))
         assert positions is not None, "a primitive without positions is left out"
-        if not np.isfinite(positions).all(axis=1).any():
-            raise primitive.error("none of its points is finite")
         self._document.budget.take(8 * 10 * len(positions), primitive.where)
         doubled = (None if values is None else values.astype(np.float64) for values in (colors, normals))
         points = RawPoints(positions.astype(np.float64), *doubled)
@@ -136,10 +144,11 @@ class Meshes:
         ).instances[0]
         material = self._materials.get(self._material(primitive))
         if max(material.emission) > 0.0:
-            # Each triangle of each point would be a light of its own.
             self._document.notes.add("Points do not emit light; the emission of their materials was left out.")
-            material = replace(material, emission=(0.0, 0.0, 0.0), emission_texture=None)
+            material = self._materials.copy_for_points(self._material(primitive))
         shapes.mesh.materials = [material]
+        if not pose.is_baked:
+            return deformed_points(shapes, vertices, pose.targets), np.eye(4)
         return shapes.mesh, shapes.world_from_local
 
     def _add(
@@ -154,13 +163,13 @@ class Meshes:
         """Add the triangles of a primitive, the mesh's `number`-th, to the part that has its vertices."""
         draco = self._reader.draco(primitive)
         key: Hashable = number
-        if draco is not None or pose.joints is not None:
+        if draco is not None or pose.joints is not None or not pose.is_baked:
             vertices = self._reader.read(primitive, draco, pose)
         else:
             key, vertices = self._reader.shared(primitive, pose)
         triangles = self._triangles(primitive, mode, draco, len(vertices["POSITION"]))
         slot = slot_of_material.setdefault(self._material(primitive), len(slot_of_material))
-        part = parts.setdefault(key, _Part(vertices))
+        part = parts.setdefault(key, _Part(vertices, pose.is_baked))
         part.triangles.append(triangles)
         part.slots.append(np.full(len(triangles), slot, np.uint32))
 
@@ -212,8 +221,8 @@ class Meshes:
             )
             triangles, slots = triangles[sound], slots[sound]
             used = used_vertices(triangles, len(positions))
-        # Drop degenerate triangles, then unused vertices.
-        kept = has_area(positions, triangles)
+        # Drop degenerate triangles, then unused vertices. A pose may give an area to what is flat in the bind pose.
+        kept = has_area(positions, triangles) if part.is_baked else _has_three_corners(triangles)
         dropped = len(kept) - int(np.count_nonzero(kept))
         if dropped:
             self._without_area[self.name(index)] = self._without_area.get(self.name(index), 0) + dropped
@@ -222,9 +231,9 @@ class Meshes:
         if not used.all():
             vertices = {name: values[used] for name, values in vertices.items()}
             triangles = (np.cumsum(used, dtype=np.uint32) - np.uint32(1))[triangles]
-        return _Part(vertices, [triangles], [slots])
+        return _Part(vertices, part.is_baked, [triangles], [slots])
 
-    def _merge(self, index: int, parts: list[_Part], materials: list[Material]) -> Mesh:
+    def _merge(self, index: int, parts: list[_Part], materials: list[Material], pose: Pose) -> Mesh:
         """Return one mesh of all parts; parts without an attribute that others have get its neutral value."""
         counts = [len(part.vertices["POSITION"]) for part in parts]
         rows = sum(len(neutral) for name, (_, neutral) in ATTRIBUTES.items() if any(name in p.vertices for p in parts))
@@ -238,6 +247,7 @@ class Meshes:
                 # Concatenation copies, so the mesh no longer refers to the bytes of the file.
                 arrays[name] = np.concatenate([p.vertices.get(name, a) for p, a in zip(parts, absent, strict=True)])
         slots = np.concatenate([part.slots[0] for part in parts])
+        description = self._descriptions[index]
         return Mesh(
             positions=arrays["POSITION"],
             triangles=np.concatenate([part.triangles[0] + start for part, start in zip(parts, starts, strict=True)]),
@@ -248,5 +258,14 @@ class Meshes:
             texcoords0=arrays.get("TEXCOORD_0"),
             texcoords1=arrays.get("TEXCOORD_1"),
             colors=arrays.get("COLOR_0"),
-            name=self._descriptions[index].text("name"),
+            name=description.text("name"),
+            skin=merged_skin([part.vertices for part in parts]),
+            morph_targets=merged_targets([part.vertices for part in parts], pose.targets, target_names(description)),
         )
+
+
+def _has_three_corners(triangles: NDArray[np.uint32]) -> NDArray[np.bool_]:
+    """Tell for each triangle (m, 3) whether its corners are different vertices."""
+    a, b, c = triangles.T
+    differ: NDArray[np.bool_] = (a != b) & (b != c) & (c != a)
+    return differ

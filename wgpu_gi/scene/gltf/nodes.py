@@ -1,11 +1,14 @@
-"""The node hierarchy of a glTF file, made a tree, and the world matrices of its nodes in float64."""
+"""The node hierarchy of a glTF file, made a tree, and the world matrices of its nodes at rest, in float64."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...float_limits import MAX_COORDINATE
+from ..animation import Node
 from ..transforms import rotation_matrices
 from .document import Document
 from .json_object import JsonObject
@@ -14,7 +17,7 @@ Matrix = NDArray[np.float64]
 
 
 class Nodes:
-    """The nodes of a document: their `world` matrices (4, 4) by index, and which of them are shown.
+    """The nodes of a document by index: their `frames`, their `world` matrices (4, 4), and which of them are shown.
 
     A matrix is None if the transforms above the node are out of range; such nodes are not shown.
     """
@@ -24,8 +27,11 @@ class Nodes:
         self._nodes = document.array("nodes")
         self._scene = self._default_scene()
         self._children, self._parents = self._family()
+        self.frames = [_frame(node) for node in self._nodes]
         self.world: list[Matrix | None] = [None] * len(self._nodes)
         self._place_all()
+        for frame, above in zip(self.frames, self._parents, strict=True):
+            frame.parent = None if above is None else self.frames[above]
 
     def __len__(self) -> int:
         return len(self._nodes)
@@ -50,6 +56,17 @@ class Nodes:
         matrix = self.world[node]
         assert matrix is not None, "shown nodes have a matrix"
         return matrix
+
+    def below(self, nodes: Iterable[int]) -> set[int]:
+        """Return `nodes` and all nodes below them."""
+        found: set[int] = set()
+        stack = list(nodes)
+        while stack:
+            node = stack.pop()
+            if node not in found:
+                found.add(node)
+                stack += self._children[node]
+        return found
 
     def scene_name(self) -> str:
         """Return the name of the default scene."""
@@ -127,7 +144,7 @@ class Nodes:
             if above is None:
                 continue
             with np.errstate(over="ignore", invalid="ignore"):
-                matrix = above @ _local_matrix(self._nodes[node])
+                matrix = above @ _local_matrix(self.frames[node])
             if (np.abs(matrix) < MAX_COORDINATE).all():
                 self.world[node] = matrix
             else:
@@ -136,27 +153,31 @@ class Nodes:
                 )
 
 
-def _local_matrix(node: JsonObject) -> Matrix:
-    """Return parent_from_node: the node's matrix, or translation * rotation * scale."""
+def _frame(node: JsonObject) -> Node:
+    """Return the frame of a node, without its parent: its matrix, or translation, rotation and scale."""
+    name = node.text("name")
     if "matrix" in node:
         matrix = np.array(node.vector("matrix", tuple(np.eye(4).ravel()))).reshape(4, 4).T.copy()
         if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), atol=1e-6):
             node.damage("matrix is not affine; its last row must be 0 0 0 1 and was ignored")
         matrix[3] = 0.0, 0.0, 0.0, 1.0
-        return matrix
-    matrix = np.eye(4)
-    if "rotation" in node:
-        matrix[:3, :3] = _rotation_matrix(node)
-    if "scale" in node:
-        matrix[:3, :3] *= node.vector("scale", (1.0, 1.0, 1.0))
-    if "translation" in node:
-        matrix[:3, 3] = node.vector("translation", (0.0, 0.0, 0.0))
-    return matrix
-
-
-def _rotation_matrix(node: JsonObject) -> Matrix:
-    """Return the matrix of the node's quaternion (x, y, z, w), made unit length."""
-    quaternion = np.array(node.vector("rotation", (0.0, 0.0, 0.0, 1.0)))
-    if not quaternion.any():
+        return Node(matrix=matrix, name=name)
+    x, y, z, w = node.vector("rotation", (0.0, 0.0, 0.0, 1.0))
+    if not any((x, y, z, w)):
         node.damage("rotation is the zero quaternion; it was ignored")
-    return rotation_matrices(quaternion[None])[0]
+        w = 1.0
+    right, up, back = node.vector("scale", (1.0, 1.0, 1.0))
+    along, above, behind = node.vector("translation", (0.0, 0.0, 0.0))
+    return Node(None, (along, above, behind), (x, y, z, w), (right, up, back), name=name)
+
+
+def _local_matrix(frame: Node) -> Matrix:
+    """Return parent_from_node: the frame's matrix, or translation * rotation * scale."""
+    if frame.matrix is not None:
+        return frame.matrix
+    matrix = np.eye(4)
+    if frame.rotation != (0.0, 0.0, 0.0, 1.0):
+        matrix[:3, :3] = rotation_matrices(np.array([frame.rotation]))[0]
+    matrix[:3, :3] *= frame.scale
+    matrix[:3, 3] = frame.translation
+    return matrix

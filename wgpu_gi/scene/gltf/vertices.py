@@ -1,9 +1,14 @@
-"""The vertices of a glTF primitive at rest: attributes from accessors or Draco data, morphed, cleaned and skinned."""
+"""The vertices of a glTF primitive: attributes from accessors or Draco data, morphed, cleaned and skinned.
+
+An animated skin, or animated morph weights, leave them in the bind pose, with their influences and displacements.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +18,14 @@ from .accessors import Accessors, Array, dequantise
 from .document import Document
 from .geometry import clean_attribute
 from .json_object import Damage, JsonObject
-from .morphs import Weights, apply_morphs
-from .skins import SkinDamage, apply_skin
+from .morphs import Weights, apply_morphs, read_displacements
+from .skins import SkinDamage, apply_skin, read_influences
 
-Vertices = dict[str, NDArray[np.float32]]  # keys: attribute names of glTF
+# Arrays of equal length by attribute names of glTF, JOINTS and WEIGHTS (all sets together), and `displacement_key`.
+Vertices = dict[str, NDArray[Any]]
 
 _SKIN_BYTES = 12 * 8  # of the blended matrix of a vertex
+_TARGET_BYTES = 9 * 4  # of the displacements of a vertex by a target: position, normal and tangent
 _MORPH_BYTES = 12 * 8  # of the morphed position, normal and tangent of a vertex, while they are added
 
 # The vertex attributes of a Mesh, each with the component counts that glTF allows and a neutral value. Primitives that
@@ -35,11 +42,21 @@ ATTRIBUTES: dict[str, tuple[tuple[int, ...], NDArray[np.float32]]] = {
 
 @dataclass(frozen=True)
 class Pose:
-    """How a node poses its mesh: weights of the morph targets, and the joint matrices (k, 4, 4) of a skin."""
+    """How a node poses its mesh: weights of the morph targets, and the joint matrices (k, 4, 4) of a skin.
+
+    What moves is not applied: the mesh keeps its skin, or all of its `targets` morph targets.
+    """
 
     weights: Weights = ()
     skin: int | None = None
     joints: NDArray[np.float64] | None = field(default=None, compare=False)
+    skin_moves: bool = False
+    targets: int = 0
+
+    @property
+    def is_baked(self) -> bool:
+        """Tell whether the mesh has its final shape."""
+        return not self.skin_moves and not self.targets
 
 
 class VertexReader:
@@ -80,17 +97,26 @@ class VertexReader:
         count = len(arrays["POSITION"])
         size = sum(4 * values.size for values in arrays.values())
         size += (_MORPH_BYTES * count if pose.weights else 0) + (_SKIN_BYTES * count if pose.joints is not None else 0)
-        self._document.budget.take(size, primitive.where)
-        apply_morphs(arrays, primitive, pose.weights, self._target)
-        vertices = {name: self._cleaned(primitive, name, values) for name, values in arrays.items()}
+        self._document.budget.take(size + _TARGET_BYTES * pose.targets * count, primitive.where)
+        moves: Vertices = {}
+        if pose.targets:
+            moves = dict(read_displacements(arrays, primitive, self._target))
+        else:
+            apply_morphs(arrays, primitive, pose.weights, self._target)
+        vertices: Vertices = {name: self._cleaned(primitive, name, values) for name, values in arrays.items()}
         if pose.joints is not None:
             try:
-                # Absurd weights give positions that are not finite; their triangles are left out later.
-                with np.errstate(over="ignore", invalid="ignore"):
-                    apply_skin(vertices, pose.joints, primitive, lambda name: self._attribute(primitive, name, draco))
+                read = partial(self._attribute, primitive, draco=draco)
+                influences = read_influences(count, len(pose.joints), primitive, read)
             except Damage as error:
                 raise SkinDamage(str(error)) from None
-        return vertices
+            if pose.skin_moves:
+                moves["JOINTS"], moves["WEIGHTS"] = influences[0].astype(np.uint16), influences[1].astype(np.float32)
+            else:
+                # Absurd weights give positions that are not finite; their triangles are left out later.
+                with np.errstate(over="ignore", invalid="ignore"):
+                    apply_skin(vertices, pose.joints, influences)
+        return vertices | moves
 
     def _attributes(self, primitive: JsonObject, draco: gltf_compression.DracoMesh | None) -> dict[str, Array]:
         """Return the dequantised attributes of a primitive, without those that do not suit its positions."""
@@ -114,7 +140,9 @@ class VertexReader:
             arrays.pop("TANGENT", None)  # tangents without normals are to be ignored (glTF 2.0, 3.7.2.1)
         return arrays
 
-    def _attribute(self, primitive: JsonObject, name: str, draco: gltf_compression.DracoMesh | None) -> Array | None:
+    def _attribute(
+        self, primitive: JsonObject, name: str, draco: gltf_compression.DracoMesh | None = None
+    ) -> Array | None:
         """Return a dequantised vertex attribute; None if the primitive does not have it."""
         attributes = primitive.child("attributes")
         if name not in attributes:
