@@ -12,6 +12,7 @@ from .techniques.many_light import declare_many_light
 from .techniques.reference import declare_primary, declare_reference
 from .techniques.shared.antialias import declare_antialias
 from .techniques.shared.composite import declare_display, declare_mean, declare_sum, declare_tinted
+from .techniques.shared.scene_inputs import declare_deformation
 from .techniques.ssao import declare_ssao
 from .techniques.ssdo import declare_ssdo
 from .techniques.ssil import declare_ssil
@@ -23,6 +24,7 @@ def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int, ali
     `scene` is the return value of the technique's `inputs`; `frames`: number of frames of a still picture; `aliased`:
     why radiance is not anti-aliased over moving frames, None if it is, empty for a still picture.
     """
+    declare_deformation(graph, scene)
     # Light: each technique is a folder of techniques/.
     match settings.gi:
         case "path":

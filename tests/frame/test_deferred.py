@@ -250,6 +250,7 @@ def test_plan_gives_the_reason_of_every_skip():
     renderer = completed(builtin.cornell_point(), show=None)
     rows = {line.split()[0]: line for line in renderer.plan().splitlines()[1:]}
     lacks = {
+        "deform": "no mesh is skinned or morphed",
         "gbuffer/masked": "no alpha-masked material",
         "shadow/masked": "no alpha-masked material",
         "gbuffer/tint": "no thin, smooth glass",
@@ -307,7 +308,7 @@ def test_skipped_passes_change_no_buffer(name, monkeypatch):
     forced = completed(scene, show=None, diffuse=False)
     culled = {line.split()[0] for line in forced.plan().splitlines()[1:] if line.split()[1] == "culled"}
     of_pictures = {"environment/leaves", "environment/sum", "environment/prefilter"} if scene.environment else set()
-    assert culled <= {"shadow/opaque", "direct/edges", "emitters", "composite/display", *of_pictures}, culled
+    assert culled <= {"deform", "shadow/opaque", "direct/edges", "emitters", "composite/display", *of_pictures}, culled
     for buffer in plain.buffers:
         assert np.array_equal(plain.read_back(buffer), forced.read_back(buffer)), buffer
     assert np.array_equal(plain.graph.read_back("gbuffer/surfaces"), forced.graph.read_back("gbuffer/surfaces"))

@@ -15,6 +15,7 @@ from .bindings import Over
 from .declare_resources import ResourceDeclarations
 from .handles import Buffer, Shared, Texture, View
 from .passes import Count, Pass, RasterState, Use
+from .schedule import Work
 from .timing import Timing
 from .wgsl.load import ShaderSource, load
 from .wgsl.module import EntryPoint
@@ -27,7 +28,7 @@ class PassDeclarations(ResourceDeclarations):
         super().__init__(device)
         self.shader_root = shader_root
         self.passes: dict[str, Pass] = {}
-        self.planned: dict[str, Pass | str] = {}  # in order of declaration: a pass, or why it is skipped
+        self.planned: dict[str, Pass | Work | str] = {}  # in order of declaration; why it is skipped
         self.timing = Timing(device)
         self.counts: dict[str, Count] = {}  # by the names of passes
         self._declaring = False
@@ -144,6 +145,11 @@ class PassDeclarations(ResourceDeclarations):
         p.arguments = arguments
         p.raster = RasterState(targets, target, *fixed, (draw, 1) if isinstance(draw, int) else draw, indices)
         return self._add_new(p)
+
+    def outside(self, name: str, work: Work) -> None:
+        """List work on shared resources in the plan; it runs before the passes of a frame, whenever it is due."""
+        self._check_new_pass(name, f"work {name!r}")
+        self.planned[name] = work
 
     def skip(self, name: str, reason: str) -> None:
         """Record for the plan why a pass is not declared: "no alpha-masked material"."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..pictures.tables import Table
 from .passes import Pass
-from .schedule import Stale
+from .schedule import Stale, Work
 from .timing import Timing
 
 
@@ -27,12 +27,12 @@ class Row:
 
 
 def plan(
-    planned: Mapping[str, Pass | str], last_run: Mapping[str, Stale], timing: Timing, shares: Mapping[str, str]
+    planned: Mapping[str, Pass | Work | str], last_run: Mapping[str, Stale], timing: Timing, shares: Mapping[str, str]
 ) -> list[Row]:
     """Describe what each declared pass did in a run, in the order of declaration.
 
-    `planned` maps each name to the pass or to why it was not declared; `last_run` holds why each pass ran; `shares` has
-    texts of `share`.
+    `planned` maps each name to the pass, the work, or why it was not declared; `last_run` holds why each of them ran;
+    `shares` has texts of `share`.
     """
     return [_row(name, what, last_run.get(name), timing, shares.get(name, "")) for name, what in planned.items()]
 
@@ -42,9 +42,12 @@ def share(part: int, whole: int, of: str) -> str:
     return f"{part / max(whole, 1):.0%} of {whole:,} {of}".replace("%", " %")
 
 
-def _row(name: str, what: Pass | str, stale: Stale | None, timing: Timing, share_of_work: str) -> Row:
+def _row(name: str, what: Pass | Work | str, stale: Stale | None, timing: Timing, share_of_work: str) -> Row:
     if isinstance(what, str):
         return Row(name, "culled", what, None, None, 0)
+    if isinstance(what, Work):
+        state, reason = ("kept", "inputs unchanged") if stale is None else ("ran", stale.reason)
+        return Row(name, state, reason, timing.median(name), timing.p95(name), 0)
     if not what.active:
         return Row(name, "culled", what.culled_because or "the graph is not compiled", None, None, 0)
     if stale is not None:

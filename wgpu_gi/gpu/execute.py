@@ -17,7 +17,7 @@ from .draw_calls import DrawEncoder
 from .handles import Resource
 from .messages import reason
 from .passes import Chunk, Pass, PassState, RasterState
-from .schedule import Stale
+from .schedule import Stale, Work
 from .timing import Timing
 from .watch import check_written
 
@@ -34,8 +34,9 @@ def run(
     check: bool,
     on_chunk: Callable[[float], None] | None,
     on_compile: Callable[[int, int], None] | None,
+    works: Mapping[str, Work],
 ) -> None:
-    """Run the stale passes of `order`; `timing` measures each of them.
+    """Run `works`, then the stale passes of `order`; `timing` measures each of them.
 
     `check` reads back what each pass writes and raises GiError at the first bad value. `on_chunk` receives the
     finished fraction of a split pass. If the adapter compiles pipelines at their first use, `on_compile` receives how
@@ -49,6 +50,8 @@ def run(
     if timing is not None:
         timing.begin()
     try:
+        for name, work in works.items():
+            frame.run_work(name, work)
         for resource in {r for p in stale for r in p.written if r.history}:
             resource.swap()
         if timing is None:
@@ -120,6 +123,17 @@ class _Frame:
         if self.check:
             self.submit()
             check_written(self.gpu, p)
+
+    def run_work(self, name: str, work: Work) -> None:
+        """Run work outside of the graph."""
+        if self.timing is None:
+            work.run()
+            return
+        self.device.wait()
+        started = self.timing.clock()
+        work.run()
+        self.device.wait()
+        self.timing.add(name, (self.timing.clock() - started) * 1e3)
 
     def report_compiled(self, done: int, count: int, on_compile: Callable[[int, int], None] | None) -> None:
         """Report pipelines that have been compiled because they were used."""

@@ -19,6 +19,7 @@ from . import describe, execute, schedule, transfer
 from .declare_passes import PassDeclarations
 from .handles import Buffer, Handle, Resource, Shared, Texture, View
 from .passes import Pass
+from .schedule import Work
 from .wgsl.load import refresh
 
 # Usage flags of every resource: read-back, clear, and a reader that is declared later (adding it must not lose the
@@ -122,7 +123,7 @@ class Graph(PassDeclarations):
         check: bool = False,
         on_chunk: Callable[[float], None] | None = None,
     ) -> bool:
-        """Run the stale passes, or all with `force`; return True if any ran.
+        """Run the stale passes, or all with `force`, after the work that is due; return True if any ran.
 
         `timings` measures each pass and their sum (see `plan` and `timing`). `check` reads back all that is written
         and raises GiError at the first NaN, infinity, value at the end of a narrow format's range, or negative value
@@ -131,10 +132,12 @@ class Graph(PassDeclarations):
         if self._declaring:
             raise GiError("the graph is declared but not compiled; call compile(outputs) before run")
         stale = schedule.stale_passes(self.order, force)
-        self.last_run = {p.name: why for p, why in stale.items()}
+        works = {name: w for name, w in self.planned.items() if isinstance(w, Work) and stale and (w.due or force)}
+        self.last_run = {name: schedule.Stale("changed", work.due or "forced") for name, work in works.items()}
+        self.last_run |= {p.name: why for p, why in stale.items()}
         if stale:
             timing = self.timing if timings else None
-            execute.run(self.device, self.order, stale, timing, check, on_chunk, self.on_compile)
+            execute.run(self.device, self.order, stale, timing, check, on_chunk, self.on_compile, works)
         return bool(stale)
 
     @property

@@ -1,4 +1,4 @@
-"""Compute shaders outside of a frame's graph: work that runs once, such as building a hierarchy."""
+"""Compute shaders outside of a frame's graph: work on what frames share, such as building a hierarchy."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ class Kernels:
     def __init__(self, device: Device) -> None:
         self.device = device
         self._known = _pipelines.setdefault(device, {})
+        self._groups: dict[tuple, tuple[Any, Any]] = {}  # bind groups, and the buffers that their keys name by id
         self._encoder: Any = None
         self._compute: Any = None
 
@@ -44,28 +45,62 @@ class Kernels:
         """
         source = load(path)
         pipeline, layout = self._pipeline(source, constants or {})
-        entries = []
+        bound = []
         for binding in _bindings(source):
             value = buffers[binding.name]
-            buffer, offset, size = value if isinstance(value, tuple) else (value, 0, value.size)
-            entries.append({"binding": binding.number, "resource": {"buffer": buffer, "offset": offset, "size": size}})
-        gpu = self.device.gpu
+            bound.append((binding.number, *(value if isinstance(value, tuple) else (value, 0, value.size))))
         if self._compute is None:
-            self._encoder = gpu.create_command_encoder(label="kernels")
-            self._compute = self._encoder.begin_compute_pass(label="kernels")
+            self._compute = self._begin().begin_compute_pass(label="kernels")
         self._compute.set_pipeline(pipeline)
-        self._compute.set_bind_group(GROUP, gpu.create_bind_group(label=path, layout=layout, entries=entries))
+        self._compute.set_bind_group(GROUP, self._group(path, layout, bound))
         if isinstance(groups, int):
             self._compute.dispatch_workgroups(groups)
         else:
             self._compute.dispatch_workgroups_indirect(*groups)
 
+    def copy(self, source: Any, target: Any) -> None:
+        """Record a copy of a whole buffer to the beginning of another."""
+        self._begin().copy_buffer_to_buffer(source, 0, target, 0, source.size)
+
+    def copy_rows(self, source: Any, texture: Any, first: int, width: int) -> None:
+        """Record a copy of a buffer to whole rows of a texture, from row `first` on; texels have 16 bytes."""
+        rows = source.size // (16 * width)
+        self._begin().copy_buffer_to_texture(
+            {"buffer": source, "bytes_per_row": 16 * width, "rows_per_image": rows},
+            {"texture": texture, "origin": (0, first, 0)},
+            (width, rows, 1),
+        )
+
     def submit(self) -> None:
         """Run what was recorded."""
+        if self._encoder is not None:
+            encoder, self._encoder = self._begin(), None
+            self.device.gpu.queue.submit([encoder.finish()])
+
+    def forget(self) -> None:
+        """Drop the bind groups, which keep their buffers alive."""
+        self._groups.clear()
+
+    def _begin(self) -> Any:
+        """Return the command encoder, with no pass open."""
+        if self._encoder is None:
+            self._encoder = self.device.gpu.create_command_encoder(label="kernels")
         if self._compute is not None:
             self._compute.end()
-            encoder, self._encoder, self._compute = self._encoder, None, None
-            self.device.gpu.queue.submit([encoder.finish()])
+            self._compute = None
+        return self._encoder
+
+    def _group(self, path: str, layout: Any, bound: list[tuple[int, Any, int, int]]) -> Any:
+        """Return a bind group of (binding, buffer, offset, size)."""
+        key = (path, *((number, id(buffer), offset, size) for number, buffer, offset, size in bound))
+        if key not in self._groups:
+            entries = [
+                {"binding": number, "resource": {"buffer": buffer, "offset": offset, "size": size}}
+                for number, buffer, offset, size in bound
+            ]
+            group = self.device.gpu.create_bind_group(label=path, layout=layout, entries=entries)
+            self._groups[key] = group, bound
+        return self._groups[key][0]
 
     def _pipeline(self, source: ShaderSource, constants: Mapping[str, float]) -> tuple[Any, Any]:
         key = (source, tuple(sorted(constants.items())))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from typing import Literal, NamedTuple
 
@@ -25,6 +26,16 @@ class Stale(NamedTuple):
     def reason(self) -> str:
         """The reason in words."""
         return self.why if isinstance(self.why, str) else self.why()
+
+
+class Work(ABC):
+    """Work on shared resources that runs before a frame's passes; passes see it by the versions of the resources."""
+
+    due = ""  # why it must run; empty if it need not
+
+    @abstractmethod
+    def run(self) -> None:
+        """Run it; `due` is empty afterwards."""
 
 
 def link(passes: Sequence[Pass], outputs: Iterable[View]) -> None:

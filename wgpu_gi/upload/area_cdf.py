@@ -21,7 +21,8 @@ class AreaCdf:
     """The CDFs of a scene: `instances`, AreaInstance of many_light/points/sample.wgsl, and `cdf` over triangles.
 
     `cdf` is indexed like the triangles of the hierarchy and runs from 0 to 1 within each mesh, in its local space.
-    Where a transform scales unevenly, the shader weights each point by the ratio of areas.
+    Where a transform scales unevenly, the shader weights each point by the ratio of areas. Of a figure, `cdf` has the
+    areas of the pose that its hierarchy was built in, and the shader weights each point by the current area.
     """
 
     def __init__(self, dtype: np.dtype) -> None:
@@ -60,6 +61,8 @@ class AreaCdf:
             record["first"], record["count"] = place.triangles.start, len(data.corners)
             record["instance"] = NONE if place.baked is not None else number
             record["local_area"] = areas[number] if place.baked is not None else local_area
+            if place.figure is not None:
+                record["local_area"] = 0.0
         self._areas = known
         self.area = float(areas.sum())
         records["share"] = areas / max(self.area, 1e-300)

@@ -8,13 +8,13 @@ triangles; passes cull them against their views.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Iterator, Mapping, MutableMapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.scene import Instance
+from ..scene.scene import Instance, Mesh
 from .mesh_data import MASKED, NONE, MeshData, Placement, Topology
 from .split_triangles import split_triangles
 from .two_level_bvh import TwoLevelBvh
@@ -42,7 +42,8 @@ class DrawList:
 
     vertices (n, 4) uint32: position as float bits (world space if baked, else local) and triangle number. sources (n,)
     uint32: index of each vertex in the scene's vertex table. slots (k,) uint32: the scene's instance for each instance
-    index of the draw calls; slot 0 is for vertices in world space.
+    index of the draw calls; slot 0 is for vertices in world space. figures: the vertices of meshes that the device
+    deforms; `vertices` has the pose that their hierarchies were built in.
     """
 
     vertices: NDArray[np.uint32]
@@ -52,6 +53,7 @@ class DrawList:
     opaque: tuple[DrawCall, ...] = ()
     masked: tuple[DrawCall, ...] = ()
     clusters: Clusters = field(default_factory=lambda: Clusters())
+    figures: dict[Mesh, slice] = field(default_factory=dict)
 
     def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[DrawCall]:
         """Return draw calls for the clusters that `shown` (c,) selects; see `Clusters.visible`."""
@@ -74,8 +76,13 @@ class Clusters:
     opaque_count: int = 0
     boxes: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2, 3), np.float32))
 
-    def place(self, world_from_local: NDArray[np.float32]) -> None:
-        """Place the boxes by the matrices (n, 4, 3 or 4) of all instances, column by column as on the GPU."""
+    def place(self, world_from_local: NDArray[np.float32], posed: Mapping[int, NDArray] | None = None) -> None:
+        """Place the boxes by the matrices (n, 4, 3 or 4) of all instances, column by column as on the GPU.
+
+        `posed`: new boxes (2, 3) of the deformed instances, by number.
+        """
+        for number, box in (posed or {}).items():
+            self.local[self.instances == number] = box
         placed = self.instances >= 0
         self.boxes = self.local.copy()
         # Arvo 1990, "Transforming Axis-Aligned Bounding Boxes"; each row of `m` is the image of an axis.
@@ -165,7 +172,12 @@ def build_draw_list(
     indices, runs, clusters = _lay_out_indices(parts, hierarchy, slots)
     clusters.place(hierarchy.instances["world_from_local"])
     opaque, masked = (tuple(merge_draw_calls(np.array(runs[key], np.int64).reshape(-1, 4))) for key in (False, True))
-    return DrawList(vertices, sources, indices, slots.astype(np.uint32), opaque, masked, clusters)
+    figures = {
+        part.data.mesh: slice(part.first_vertex, part.first_vertex + len(part.raster.source))
+        for part in parts
+        if part.place.figure is not None
+    }
+    return DrawList(vertices, sources, indices, slots.astype(np.uint32), opaque, masked, clusters, figures)
 
 
 def _assign_slots(parts: list[_Part], instances: list[Instance]) -> NDArray[np.int64]:
@@ -290,7 +302,7 @@ class _Part:
 
     def clusters(self, corners: NDArray[np.float32], first_index: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Return local boxes (c, 2, 3) and draw calls (c, 4) of triangles (k, 3, 3), drawn from `first_index` on."""
-        whole = len(self.users) > MANY_INSTANCES
+        whole = len(self.users) > MANY_INSTANCES or self.place.figure is not None
         # Box each cluster.
         starts = np.arange(0, len(corners), len(corners) if whole else CLUSTER)
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]  # four times as fast as `corners.min(1)`

@@ -70,7 +70,7 @@ def emitting_parts(instances: list[Instance], hierarchy: TwoLevelBvh) -> Iterato
             chosen = np.flatnonzero(place.data.material == m)
             matrix = np.asarray(instance.world_from_local, np.float64)
             translation = matrix[:3, 3] - hierarchy.origin
-            corners = place.data.corners[chosen].astype(np.float64) @ matrix[:3, :3].T + translation
+            corners = place.corners(chosen).astype(np.float64) @ matrix[:3, :3].T + translation
             mirrored = np.linalg.det(matrix[:3, :3]) < 0
             # Barycentric weights must agree with how the BVH stores a mirrored triangle.
             turn = [0, 2, 1] if mirrored and place.baked is not None else [0, 1, 2]

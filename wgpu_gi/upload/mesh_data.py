@@ -18,6 +18,7 @@ from ..float_limits import LARGEST_FACTOR
 from ..scene.mesh_check import are_same, arrays_of
 from ..scene.scene import Mesh
 from .bvh import LEAF_FLAG
+from .figures import Figure
 from .mesh_trees import REBUILD, build_trees, refit_tree, tree_cost
 from .node_quantization import QuantizationGrid
 from .tree_builder import TreeBuilder
@@ -56,7 +57,7 @@ class Placement:
     """The place of a mesh in the buffers of the scene.
 
     For a baked mesh, `baked` is the number of its instance; `tree` and `box` (2, 3) are its hierarchy and bounds in
-    world space, relative to the origin.
+    world space, relative to the origin. `figure`: what the device deforms; `data` has the pose it was built in.
     """
 
     data: MeshData
@@ -67,6 +68,18 @@ class Placement:
     baked: int | None = None
     tree: WideBvh | None = None
     box: NDArray[np.float32] | None = None
+    figure: Figure | None = None
+
+    @property
+    def bounds(self) -> NDArray[np.floating]:
+        """A box around the mesh in local space, (2, 3)."""
+        return self.data.bounds if self.figure is None else self.figure.box
+
+    def corners(self, chosen: NDArray[np.integer] | slice) -> NDArray[np.floating]:
+        """Return the corners of some triangles, given in leaf order, (n, 3, 3), local."""
+        if self.figure is None:
+            return self.data.corners[chosen]
+        return self.figure.positions(self.data.indices[chosen])
 
     def holds(self, data: MeshData) -> bool:
         """Tell whether the data of a mesh has as many nodes, triangles and vertices as there is place for."""

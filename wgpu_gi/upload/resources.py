@@ -119,6 +119,11 @@ class GpuResources:
             (TABLE_WIDTH, last + 1 - first, 1),
         )
 
+    def touch(self, name: str) -> None:
+        """Note that the contents of a resource change on the device."""
+        resource, version = self._known[name]
+        self._known[name] = (resource, version + 1)
+
     def set(self, name: str, resource: Any) -> None:
         """Store a wgpu object under a name, and destroy the one that it replaces."""
         old, version = self._known.get(name, (None, 0))

@@ -18,10 +18,12 @@ from ..gpu.wgsl.load import load
 from ..scene.check import check_scene
 from ..scene.scene import Light, Material, Scene, values_of
 from .area_cdf import AreaCdf
+from .deformation import Deformation
 from .direct_lights import build_direct_lights
 from .draw_list import DrawList, RasterMesh, build_draw_list
 from .emitter_tree import NO_EMITTERS, build_emitter_tree
 from .environment import EnvironmentUpload
+from .figures import Figures, figures_by_mesh
 from .instance_motion import InstanceMotion
 from .layers import is_clear, layer_features
 from .light_table import LightTable, build_light_table
@@ -65,6 +67,10 @@ class SceneUpload:
         self._unsent: set[str] = set()  # arrays of the hierarchy that changed, also in an update that failed
         self._materials = MaterialUpload(self.resources, self._dtypes["materials"], diffuse)
         self._environment = EnvironmentUpload(self.resources)
+        self._figures = Figures()
+        self.deformation = Deformation(device, self.resources)
+        self.deformation.reserve(0)
+        self._posed = False  # figures have new poses, also in an update that failed
         self._motion = InstanceMotion()
         self._motion_geometry = (-1, -1)  # versions of the geometry at the last two calls of `update_motion`
         # Data computed from the scene, each with a key of its inputs.
@@ -98,6 +104,11 @@ class SceneUpload:
         return self._geometry
 
     @property
+    def has_figures(self) -> bool:
+        """True if the device deforms any mesh."""
+        return bool(self._hierarchy.figures)
+
+    @property
     def light_table(self) -> tuple[NDArray[np.void], int]:
         """The records that light sampling chooses from, and how many of them are lights."""
         assert self._table is not None
@@ -110,10 +121,14 @@ class SceneUpload:
         limits.
         """
         check_scene(scene)
-        scene = _without_empty(scene)
+        self._figures.update(_without_empty(scene).instances)
+        self._posed |= self._figures.changed
+        scene = self._shown(scene)
         materials = scene.materials
         # Geometry: hierarchy, triangles, vertices and instances.
-        self._hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(materials)})
+        figures = figures_by_mesh(self._figures.known)
+        self._hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(materials)}, figures, self._posed)
+        self._motion.note_vertices(self._hierarchy)
         self._unsent |= self._hierarchy.changed
         self._raster_stale |= bool(self._hierarchy.changed & {"triangles", "vertices"})
         self._geometry += bool(self._hierarchy.changed)
@@ -132,6 +147,12 @@ class SceneUpload:
             if name in self._unsent or name not in self.resources:
                 send = self.resources.table if name in TABLES else self.resources.buffer
                 send(name, getattr(self._hierarchy, name))
+        # What the device deforms.
+        if figures and self._unsent & {"triangles", "vertices"}:
+            self.deformation.load(self._hierarchy)
+        if figures and (self._posed or self.deformation.due):
+            self.deformation.pose(self._posed)
+        self._posed = False
         self._unsent.clear()
         self.features = self._find_features(scene, materials)
         self._fill_info(scene, self._table)
@@ -139,14 +160,18 @@ class SceneUpload:
     def update_draws(self, scene: Scene) -> DrawList:
         """Return the draw list of raster passes, sent to the GPU if it changed; call after `update`."""
         if self._raster_stale or self.draws is None:
-            scene = _without_empty(scene)
+            scene = self._shown(scene)
             self.draws = build_draw_list(scene.instances, self._hierarchy, self._raster_meshes)
             for name in ("vertices", "sources", "indices", "slots"):
                 self.resources.buffer(f"raster_{name}", getattr(self.draws, name))
             self._raster_stale, self._placed = False, -1
         if self._placed != self._geometry:
-            self.draws.clusters.place(self._hierarchy.instances["world_from_local"])
+            instances = self._shown(scene).instances
+            posed = {k: f.box for k, i in enumerate(instances) if (f := self._hierarchy.figures.get(id(i.mesh)))}
+            self.draws.clusters.place(self._hierarchy.instances["world_from_local"], posed)
             self._placed = self._geometry
+        if self._hierarchy.figures:
+            self.deformation.draw(self.draws)
         return self.draws
 
     def direct_lights(self, scene: Scene, dtype: np.dtype, samples: int, use_range: bool) -> NDArray[np.void]:
@@ -154,7 +179,7 @@ class SceneUpload:
         ranges = [getattr(light, "range", None) for light in scene.lights]
         key = (samples, use_range, ranges, self._geometry, self._table_key)
         if key != self._direct[0]:
-            lights = build_direct_lights(_without_empty(scene), self._hierarchy, dtype, samples, use_range)
+            lights = build_direct_lights(self._shown(scene), self._hierarchy, dtype, samples, use_range)
             self._direct = (key, lights)
         return self._direct[1]
 
@@ -162,7 +187,7 @@ class SceneUpload:
         """Send the tree of emitters if it changed; return its number of leaves. Call after `update`."""
         key = (self._geometry, self._table_key)
         if key != self._emitters[0]:
-            tree, leaves = build_emitter_tree(_without_empty(scene), self._hierarchy)
+            tree, leaves = build_emitter_tree(self._shown(scene), self._hierarchy)
             self.resources.table("emitters", tree)
             self._emitters = (key, leaves)
         return self._emitters[1]
@@ -176,12 +201,12 @@ class SceneUpload:
     def surface_samples(self, scene: Scene) -> NDArray[np.float64]:
         """Return points spread over the surfaces, (n, 3) relative to the origin; call after `update`."""
         if self._samples is None or self._samples[0] != self._geometry:
-            self._samples = (self._geometry, sample_surfaces(_without_empty(scene).instances, self._hierarchy))
+            self._samples = (self._geometry, sample_surfaces(self._shown(scene).instances, self._hierarchy))
         return self._samples[1]
 
     def update_areas(self, scene: Scene, table: AreaCdf) -> None:
         """Update a CDF of areas; call after `update`."""
-        table.update(_without_empty(scene).instances, self._hierarchy)
+        table.update(self._shown(scene).instances, self._hierarchy)
 
     def update_solids(self, choice: str) -> None:
         """Send which triangles bound solids, if changed; `choice` as in `SolidMeshes.update`. Call after `update`."""
@@ -196,11 +221,13 @@ class SceneUpload:
         if self._motion_geometry == (self._geometry, self._geometry):
             return
         self._motion_geometry = (self._motion_geometry[1], self._geometry)
-        self.resources.records("before_from_now", self._motion.update(_without_empty(scene).instances, self.origin))
+        instances = self._shown(scene).instances
+        self.resources.records("before_from_now", self._motion.update(instances, self._hierarchy, self.deformation))
 
     def release(self) -> None:
         """Free all GPU memory; do not use this object any more."""
         self.resources.release()
+        self.deformation.release()
 
     def view(
         self,
@@ -241,6 +268,12 @@ class SceneUpload:
         view["clip_from_world"] = clip.T
         return view
 
+    def _shown(self, scene: Scene) -> Scene:
+        """Return the scene without empty instances, and with stand-ins for figures."""
+        kept = _without_empty(scene)
+        instances = self._figures.shown(kept.instances)
+        return kept if instances is kept.instances else Scene(instances, kept.lights, kept.environment)
+
     def _find_features(self, scene: Scene, materials: list[Material]) -> dict[str, bool]:
         """Return the HAS_ constants of shaders; pipelines leave out what the scene does not have."""
         emissive = any(emitted_radiance(m).any() for m in materials)
@@ -249,6 +282,7 @@ class SceneUpload:
         return {
             **layers,
             "HAS_INSTANCES": self._hierarchy.has_instances,
+            "HAS_DEFORMATION": bool(self._hierarchy.figures) or self._motion.has_moved_vertices,
             "HAS_BLENDS": any(m.alpha_mode == "blend" for m in materials),
             "HAS_SEE_THROUGH": any(is_see_through(m, self.diffuse) for m in materials),
             "HAS_TINTS": not self.diffuse and any(map(is_clear, materials)),

@@ -28,15 +28,14 @@ def sample_surfaces(instances: list[Instance], hierarchy: TwoLevelBvh, count: in
     areas, parts = [], []
     for instance in instances:
         place = hierarchy.placement(instance.mesh)
-        corners: NDArray = place.data.corners
-        if len(corners) > 4 * count:
-            # Every n-th triangle represents a large mesh; in leaf order this is a fair choice.
-            corners = corners[:: len(corners) // (2 * count)]
+        number = len(place.data.corners)
+        # Every n-th triangle represents a large mesh; in leaf order this is a fair choice.
+        corners: NDArray = place.corners(slice(None, None, number // (2 * count) if number > 4 * count else 1))
         matrix = np.asarray(instance.world_from_local, np.float64)
         corners = corners.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - hierarchy.origin)
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         parts.append(corners)
-        areas.append(area * (len(place.data.corners) / len(corners)))
+        areas.append(area * (number / len(corners)))
     # Give each triangle its share of the points.
     sums = np.array([float(area.sum()) for area in areas])
     if not sums.any():

@@ -4,6 +4,9 @@ A mesh with one instance that has not moved is baked: its triangles and nodes ar
 need no transform. A mesh with several instances, with one that has moved, or with other positions than at first is
 stored in local space, and rays enter it through its instances' transforms. Only the top level (`top_level`) is rebuilt
 when instances move. Node boxes are quantised (`node_quantization`).
+
+Figures, meshes that the device deforms (`deformation`), are stored in local space, behind all others and from the start
+of a table's row; the host has their boxes, and their nodes and triangles in the pose they were built in.
 """
 
 from __future__ import annotations
@@ -14,9 +17,11 @@ from numpy.typing import NDArray
 from ..scene.mesh_check import are_same, arrays_of
 from ..scene.scene import Instance, Mesh
 from .anchors import FLAG_BITS, anchor_triangles
+from .figures import Figure
 from .mesh_data import MASKED, NONE, MeshData, Placement, prepare_meshes
 from .mesh_trees import refit_tree
 from .node_quantization import QuantizationGrid
+from .resources import TABLE_WIDTH
 from .scene_origin import scene_origin
 from .see_through import has_openings
 from .top_level import OPEN_UP_TO, Subtrees, build_top_level, open_subtrees
@@ -33,6 +38,15 @@ MIN_STEPS = 4.0
 GROWTH = (
     1.5  # enlarges a grid that an instance has left, so that steady outward motion does not leave it in every frame
 )
+
+
+TEXELS = (3, 4, 2)  # of a node, a triangle and a vertex (wgsl/scene/geometry.wgsl)
+
+
+def start_of_row(count: int, texels: int) -> int:
+    """Return the first record from number `count` on that begins a row of its table."""
+    step = TABLE_WIDTH // int(np.gcd(TABLE_WIDTH, texels))
+    return -(-count // step) * step
 
 
 class TwoLevelBvh:
@@ -58,13 +72,24 @@ class TwoLevelBvh:
         self._prepared: dict[int, MeshData] = {}  # by id(mesh)
         self._places: dict[int, Placement] = {}  # by id(mesh)
         self._subtrees: Subtrees | None = None  # subtrees of the baked meshes; None: to be opened
+        self.moved_vertices: dict[int, NDArray[np.float32]] = {}  # positions before the last update, by id(mesh)
+        self.figures: dict[int, Figure] = {}  # by id(mesh)
+        self.first_figures = (0, 0, 0)  # node, triangle and vertex that figures begin at
         self._moved: set[int] = set()  # ids of instances that have moved since they were first seen
         self._layout: object = None
         self._materials: object = None
         self._matrices = np.zeros((0, 4, 4))
 
-    def update(self, instances: list[Instance], material_index: dict[int, int]) -> None:
+    def update(
+        self,
+        instances: list[Instance],
+        material_index: dict[int, int],
+        figures: dict[int, Figure] | None = None,
+        posed: bool = False,
+    ) -> None:
         """Update the arrays to `instances`; `material_index` numbers materials by id.
+
+        `figures`: those among the meshes, by id(mesh); `posed`: any of them has a new pose.
 
         Raises GiError for a mesh whose arrays do not fit together.
         """
@@ -74,14 +99,16 @@ class TwoLevelBvh:
         # of a deleted one; if their meshes are the same, it counts as the old instance after a move.
         layout = ([id(m) for m in meshes], [(id(i), id(i.mesh)) for i in instances])
         matrices = np.array([i.world_from_local for i in instances], np.float64).reshape(-1, 4, 4)
+        self.figures = figures or {}
         deformed = self._prepare(meshes)
         fit = all(self._places[key].holds(self._prepared[key]) for key in deformed)
         new_layout = layout != self._layout or not fit
-        if new_layout or deformed or not np.array_equal(matrices, self._matrices):
+        if new_layout or deformed or posed or not np.array_equal(matrices, self._matrices):
             boxes = self._world_boxes(instances, matrices)
             bounds = np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]) if len(boxes) else np.zeros((2, 3))
             self.radius = float(np.linalg.norm(bounds[1] - bounds[0]) / 2)
             drifted = np.abs(bounds.mean(0) - self.origin).max() > MAX_DRIFT * self.radius
+            self.moved_vertices = {}
             if new_layout or drifted:
                 # Otherwise the origin stays, so that moving one instance does not move all others relative to it.
                 used = [self._prepared[id(i.mesh)] for i in instances]
@@ -90,6 +117,9 @@ class TwoLevelBvh:
             else:
                 self._replace(deformed, instances)
                 self._unbake_moved(instances, matrices)
+            for place in self._places.values():
+                if place.figure is not None:
+                    place.grid = QuantizationGrid.around(place.figure.box)
             self.box = bounds - self.origin
             self.centre = self.box.mean(0)
             self._write_instances(instances, matrices)
@@ -132,6 +162,8 @@ class TwoLevelBvh:
         self._moved |= {id(i) for i in instances if id(i.mesh) in deformed}
         for key in deformed:
             place, data = self._places[key], self._prepared[key]
+            if place.data.arrays[1] is data.arrays[1]:
+                self.moved_vertices[key] = np.asarray(place.data.arrays[0], np.float32)
             if place.data.vertices is not data.vertices:
                 self.vertices[place.vertices] = data.vertices
                 self.changed |= {"vertices"}
@@ -145,7 +177,9 @@ class TwoLevelBvh:
 
     def _world_boxes(self, instances: list[Instance], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the boxes of all instances in the world, (n, 2, 3)."""
-        bounds = np.array([self._prepared[id(i.mesh)].bounds for i in instances], np.float64).reshape(-1, 2, 3)
+        meshes = [id(i.mesh) for i in instances]
+        boxes = [self.figures[m].box if m in self.figures else self._prepared[m].bounds for m in meshes]
+        bounds = np.array(boxes, np.float64).reshape(-1, 2, 3)
         # Arvo 1990, "Transforming Axis-Aligned Bounding Boxes".
         centre, half = bounds.mean(1), (bounds[:, 1] - bounds[:, 0]) / 2
         middle = np.einsum("nij,nj->ni", matrices[:, :3, :3], centre) + matrices[:, :3, 3]
@@ -159,17 +193,26 @@ class TwoLevelBvh:
         # Reserve the first nodes for the top level: a tree over at most so many subtrees and instances.
         node, triangle, vertex = OPEN_UP_TO + len(instances), 0, 0
         self._places = {}
-        for mesh in meshes:
-            d = self._prepared[id(mesh)]
+        rigid = len(meshes) - len(self.figures)
+        for number, mesh in enumerate(sorted(meshes, key=lambda m: id(m) in self.figures)):
+            d, figure = self._prepared[id(mesh)], self.figures.get(id(mesh))
+            if number == rigid:
+                # Begin rows of the tables.
+                node, triangle = start_of_row(node, TEXELS[0]), start_of_row(triangle, TEXELS[1])
+                vertex = start_of_row(vertex, TEXELS[2])
+                self.first_figures = node, triangle, vertex
             place = Placement(
                 d,
                 slice(node, node + len(d.bvh.child)),
                 slice(triangle, triangle + len(d.corners)),
                 slice(vertex, vertex + len(d.vertices)),
-                QuantizationGrid.around(d.bounds),
+                QuantizationGrid.around(d.bounds if figure is None else figure.box),
+                figure=figure,
             )
             node, triangle, vertex = place.nodes.stop, place.triangles.stop, place.vertices.stop
             self._places[id(mesh)] = place
+            if figure is not None:
+                figure.note_order(d.indices)
         # Allocate the arrays.
         self.nodes = np.zeros(node, self.dtypes["nodes"])
         self.triangles = np.zeros(max(triangle, 1), self.dtypes["triangles"])
@@ -184,7 +227,8 @@ class TwoLevelBvh:
         for key, place in self._places.items():
             self.vertices[place.vertices] = place.data.vertices
             first, *others = users[key]
-            if others or id(instances[first]) in self._moved or self._needs_own_grid(place, matrices[first]):
+            local = others or id(instances[first]) in self._moved or place.figure is not None
+            if local or self._needs_own_grid(place, matrices[first]):
                 self._write_local(place)
             else:
                 self._bake(place, first, matrices[first])

@@ -48,7 +48,7 @@ def declare_base(
     """
     if gbuffer is None:
         gbuffer = declare_gbuffer(graph, scene)[0]
-    motion = declare_motion(graph, scene, gbuffer, scene.before_from_now)
+    motion = declare_motion(graph, scene, gbuffer, scene.before)
     ambient = declare_environment(graph, settings.environment, scene, lobes=lobes, albedo=albedo)
     shadows = declare_shadow_maps(graph, scene)
     return Base(gbuffer, motion, ambient, shadows, declare_tint(graph, scene, gbuffer))

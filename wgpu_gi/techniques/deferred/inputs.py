@@ -36,14 +36,14 @@ class EmitterInputs:
 class DeferredInputs(RasterInputs):
     """The scene inputs of deferred techniques.
 
-    before_from_now: each instance's transform to the previous frame. frames: number of frames of a still picture; 1 in
-    previews. preview: the still picture starts over without this frame.
+    before: how instances and vertices have moved since the previous frame, by WGSL name. frames: number of frames of a
+    still picture; 1 in previews. preview: the still picture starts over without this frame.
     """
 
     direct: DirectInputs
     emitters: EmitterInputs
     shadows: ShadowDraws
-    before_from_now: Shared
+    before: dict[str, Shared]
     frames: int
     preview: bool
 

@@ -24,6 +24,7 @@ from .shadow_casters import Receivers
 from .shadow_draws import ShadowDraws
 from .shadow_views import ShadowSettings, build_shadow_views
 
+BEFORE = ("before_from_now", "before_positions")  # inputs of motion vectors
 SEQUENCE = load("scene/sequence.wgsl").struct_dtype("Sequence")
 
 
@@ -136,8 +137,8 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
     graph.uniform("still_sequence", np.array((number, number, ahead), SEQUENCE))
     graph.uniform("view", view)
     # Share the resources that passes bind.
-    names = ("light_table", "before_from_now", "emitters")
-    lights, motion, emitters = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
+    names = ("light_table", "emitters", *BEFORE)
+    lights, emitters, *before = (graph.share(f"scene/{name}", *upload.resources[name]) for name in names)
     records, version = upload.resources["shadow_views"]
     views = graph.share("scene/shadow_views", records, (version, state.shadows.version))
     raster = share_raster(graph, upload)
@@ -148,7 +149,7 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
         direct=direct,
         emitters=EmitterInputs(emitters, state.leaves),
         shadows=state.shadows,
-        before_from_now=motion,
+        before=dict(zip(BEFORE, before, strict=True)),
         frames=1 if shot.preview else shot.frames,
         preview=shot.preview and shot.frames > 1,
     )

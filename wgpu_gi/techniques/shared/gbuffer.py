@@ -177,8 +177,10 @@ def declare_tint(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer) -> Buffer 
     return tint
 
 
-def declare_motion(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer, before_from_now: Shared) -> Buffer:
+def declare_motion(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer, before: dict[str, Shared]) -> Buffer:
     """Declare the motion of each pixel's surface: (x, y, distance, valid) of `shared/gbuffer/motion.wgsl`.
+
+    `before`: how instances and vertices have moved since the previous frame, by WGSL name.
 
     Needs the uniform `view_before`: the previous frame's view.
     """
@@ -191,7 +193,8 @@ def declare_motion(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer, before_f
         over=(width, height),
         reads={
             "triangles": scene.surfaces["triangles"],
-            "before_from_now": before_from_now,
+            "instances": scene.surfaces["instances"],
+            **before,
             "visibility": gbuffer.visibility,
             "distance": gbuffer.distance,
         },

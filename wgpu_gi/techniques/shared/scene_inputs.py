@@ -42,7 +42,7 @@ class SceneInputs:
 
     def shape(self) -> tuple[object, ...]:
         """Return the values whose change forces the passes to be redeclared; contents of bound resources do not."""
-        return (tuple(self.features.items()), self.upload)
+        return (tuple(self.features.items()), self.upload, self.upload.has_figures)
 
 
 @dataclass
@@ -62,6 +62,14 @@ def declared_features(shader: str, features: dict[str, bool]) -> dict[str, bool]
     """Return those of the HAS_ constants that `shader` declares."""
     declared = load(shader).overrides
     return {name: value for name, value in features.items() if name in declared}
+
+
+def declare_deformation(graph: Graph, scene: SceneInputs) -> None:
+    """List the deformation of skinned and morphed meshes, which runs before all passes."""
+    if scene.upload.has_figures:
+        graph.outside("deform", scene.upload.deformation)
+    else:
+        graph.skip("deform", "no mesh is skinned or morphed")
 
 
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:

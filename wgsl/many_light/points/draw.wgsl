@@ -1,8 +1,8 @@
 // Draws points on the scene's surfaces in proportion to their area, by inverse transform sampling of cumulative areas:
 // first the instance, then the triangle of its mesh, then the place in it, by a low-discrepancy sequence.
 //
-// Exact: where a transform stretches a mesh unevenly, triangles are drawn by their area before it, and each point's
-// represented area corrects for that.
+// Exact: where a transform or a pose stretches a mesh unevenly, triangles are drawn by their area before it, and each
+// point's represented area corrects for that.
 #import "scene/surface.wgsl"
 #import "scene/see_through.wgsl"
 #import "common/random.wgsl"
@@ -14,7 +14,7 @@ struct AreaInstance {
     first: u32,        // first triangle of its mesh
     count: u32,        // of triangles
     instance: u32,     // of the scene, which transforms the triangles; NONE: they are in world space
-    local_area: f32,   // of the mesh before the transform, m2
+    local_area: f32,   // of the mesh before the transform, m2; 0: of a deformed mesh, `area_cdf` alone tells the shares
 }
 
 @group(1) @binding(11) var<storage, read> area_instances: array<AreaInstance>;
@@ -74,7 +74,10 @@ fn store_point(slot: u32, index: u32, count: u32, seed: u32) {
         edge2 = world_from_local * vec4f(edge2, 0.0);
     }
     let area = 0.5 * length(cross(edge1, edge2));
-    let share = area * placed.local_area / max(stored_area * placed.share * f32(count), 1e-37);
+    var share = area * placed.local_area / max(stored_area * placed.share * f32(count), 1e-37);
+    if (placed.local_area == 0.0) {
+        share = area / max((upto - before) * placed.share * f32(count), 1e-37);
+    }
     // Of the points on see-through surfaces, as many are open as light passes.
     var open = false;
     if (is_see_through(t.material)) {

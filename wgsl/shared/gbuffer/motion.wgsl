@@ -1,15 +1,26 @@
-// One invocation computes a pixel's motion vector from the previous frame's camera and transforms.
+// One invocation computes a pixel's motion vector from the previous frame's camera, transforms and vertices.
 //
-// In: visibility, distance, transforms. Out: x, y the surface's motion over the picture since the previous frame,
+// In: visibility, distance, transforms, previous positions of deformed meshes. Out: x, y the surface's motion over the picture since the previous frame,
 // pixels, right and down; z its distance along the previous camera's ray, metres; w 1 if it was in front of it, else
 // 0. The sky moves by the camera's rotation only; its z is 0.
 #import "shared/gbuffer/visible_surface.wgsl"
 
 @group(0) @binding(2) var<uniform> view_before: View;
 @group(1) @binding(11) var<storage, read_write> motion: array<vec4f>;
-// Transforms an instance's current world positions to its previous ones.
-@group(1) @binding(12) var<storage, read> before_from_now: array<mat4x3f>;
+@group(1) @binding(12) var<storage, read> before_from_now: array<Motion>;  // by instance
+@group(1) @binding(13) var<storage, read> before_positions: array<f32>;    // of deformed meshes, local, 3 a vertex
 @group(1) @binding(31) var distance: texture_2d<f32>;
+
+struct Motion {
+    transform: mat4x3f,  // from current to previous world positions; of a deformed mesh, from previous local ones
+    first_vertex: u32,   // vertex that `before_positions` begins with for this mesh; NONE: it is not deformed
+}
+
+override HAS_DEFORMATION: bool = true;
+
+fn before_position(vertex: u32) -> vec3f {
+    return vec3f(before_positions[3u * vertex], before_positions[3u * vertex + 1u], before_positions[3u * vertex + 2u]);
+}
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -23,8 +34,16 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let is_seen = seen.x != NONE;
     var position = ray.origin + ray.direction * textureLoad(distance, pixel, 0).r;
     if (is_seen) {
-        let own = load_triangle(seen.x).instance;
-        position = before_from_now[select(own, seen.y, own == NONE)] * vec4f(position, 1.0);
+        let t = load_triangle(seen.x);
+        let instance = select(t.instance, seen.y, t.instance == NONE);
+        let first = before_from_now[instance].first_vertex;
+        if (HAS_DEFORMATION && first != NONE) {
+            // The same point of the triangle.
+            let weights = hit_weights(t, hit_on_triangle(ray, t, seen.x, seen.y));
+            position = (1.0 - weights.x - weights.y) * before_position(t.corners.x - first)
+                + weights.x * before_position(t.corners.y - first) + weights.y * before_position(t.corners.z - first);
+        }
+        position = before_from_now[instance].transform * vec4f(position, 1.0);
     }
     // The sky is a direction: infinitely far, it has no parallax.
     let point = select(vec4f(ray.direction, 0.0), vec4f(position, 1.0), is_seen);
