@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .pictures.image import load_image, save_image
     from .renderer import Renderer, Settings
     from .rendering import render
+    from .scene.animation import Animation, Attachment, Channel, Node, Skeleton, Track
     from .scene.files.environment_files import load_environment
     from .scene.load import load
     from .scene.scene import (
@@ -31,8 +32,10 @@ if TYPE_CHECKING:
         Instance,
         Material,
         Mesh,
+        MorphTarget,
         PointLight,
         Scene,
+        Skin,
         SpotLight,
         Texture,
     )
@@ -40,7 +43,10 @@ if TYPE_CHECKING:
 
 
 __all__ = [
+    "Animation",
+    "Attachment",
     "Camera",
+    "Channel",
     "DirectionalLight",
     "Environment",
     "GiError",
@@ -49,12 +55,17 @@ __all__ = [
     "Instance",
     "Material",
     "Mesh",
+    "MorphTarget",
+    "Node",
     "PointLight",
     "Renderer",
     "Scene",
     "Settings",
+    "Skeleton",
+    "Skin",
     "SpotLight",
     "Texture",
+    "Track",
     "__version__",
     "load",
     "load_environment",
@@ -73,6 +84,7 @@ _MODULE_OF_NAME = {
     "Renderer": "renderer",
     "Settings": "renderer",
     "render": "rendering",
+    **dict.fromkeys(("Animation", "Attachment", "Channel", "Node", "Skeleton", "Track"), "scene.animation"),
     "load": "scene.load",
     "load_environment": "scene.files.environment_files",
     "show": "viewer.notebook",

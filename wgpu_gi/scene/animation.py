@@ -112,9 +112,9 @@ class Animation(KnownAttributes):
 
     @property
     def duration(self) -> float:
-        """Seconds to the last key of all channels."""
+        """Seconds from 0 to the last key of all channels."""
         tracks = [t for c in self.channels for t in (c.track, c.factor) if t is not None]
-        return max((float(t.times[-1]) for t in tracks), default=0.0)
+        return max(0.0, *(float(t.times[-1]) for t in tracks), 0.0)
 
 
 def chosen_animation(animations: list[Animation], choice: str | int | None = None) -> Animation:

@@ -8,6 +8,7 @@ transform stays invertible; where a transform leaves the range of coordinates, t
 
 from __future__ import annotations
 
+import hashlib
 from copy import copy
 from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol
@@ -206,7 +207,8 @@ def _batches(channels: list[Channel]) -> list[_Batch]:
     groups: dict[tuple[Any, ...], list[Channel]] = {}
     for channel in channels:
         track = channel.track
-        key = (track.times.tobytes(), track.interpolation, track.values.shape, channel.path, type(channel.target))
+        times = hashlib.blake2b(track.times.tobytes(), digest_size=16).digest()
+        key = (times, track.interpolation, track.values.shape, channel.path, type(channel.target))
         groups.setdefault(key, []).append(channel)
     batches = []
     for group in groups.values():

@@ -41,6 +41,11 @@ class Motion:
         self._document = document
         self._accessors = accessors
         self._nodes = nodes
+        self._lights = document.named_objects(
+            document.root.extension_or_empty("KHR_lights_punctual").values("lights"), "lights"
+        )
+        self._seconds: dict[int, NDArray[np.float64]] = {}  # the times of keys, by accessor
+        self._target_counts: dict[int, int] = {}  # by mesh
         self._descriptions = document.array("animations")
         self._channels = [self._read(description) for description in self._descriptions]
         every = [(what.kind, what.index, what.path) for channels in self._channels for what, _ in channels]
@@ -95,7 +100,8 @@ class Motion:
         """Return the animations that move something, after all parts were told."""
         found = []
         for description, changes in zip(self._descriptions, self._channels, strict=True):
-            channels = [channel for what, track in changes for channel in self._bound(what, track, changes)]
+            emission = {(what.index, what.path): track for what, track in changes if what.path in _EMISSION}
+            channels = [channel for what, track in changes for channel in self._bound(what, track, emission)]
             if channels:
                 name = description.text("name")
                 found.append(Animation(name, channels, self._attachments, self._skeletons))
@@ -103,19 +109,17 @@ class Motion:
                 self._document.notes.add(f"{description.where} was left out: it moves nothing that is shown.")
         return found
 
-    def _bound(self, what: Property, track: Track, changes: list[tuple[Property, Track]]) -> list[Channel]:
-        """Return the channels that change a property of all parts that have it."""
+    def _bound(self, what: Property, track: Track, emission: dict[tuple[int, str], Track]) -> list[Channel]:
+        """Return the channels that change a property of all parts that have it; `emission`: of materials, by path."""
         if what.kind == "node" and what.path != "morph_weights":
             return [Channel(self._nodes.frames[what.index], what.path, track)]
         parts, factor = self._parts.get((what.kind, what.index), []), None
         path = what.path
         if path in _EMISSION:
-            others = {
-                w.path: t for w, t in changes if (w.kind, w.index) == (what.kind, what.index) and w.path in _EMISSION
-            }
-            if path == "emission_strength" and "emission" in others:
+            if path == "emission_strength" and (what.index, "emission") in emission:
                 return []  # the channel of the emission has it as its factor
-            path, (track, factor) = "emission", self._emission(what, track, others.get("emission_strength"))
+            gain = emission.get((what.index, "emission_strength"))
+            path, (track, factor) = "emission", self._emission(what, track, gain)
             parts = parts[:1]  # further ones are copies for points, which do not glow
         return [Channel(part, path, track, factor, what.part) for part in parts if path in fields_of(part)]
 
@@ -134,15 +138,18 @@ class Motion:
     def _read(self, description: JsonObject) -> list[tuple[Property, Track]]:
         """Return what the channels of an animation change, and their tracks; others are left out, with notes."""
         samplers = description.objects("samplers")
-        found: dict[Property, Track] = {}
+        found: list[tuple[Property, Track]] = []
+        aims: dict[tuple[str, int, str], set[int | None]] = {}  # the elements of each property that have a channel
         for channel in description.objects("channels"):
             with self._document.leaving_out("the channel"):
                 what = self._target(channel.child("target"))
-                if any(_overlap(what, other) for other in found):
+                parts = aims.setdefault((what.kind, what.index, what.path), set())
+                if parts and (what.part is None or not parts.isdisjoint({None, what.part})):
                     raise channel.error("another channel of the animation has the same target")
                 sampler = samplers[channel.index("sampler", len(samplers), "samplers")]
-                found[what] = self._track(sampler, what)
-        return list(found.items())
+                found.append((what, self._track(sampler, what)))
+                parts.add(what.part)
+        return found
 
     def _target(self, target: JsonObject) -> Property:
         """Return the property that a channel aims at. Raises Damage."""
@@ -163,11 +170,7 @@ class Motion:
 
     def _check(self, target: JsonObject, what: Property) -> None:
         """Raise Damage unless the property exists, and may be animated."""
-        if what.kind == "light":
-            extension = self._document.root.extension_or_empty("KHR_lights_punctual")
-            owners = self._document.named_objects(extension.values("lights"), "lights")
-        else:
-            owners = self._document.array(_ARRAYS[what.kind])
+        owners = self._lights if what.kind == "light" else self._document.array(_ARRAYS[what.kind])
         if what.index >= len(owners):
             raise target.error(f"it aims at {what.kind} {what.index}, and there are {len(owners)}")
         owner = owners[what.index]
@@ -193,21 +196,30 @@ class Motion:
             if found is None:
                 return 0
             index = found
-        return target_count(meshes[index])
+        if index not in self._target_counts:
+            self._target_counts[index] = target_count(meshes[index])
+        return self._target_counts[index]
+
+    def _times(self, sampler: JsonObject) -> NDArray[np.float64]:
+        """Return the times of the keys of a sampler, in seconds. Raises Damage for times that cannot be played."""
+        index = sampler.index("input", len(self._accessors), "accessors")
+        if index not in self._seconds:
+            times = self._accessors.read(index)
+            if times.shape[1] != 1 or times.dtype.kind != "f":
+                raise sampler.error("input must hold floats (SCALAR)")
+            if not 1 <= len(times) <= MOST_KEYS:
+                raise sampler.error(f"it has {len(times)} keys; there must be from 1 to {MOST_KEYS}")
+            self._document.budget.take(8 * len(times), sampler.where)
+            seconds = times[:, 0].astype(np.float64)
+            if not np.isfinite(seconds).all() or (np.diff(seconds) < 0).any():
+                raise sampler.error("the times of its keys must be finite and increase")
+            self._seconds[index] = seconds
+        return self._seconds[index]
 
     def _track(self, sampler: JsonObject, what: Property) -> Track:
         """Return the track of a sampler. Raises Damage for keys that cannot be played."""
-        # Read the times.
-        times = self._accessors.read(sampler.index("input", len(self._accessors), "accessors"))
-        count = len(times)
-        if times.shape[1] != 1 or times.dtype.kind != "f":
-            raise sampler.error("input must hold floats (SCALAR)")
-        if not 1 <= count <= MOST_KEYS:
-            raise sampler.error(f"it has {count} keys; there must be from 1 to {MOST_KEYS}")
-        seconds = times[:, 0].astype(np.float64)
-        if not np.isfinite(seconds).all() or (np.diff(seconds) < 0).any():
-            raise sampler.error("the times of its keys must be finite and increase")
-        # Read the values.
+        seconds = self._times(sampler)
+        count = len(seconds)
         interpolation: Any = sampler.choice("interpolation", _INTERPOLATIONS, "LINEAR")
         values = self._accessors.read(sampler.index("output", len(self._accessors), "accessors"))
         width = self._target_count(what) if what.width is None else what.width
@@ -219,7 +231,7 @@ class Motion:
             raise sampler.error(f"output must have {rows} elements of {columns} numbers, not {values.shape}")
         if values.dtype.kind != "f":
             raise sampler.error("output must hold floats or normalized integers")
-        self._document.budget.take(8 * (values.size + count), sampler.where)
+        self._document.budget.take(8 * values.size, sampler.where)
         doubles = values.astype(np.float64) * what.scale
         limit = MAX_COORDINATE if what.kind == "node" else LARGEST_LIGHT
         if not (np.abs(doubles) <= limit).all():  # false for NaN, too
@@ -229,9 +241,3 @@ class Motion:
         if what.path == "rotation" and not quaternions.any(axis=1).all():
             raise sampler.error("a rotation is the zero quaternion")
         return Track(seconds, keys, interpolation)
-
-
-def _overlap(one: Property, other: Property) -> bool:
-    """Tell whether two properties are the same, or one is an element of the other."""
-    same = (one.kind, one.index, one.path) == (other.kind, other.index, other.path)
-    return same and (one.part == other.part or one.part is None or other.part is None)
