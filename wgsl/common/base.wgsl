@@ -39,7 +39,10 @@ struct Brdf {
 }
 
 fn brdf_metallic_roughness(base_color: vec3f, metallic: f32, roughness: f32) -> Brdf {
-    let alpha = max(roughness * roughness, MIN_ALPHA);
+    return brdf_metallic_alpha(base_color, metallic, max(roughness * roughness, MIN_ALPHA));
+}
+
+fn brdf_metallic_alpha(base_color: vec3f, metallic: f32, alpha: f32) -> Brdf {
     let fit = fit_coat(alpha);
     // Schlick's formula has a cosine-weighted hemispherical mean of (20 F0 + 1) / 21.
     let fresnel = (20.0 * base_color + 1.0) / 21.0;

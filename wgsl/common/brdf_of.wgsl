@@ -2,26 +2,31 @@
 #import "common/base.wgsl"
 #import "common/sheen.wgsl"
 
+// Returns whether light that passes the surface is refracted into a volume.
+fn is_solid(layers: Layers) -> bool {
+    return HAS_VOLUMES && layers.thickness > 0.0 && layers.transmission > 0.0;
+}
+
 // Returns the BRDF of a material seen from one side. `normal`: shading, unit, world space, facing the viewer; `outside`:
 // the viewer is on the counter-clockwise side, outside a solid.
 fn brdf_of(
     base_color: vec3f, metallic: f32, roughness: f32, layers: Layers, normal: vec3f, outside: bool
 ) -> Brdf {
-    var b = brdf_metallic_roughness(base_color, metallic, roughness);
+    let across = max(roughness * roughness, MIN_ALPHA);
+    let anisotropy = select(0.0, layers.anisotropy, HAS_ANISOTROPY);
+    let along = mix(across, 1.0, anisotropy * anisotropy);
+    var b = brdf_metallic_alpha(base_color, metallic, select(across, sqrt(along * across), HAS_ANISOTROPY));
     let frame = frame_from_normal(normal);
-    let is_solid = HAS_VOLUMES && layers.thickness > 0.0 && layers.transmission > 0.0;
+    let solid = is_solid(layers);
     let has_interface = abs(layers.ior - 1.0) > LEAST_CONTRAST;
     if (HAS_SPECULAR) {
         // Equal media have no interface; an opaque dielectric keeps the grazing reflection that Khronos gives it.
-        let seen = select(1.0, 0.0, is_solid && !has_interface);
+        let seen = select(1.0, 0.0, solid && !has_interface);
         b.f0 = mix(layers.f0 * seen, base_color, metallic);
         b.f90 = mix(layers.f90 * seen, 1.0, metallic);
         b.fit = fit_of_dielectric(b.fit, max3(layers.f0) * seen, layers.f90 * seen);
     }
-    if (HAS_ANISOTROPY && layers.anisotropy > 0.0) {
-        let across = b.alpha;
-        let along = mix(across, 1.0, layers.anisotropy * layers.anisotropy);
-        b.alpha = sqrt(along * across);
+    if (HAS_ANISOTROPY && anisotropy > 0.0) {
         b.stretch = sqrt(along / across);
         let tangent = (layers.tangent * frame).xy;
         b.tangent = normalize_or(vec3f(tangent, 0.0), vec3f(1.0, 0.0, 0.0)).xy;
@@ -37,7 +42,7 @@ fn brdf_of(
     if (HAS_TRANSMISSION) {
         b.transmitted = base_color * (layers.transmission * (1.0 - metallic));
         b.diffuse *= 1.0 - layers.transmission;
-        if (is_solid && has_interface) {
+        if (solid && has_interface) {
             b.eta = select(1.0 / layers.ior, layers.ior, outside);
             // Light inside a solid does not meet the matte share of its surface.
             b.diffuse *= select(0.0, 1.0, outside);

@@ -2,6 +2,7 @@
 // shadow ray to send, and the light that arrives at the camera if nothing blocks it.
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
+#import "reference/medium.wgsl"
 #import "reference/weights.wgsl"
 
 // A path's hit on a surface.
@@ -12,6 +13,7 @@ struct PathVertex {
     w_o: vec3f,          // in the frame, unit
     throughput: vec3f,   // of the path up to here, over its densities
     density: f32,        // of this point by the path's own rays, 1/m2; 0: the camera ray's hit
+    medium: Medium,      // on the viewer's side
 }
 
 // The hit of a light ray.
@@ -20,6 +22,7 @@ struct LightVertex {
     position: vec3f,
     offset: f32,             // of rays that leave it, metres; below 0: there is no hit
     normal: vec3f,           // shading, on the light's side, unbent
+    brdf_normal: vec3f,      // shading, facing the light, of the BRDF's frame
     bumped: bool,
     ray_density: f32,        // of the light ray, 1/m2
     geometric_normal: vec3f,
@@ -43,23 +46,34 @@ fn light_vertex(surface: Surface, sent: LightRay, squared_distance: f32, cosine:
     let falloff = select(1.0 / squared_distance, 1.0, sent.parallel);
     let to_light = -sent.ray.direction;
     return LightVertex(
-        surface_brdf(surface), surface.position, surface.offset, surface.unbent_normal, surface.bumped,
-        sent.ray_density * cosine * falloff, surface.geometric_normal, sent.pdf / falloff, to_light,
-        sent.flux / cosine);
+        surface_brdf(surface), surface.position, surface.offset, surface.unbent_normal, surface.normal,
+        surface.bumped, sent.ray_density * cosine * falloff, surface.geometric_normal, sent.pdf / falloff,
+        to_light, sent.flux / cosine);
+}
+
+// Returns the cosine of a direction; for surfaces that light may pass, its size.
+fn passing_cosine(normal: vec3f, direction: vec3f) -> f32 {
+    let cosine = dot(normal, direction);
+    return select(cosine, abs(cosine), HAS_TRANSMISSION);
 }
 
 // Connects a vertex with a point of a light (N): next-event estimation. `choice` picks the light, `u` the point.
 fn connect_light(v: PathVertex, choice: f32, u: vec2f) -> Connection {
     let light = sample_light(v.surface.position, choice, u);
-    let f = evaluate_brdf(v.brdf, v.w_o, light.direction * v.frame);
-    let cosine = dot(v.surface.normal, light.direction);
-    let faces = light.limit > 0.0 && f.w > 0.0 && cosine > 0.0;
+    let w_i = light.direction * v.frame;
+    let f = evaluate_brdf(v.brdf, v.w_o, w_i);
+    let cosine = passing_cosine(v.surface.normal, light.direction);
+    let faces = light.limit > 0.0 && f.w > 0.0 && cosine > 0.0 && sides_agree(v.surface, v.brdf, light.direction, w_i);
     if (!faces) {
         return no_connection();
     }
     let ray_density = light.ray_density * abs(dot(v.surface.geometric_normal, light.direction));
     let weight = weight_of_light(light.pdf, f.w, v.density, ray_density);
-    let radiance = v.throughput * f.rgb * cosine * light.weighted * weight;
+    var radiance = v.throughput * f.rgb * cosine * light.weighted * weight;
+    if (HAS_VOLUMES && light.limit < INFINITELY_FAR) {
+        let medium = medium_beyond(v.surface, light.direction, v.medium);
+        radiance *= volume_transmittance(medium.absorption, length(light.to_light));
+    }
     if (max3(radiance) > 0.0) {
         let start = leave_surface(v.surface, light.direction);
         // Shift only the start; the end stays.
@@ -75,25 +89,36 @@ fn connect_light_vertex(v: PathVertex, lit: LightVertex) -> Connection {
     let squared = dot(between, between);
     let direction = normalize_or(between, v.surface.normal);
     // Both surfaces scatter: f at the path's vertex, g at the light ray's.
-    let f = evaluate_brdf(v.brdf, v.w_o, direction * v.frame);
-    let cosine = dot(v.surface.normal, direction);
+    let w_i = direction * v.frame;
+    let f = evaluate_brdf(v.brdf, v.w_o, w_i);
+    let cosine = passing_cosine(v.surface.normal, direction);
     // The normal at the light ray's hit is the one that a path from here finds.
     let outward = dot(lit.geometric_normal, direction) < 0.0;
     let across = outward != (dot(lit.geometric_normal, lit.to_light) > 0.0);
     let side = select(-lit.geometric_normal, lit.geometric_normal, outward);
     let lit_normal = facing_normal(select(lit.normal, -lit.normal, across), side, -direction, lit.bumped);
     let lit_frame = frame_from_normal(lit_normal);
-    let g = evaluate_brdf(lit.brdf, -direction * lit_frame, lit.to_light * lit_frame);
+    var lit_brdf = lit.brdf;
+    if (HAS_LAYERS) {
+        lit_brdf = turned_brdf(lit.brdf, frame_from_normal(lit.brdf_normal), lit_frame, across);
+    }
+    let from_lit = lit.to_light * lit_frame;
+    let g = evaluate_brdf(lit_brdf, -direction * lit_frame, from_lit);
     let lit_cosine = abs(dot(lit.geometric_normal, direction));
     let faces = f.w > 0.0 && g.w > 0.0 && cosine > 0.0 && squared > 0.0;
-    if (!faces) {
+    let passes = !HAS_TRANSMISSION || max3(lit_brdf.transmitted) <= 0.0 || across == (from_lit.z < 0.0);
+    if (!faces || !passes || !sides_agree(v.surface, v.brdf, direction, w_i)) {
         return no_connection();
     }
     let own_density = f.w * lit_cosine / squared;
     let weight = weight_of_light_ray(lit.light_pdf, g.w, own_density, lit.ray_density);
     // N applies the shading normal's cosine to the light, too.
-    let arriving = lit.flux * max(dot(lit_normal, lit.to_light), 0.0);
-    let radiance = v.throughput * f.rgb * g.rgb * arriving * (cosine * lit_cosine / squared * weight);
+    let arriving = lit.flux * max(passing_cosine(lit_normal, lit.to_light), 0.0);
+    var radiance = v.throughput * f.rgb * g.rgb * arriving * (cosine * lit_cosine / squared * weight);
+    if (HAS_VOLUMES) {
+        let medium = medium_beyond(v.surface, direction, v.medium);
+        radiance *= volume_transmittance(medium.absorption, sqrt(squared));
+    }
     if (max3(radiance) > 0.0) {
         let start = leave_surface(v.surface, direction);
         let end = offset_origin(lit.position, lit.geometric_normal, lit.offset, -direction);

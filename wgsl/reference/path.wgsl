@@ -16,6 +16,7 @@
 #import "reference/connect.wgsl"
 #import "reference/camera_visibility.wgsl"
 #import "reference/pixel_of.wgsl"
+#import "reference/arriving.wgsl"
 
 // Only surfaces that the picture shows send light, as if there were no others: the best that screen space can find.
 override VISIBLE_ONLY: bool = false;
@@ -95,6 +96,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
     var from_light = false;                   // the ray in flight is a light's
     var light_ray = LightRay(Ray(vec3f(0.0), vec3f(0.0)), vec3f(0.0), 0.0, false, 0.0);
     var lit: LightVertex;
+    var medium = air();                       // of the ray in flight, at its start
     var rays: Rays;                           // limits of 0: none in flight
     var pending_a = vec3f(0.0);               // radiance if the first shadow ray is unoccluded
     var pending_b = vec3f(0.0);
@@ -117,6 +119,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             rays.index = done + sample - 1u;
             path_radiance = vec3f(0.0);
             lit.offset = -1.0;
+            medium = air();
             from_light = use_light_rays;
             if (use_light_rays) {
                 light_ray = sample_light_ray(
@@ -137,6 +140,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             rays.limit = FLOAT_MAX;
             rays.seed = pixel_seed | 1u;
             throughput = vec3f(1.0);
+            medium = air();
             depth = 0u;
             origin_density = 0.0;
         }
@@ -185,6 +189,12 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
 
         throughput *= found.hit.tint;
         light_ray.flux *= found.hit.tint;
+        if (HAS_VOLUMES && hit_something) {
+            medium = medium_before(surface, medium);
+            let left = volume_transmittance(medium.absorption, found.hit.distance);
+            throughput *= left;
+            light_ray.flux *= left;
+        }
         if (from_light) {
             // Keep the light ray's hit for the vertices of the coming path.
             if (sends && (surface.flags & UNLIT) == 0u) {
@@ -194,21 +204,8 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         }
 
         // Add the emission that the ray has hit (B).
-        var arriving: vec3f;
-        var light_pdf = 0.0;
-        var light_density = 0.0;   // of a light ray at the previous vertex, 1/m2
-        if (hit_something) {
-            arriving = surface.emission;
-            if ((surface.flags & UNLIT) != 0u) {
-                arriving = select(vec3f(0.0), surface.base_color, depth == 0u);
-            }
-            light_pdf = surface.emitter_pdf * squared_distance / cosine_in;
-            light_density = cosine_in * INV_PI * side_share((surface.flags & DOUBLE_SIDED) != 0u) / squared_distance;
-        } else {
-            arriving = environment_radiance(rays.main.direction) * select(1.0, view.background, depth == 0u);
-            light_pdf = environment_pdf(rays.main.direction);
-            light_density = parallel_density();
-        }
+        let met = arriving_at(surface, hit_something, rays.main.direction, squared_distance, cosine_in, depth == 0u);
+        let arriving = met.radiance;
         // Glass covers a share of the environment.
         let covered = select(select(0.0, 1.0 - luminance(throughput), HAS_TINTS), 1.0, hit_something);
         hits += select(0.0, covered, depth == 0u);
@@ -217,9 +214,9 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
                 sum_emission += throughput * arriving;
                 path_radiance += throughput * arriving;
             } else {
-                let density = light_density * abs(dot(origin_normal, rays.main.direction));
+                let density = met.ray_density * abs(dot(origin_normal, rays.main.direction));
                 let weighted = throughput * arriving
-                    * weight_of_hit(bsdf_pdf, light_pdf, origin_density, density);
+                    * weight_of_hit(bsdf_pdf, met.light_pdf, origin_density, density);
                 path_radiance += weighted;
                 sum_direct += select(vec3f(0.0), weighted, depth == 1u);
                 sum_indirect += select(weighted, vec3f(0.0), depth == 1u);
@@ -238,7 +235,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         let brdf = surface_brdf(surface);
         let frame = frame_from_normal(surface.normal);
         let vertex = PathVertex(
-            surface, brdf, frame, -rays.main.direction * frame, throughput, origin_density);
+            surface, brdf, frame, -rays.main.direction * frame, throughput, origin_density, medium);
         if (has_lights) {
             let to_light = connect_light(vertex, choices.x, sobol_2d(index, hash2(pixel_seed, dimension + 2u)));
             rays.shadow_a = to_light.ray;
@@ -262,19 +259,21 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             continue;
         }
         let carried = throughput * next.weight;
-        if (!is_finite(carried)) {
+        let direction = normalize(frame * next.w_i);
+        if (!is_finite(carried) || !sides_agree(surface, brdf, direction, next.w_i)) {
             continue;
         }
+        medium = medium_beyond(surface, direction, medium);
         var survival = 1.0;
         if (depth > ROULETTE_FROM) {
-            survival = min(max3(carried), MAX_SURVIVAL);
+            // Radiance is smaller in air than in a solid by the square of the index.
+            survival = min(max3(carried) * medium.squared_index, MAX_SURVIVAL);
             if (unit_float(hash2(pixel_seed ^ 0x9e3779b9u, hash2(index, depth))) >= survival) {
                 continue;
             }
         }
         throughput *= next.weight / survival;
         bsdf_pdf = next.pdf;
-        let direction = normalize(frame * next.w_i);
         rays.main = Ray(leave_surface(surface, direction), direction);
         rays.limit = FLOAT_MAX;
         rays.seed = hash2(pixel_seed, depth) | 1u;
