@@ -16,6 +16,7 @@
 #import "common/layers.wgsl"
 #import "common/ggx.wgsl"
 #import "common/coat_albedo.wgsl"
+#import "common/anisotropy.wgsl"
 #import "common/interface.wgsl"
 #import "common/clearcoat.wgsl"
 
@@ -27,7 +28,8 @@ struct Brdf {
     multiple: vec3f,          // F_ms, of light that the coat scatters more than once
     fit: CoatFit,             // of the coat's directional albedo; its f0 and f90 are those of the dielectric
     f90: f32,                 // reflectance at grazing incidence
-    stretch: f32,             // alpha along the tangent over `alpha`, and `alpha` over that across
+    stretch: f32,             // alpha along the tangent over `alpha`, and `alpha` over that across; 1: isotropic
+    stretched_fit: CoatFit,   // in place of `fit`, of the anisotropic lobe
     tangent: vec2f,           // direction of stretch, unit, local x and y
     clearcoat: Clearcoat,     // share 0: none
     sheen: vec3f,             // colour; 0: none
@@ -44,14 +46,19 @@ fn brdf_metallic_roughness(base_color: vec3f, metallic: f32, roughness: f32) -> 
 
 fn brdf_metallic_alpha(base_color: vec3f, metallic: f32, alpha: f32) -> Brdf {
     let fit = fit_coat(alpha);
-    // Schlick's formula has a cosine-weighted hemispherical mean of (20 F0 + 1) / 21.
-    let fresnel = (20.0 * base_color + 1.0) / 21.0;
-    let multiple = fresnel * fresnel * (metallic * (1.0 - fit.mean_missing)) / (1.0 - fresnel * fit.mean_missing);
+    let multiple = multiple_albedo(base_color, metallic, fit.mean_missing);
     var b = brdf_lobe(alpha, mix(vec3f(DIELECTRIC_F0), base_color, metallic));
     b.diffuse = base_color * (1.0 - metallic);
     b.multiple = multiple;
     b.fit = fit;
     return b;
+}
+
+// Returns F_ms.
+fn multiple_albedo(base_color: vec3f, metallic: f32, mean_missing: f32) -> vec3f {
+    // Schlick's formula has a cosine-weighted hemispherical mean of (20 F0 + 1) / 21.
+    let fresnel = (20.0 * base_color + 1.0) / 21.0;
+    return fresnel * fresnel * (metallic * (1.0 - mean_missing)) / (1.0 - fresnel * mean_missing);
 }
 
 fn brdf_lambert(albedo: vec3f) -> Brdf {
@@ -64,8 +71,8 @@ fn brdf_lambert(albedo: vec3f) -> Brdf {
 // Returns a GGX lobe alone, which scatters once.
 fn brdf_lobe(alpha: f32, f0: vec3f) -> Brdf {
     return Brdf(
-        vec3f(0.0), alpha, f0, true, vec3f(0.0), no_coat(), 1.0, 1.0, vec2f(1.0, 0.0), no_clearcoat(), vec3f(0.0), 1.0,
-        vec3f(0.0), 1.0, no_coat(), 0.0);
+        vec3f(0.0), alpha, f0, true, vec3f(0.0), no_coat(), 1.0, 1.0, no_coat(), vec2f(1.0, 0.0), no_clearcoat(),
+        vec3f(0.0), 1.0, vec3f(0.0), 1.0, no_coat(), 0.0);
 }
 
 // Returns the lobe's widths along its axes.
@@ -151,10 +158,19 @@ fn sample_multiple(alpha: f32, u: vec2f) -> vec3f {
 
 // Returns f_r of the base for directions above the surface. `o`: the coat's loss towards w_o.
 fn base_reflects(b: Brdf, w_o: vec3f, o: CoatLoss, w_i: vec3f) -> vec3f {
-    let i = coat_loss(b.fit, b.alpha, w_i.z);
     let h = normalize(w_i + w_o);
-    let glossy = fresnel_of(b, dot(w_i, h)) * lobe_of(b, b.alpha, w_o, w_i, h) + multiple_scattering(b, i, o);
-    return b.diffuse * (INV_PI * transmitted_share(b, i, o)) + glossy;
+    let once = fresnel_of(b, dot(w_i, h)) * lobe_of(b, b.alpha, w_o, w_i, h);
+    if (HAS_ANISOTROPY && b.stretch > 1.0) {
+        var stretched = b;
+        stretched.fit = b.stretched_fit;
+        let axes = lobe_axes(b, b.alpha);
+        let to_i = anisotropic_loss(b.stretched_fit, axes, to_axes(b, w_i));
+        let to_o = anisotropic_loss(b.stretched_fit, axes, to_axes(b, w_o));
+        return b.diffuse * (INV_PI * transmitted_share(stretched, to_i, to_o)) + once
+            + multiple_scattering(stretched, to_i, to_o);
+    }
+    let i = coat_loss(b.fit, b.alpha, w_i.z);
+    return b.diffuse * (INV_PI * transmitted_share(b, i, o)) + (once + multiple_scattering(b, i, o));
 }
 
 // Probabilities of the base's lobes that samples are drawn from; that of multiple scattering is the rest.

@@ -3,7 +3,7 @@
 #import "common/sheen.wgsl"
 
 // Returns whether light that passes the surface is refracted into a volume.
-fn is_solid(layers: Layers) -> bool {
+fn has_volume(layers: Layers) -> bool {
     return HAS_VOLUMES && layers.thickness > 0.0 && layers.transmission > 0.0;
 }
 
@@ -17,7 +17,7 @@ fn brdf_of(
     let along = mix(across, 1.0, anisotropy * anisotropy);
     var b = brdf_metallic_alpha(base_color, metallic, select(across, sqrt(along * across), HAS_ANISOTROPY));
     let frame = frame_from_normal(normal);
-    let solid = is_solid(layers);
+    let solid = has_volume(layers);
     let has_interface = abs(layers.ior - 1.0) > LEAST_CONTRAST;
     if (HAS_SPECULAR) {
         // Equal media have no interface; an opaque dielectric keeps the grazing reflection that Khronos gives it.
@@ -28,6 +28,8 @@ fn brdf_of(
     }
     if (HAS_ANISOTROPY && anisotropy > 0.0) {
         b.stretch = sqrt(along / across);
+        b.stretched_fit = fit_anisotropic(vec2f(along, across), b.fit.f0, b.fit.f90);
+        b.multiple = multiple_albedo(base_color, metallic, b.stretched_fit.mean_missing);
         let tangent = (layers.tangent * frame).xy;
         b.tangent = normalize_or(vec3f(tangent, 0.0), vec3f(1.0, 0.0, 0.0)).xy;
     }

@@ -18,6 +18,9 @@ struct Passed {
 
 // Returns the share of a thin wall's transmitted light that its microfacets scatter again.
 fn thin_again(b: Brdf, cos_o: f32) -> f32 {
+    if (HAS_ANISOTROPY && b.stretch > 1.0) {
+        return 0.0;  // it is lost
+    }
     let loss = coat_loss(b.transmitted_fit, b.transmitted_alpha, cos_o);
     return saturate(loss.missing / max(loss.transmitted, 1e-6));
 }
@@ -28,7 +31,8 @@ fn thin_passes(b: Brdf, w_o: vec3f, w_i: vec3f) -> Passed {
     let h = normalize(mirrored + w_o);
     let i = coat_loss(b.transmitted_fit, alpha, mirrored.z);
     let o = coat_loss(b.transmitted_fit, alpha, w_o.z);
-    let again = INV_PI * i.missing * o.missing / b.transmitted_fit.mean_missing;
+    let is_lost = HAS_ANISOTROPY && b.stretch > 1.0;
+    let again = select(INV_PI * i.missing * o.missing / b.transmitted_fit.mean_missing, 0.0, is_lost);
     let once = unreflected(b, dot(mirrored, h)) * lobe_of(b, alpha, w_o, mirrored, h);
     let pdf = mix(lobe_pdf(b, alpha, w_o, h), multiple_pdf(alpha, mirrored.z), thin_again(b, w_o.z));
     return Passed(b.transmitted * (once + again), pdf);

@@ -17,7 +17,7 @@ fn air() -> Medium {
 
 // Returns the medium that a ray which arrives at a surface has travelled in. `m`: that at its start.
 fn medium_before(s: Surface, m: Medium) -> Medium {
-    if (is_solid(s.layers) && !s.front) {
+    if (has_volume(s.layers) && !s.front) {
         return Medium(s.layers.attenuation, s.layers.ior * s.layers.ior);
     }
     return m;
@@ -30,7 +30,7 @@ fn crosses(s: Surface, direction: vec3f) -> bool {
 
 // Returns the medium in a direction from a surface. `m`: that on the viewer's side.
 fn medium_beyond(s: Surface, direction: vec3f, m: Medium) -> Medium {
-    if (is_solid(s.layers) && crosses(s, direction)) {
+    if (has_volume(s.layers) && crosses(s, direction)) {
         if (s.front) {
             return Medium(s.layers.attenuation, s.layers.ior * s.layers.ior);
         }
