@@ -215,6 +215,19 @@ def rough_texture(scene):
     material(scene, "ball").metallic_roughness_texture = Texture(Image(pixels(6)))
 
 
+def layers(scene):
+    ball = material(scene, "ball")
+    ball.clearcoat, ball.clearcoat_roughness, ball.ior = 0.8, 0.2, 1.8
+    ball.sheen_color, ball.sheen_roughness, ball.anisotropy = (0.5, 0.3, 0.1), 0.4, 0.7
+
+
+def layer_texture(scene):
+    """The texture of a clear coat; that of a sheen, which the material lacks, is not sent."""
+    floor = material(scene, "floor")
+    floor.clearcoat, floor.clearcoat_texture = 1.0, Texture(Image(pixels(8)))
+    floor.sheen_color_texture = Texture(Image(pixels(9)))
+
+
 def sampler(scene):
     material(scene, "floor").base_color_texture.wrap_u = "mirror"
     material(scene, "floor").base_color_texture.scale = (2.0, 3.0)
@@ -262,6 +275,8 @@ CHANGES = [
     (other_texture, {"atlas_srgb"}, {"materials"}, True),
     (larger_texture, {"atlas_srgb", "materials"}, set(), True),
     (rough_texture, {"atlas_linear", "materials"}, set(), True),
+    (layers, {"materials"}, set(), True),
+    (layer_texture, {"atlas_linear", "materials"}, set(), True),
     (sampler, {"materials", "atlas_srgb"}, set(), True),
     (environment, {"environment", "environment_cdf"}, {"lights", "materials"}, True),
     (environment_turns, set(), set(), True),

@@ -17,6 +17,7 @@ from ..records import KnownAttributes
 from .animation import Animation, chosen_animation
 from .arrays import mesh_arrays
 from .deformation import is_deformed, posed_positions
+from .layers import described_materials
 from .parts import (
     DirectionalLight,
     Environment,
@@ -186,7 +187,7 @@ class Scene(KnownAttributes):
             "triangles": f"{self.triangle_count:,}",
             "size in metres": " x ".join(f"{length:.4g}" for length in high - low),
             "centre": ", ".join(f"{value:.4g}" for value in (low + high) / 2),
-            "materials": str(len(self.materials)),
+            "materials": described_materials(self.materials),
             "lights": ", ".join(f"{count} {name}" for name, count in lights.items()) or "none",
             "emissive materials": str(sum(max(material.emission) > 0 for material in self.materials)),
             "environment": "none" if self.environment is None else self.environment.name or "yes",

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..gpu.wgsl.load import load
+from ..scene.layers import LAYERS, layers_of
 from ..scene.scene import Material, Texture
 
 SHADER = load("scene/materials.wgsl").constants | load("common/layers.wgsl").constants
@@ -18,39 +19,21 @@ CLEAR_ROUGHNESS = float(SHADER["CLEAR_ROUGHNESS"])
 LEAST_TRANSMITTANCE = 1e-38  # of a volume, over the attenuation distance: its absorption is finite
 
 
-def has_specular(m: Material) -> bool:
-    """Tell whether a dielectric reflects otherwise than at an index of refraction of 1.5."""
-    has_texture = m.specular_texture is not None or m.specular_color_texture is not None
-    return has_texture or (m.ior, m.specular, *m.specular_color) != (1.5, 1.0, 1.0, 1.0, 1.0)
-
-
-# Whether a material has a layer, by the shaders' feature, and the names of its textures.
-LAYERS = {
-    "HAS_SPECULAR": (has_specular, ("specular", "specular_color")),
-    "HAS_CLEARCOAT": (lambda m: m.clearcoat > 0, ("clearcoat", "clearcoat_roughness", "clearcoat_normal")),
-    "HAS_SHEEN": (lambda m: max(m.sheen_color) > 0, ("sheen_color", "sheen_roughness")),
-    "HAS_ANISOTROPY": (lambda m: m.anisotropy > 0, ("anisotropy",)),
-    "HAS_TRANSMISSION": (lambda m: m.transmission > 0, ("transmission",)),
-    "HAS_VOLUMES": (lambda m: m.transmission > 0 and m.thickness > 0, ("thickness",)),
-}
-
-
-def layers_of(material: Material) -> list[str]:
-    """Return the features of the layers that a material has."""
-    return [] if material.unlit else [name for name, (has, _) in LAYERS.items() if has(material)]
+FEATURES = {name: "HAS_VOLUMES" if name == "volume" else f"HAS_{name.upper()}" for name in LAYERS}
 
 
 def layer_features(materials: Sequence[Material]) -> dict[str, bool]:
     """Return the features of layers that any material has; shaders leave out the others."""
     found = {name for m in materials for name in layers_of(m)}
     maps = any(True for m in materials for _ in layer_textures(m))
-    return {name: name in found for name in LAYERS} | {"HAS_LAYERS": bool(found), "HAS_LAYER_MAPS": maps}
+    features = {feature: name in found for name, feature in FEATURES.items()}
+    return features | {"HAS_LAYERS": bool(found), "HAS_LAYER_MAPS": maps}
 
 
 def layer_textures(material: Material) -> Iterator[tuple[int, Texture]]:
     """Yield slot and texture of the layers that a material has."""
-    for feature in layers_of(material):
-        for name in LAYERS[feature][1]:
+    for layer in layers_of(material):
+        for name in LAYERS[layer][1]:
             texture = getattr(material, f"{name}_texture")
             if texture is not None:
                 yield int(SHADER[f"{name.upper()}_SLOT"]), texture

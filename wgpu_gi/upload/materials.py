@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from ..errors import warn_of
 from ..gpu.wgsl.load import load
+from ..scene.layers import layers_of
 from ..scene.scene import Material, Texture
-from .layers import is_clear, layer_textures, layers_of, pack_layers
+from .layers import is_clear, layer_textures, pack_layers
 from .light_values import emitted_radiance
 from .mip_levels import Content
 from .resources import GpuResources

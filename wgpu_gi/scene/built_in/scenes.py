@@ -15,6 +15,7 @@ import numpy as np
 from ...camera import Camera
 from ...errors import GiError, known_names
 from ..scene import DirectionalLight, Environment, Instance, Light, Material, Mesh, PointLight, Scene, SpotLight
+from .balls import materials
 from .shapes import Point3, arch, box, grid, prism, quad, quads, sphere
 from .walk import walk
 
@@ -310,4 +311,5 @@ BUILTIN_SCENES: dict[str, Callable[[], Scene]] = {
     "curtain": curtain,
     "courtyard": courtyard,
     "walk": walk,
+    "materials": materials,
 }
