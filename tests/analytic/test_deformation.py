@@ -302,11 +302,23 @@ def test_a_scene_at_another_time_keeps_its_figures():
     floor, wall = (i.mesh for i in room().instances)
     again = Scene([Instance(floor), Instance(wall), moving])
     upload.update(again)
-    for step in range(3):
+    assert upload._figures.known == first
+    for step in range(4):
         copies = [replace(i) for i in again.instances]
         copies[-1].joint_matrices = bent(0.1 * step)
+        copies[0].world_from_local = np.diag([1.0 + step, 1, 1, 1])
         upload.update(Scene(copies))
+        upload.update_motion(Scene(copies))
+        upload.deformation.run()
         assert upload._figures.known == first
+    # Instances have moved since the scene before.
+    found = upload._motion.update(upload._shown(Scene(copies)).instances, upload._hierarchy, upload.deformation)
+    assert found["transform"][0, 0, 0] == 1.0
+    copies = [replace(i) for i in copies]
+    copies[0].world_from_local = np.diag([8.0, 1, 1, 1])
+    upload.update(Scene(copies))
+    found = upload._motion.update(upload._shown(Scene(copies)).instances, upload._hierarchy, upload.deformation)
+    assert found["transform"][0, 0, 0] == 0.5
     upload.release()
 
 

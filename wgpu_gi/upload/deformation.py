@@ -34,6 +34,7 @@ from .two_level_bvh import TEXELS, TwoLevelBvh
 FOLDER = "scene/deform/"
 GROUP = 256  # threads of a workgroup
 UNIFORM_STRIDE = 256  # bytes, WebGPU's alignment of uniform buffers' offsets
+POSITION = 16  # bytes of a posed vertex
 TABLES = ("nodes", "triangles", "vertices")
 
 
@@ -83,7 +84,7 @@ class Deformation(Work):
         vertices = [(place.figure, place.vertices.start - self._firsts[2]) for place in self._places]
         if vertices != self._vertices:
             self._vertices, self._fresh = vertices, True
-            size = 12 * (self._places[-1].vertices.stop - self._firsts[2]) if self._places else 0
+            size = POSITION * (self._places[-1].vertices.stop - self._firsts[2]) if self._places else 0
             self._posed = self._room(self._posed, size)
             self.reserve(0)
         # The bind poses.
@@ -118,9 +119,9 @@ class Deformation(Work):
         The buffer keeps what it holds of figures.
         """
         posed = 0 if self._posed is None else self._posed.size
-        name, size = "before_positions", posed + 12 * count
+        name, size = "before_positions", posed + POSITION * count
         if name in self._resources and self._resources[name][0].size >= size:
-            return posed // 12
+            return posed // POSITION
         new = self._room(None, size)
         if name in self._resources:
             old = self._resources[name][0]
@@ -128,12 +129,14 @@ class Deformation(Work):
             encoder.copy_buffer_to_buffer(old, 0, new, 0, min(old.size, new.size))
             self._gpu.queue.submit([encoder.finish()])
         self._resources.set(name, new)
-        return posed // 12
+        return posed // POSITION
 
     def send_before(self, first: int, positions: NDArray[np.float32]) -> None:
         """Send earlier positions to `before_positions`, from vertex `first` on."""
         buffer, _ = self._resources["before_positions"]
-        self._gpu.queue.write_buffer(buffer, 12 * first, np.ascontiguousarray(positions, np.float32))
+        padded = np.zeros((len(positions), 4), np.float32)
+        padded[:, :3] = positions
+        self._gpu.queue.write_buffer(buffer, POSITION * first, padded)
         self._resources.touch("before_positions")
 
     def draw(self, draws: DrawList) -> None:

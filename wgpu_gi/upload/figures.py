@@ -121,10 +121,15 @@ class Figure:
 
 
 class Figures:
-    """The figures of a scene, kept while their instances or, in a new scene of the same meshes, their places stay."""
+    """The figures of a scene, kept while their instances stay.
+
+    A new scene whose instances have the same meshes in the same order, such as the scene at another time, keeps them,
+    too: then each of its instances stands for the one before it in its place.
+    """
 
     def __init__(self) -> None:
         self._instances: list[Instance] = []
+        self._shown: list[Instance] = []  # what stands for each instance: itself, a figure's stand-in, or a copy
         self._figures: list[Figure | None] = []
         self._rest: WeakKeyDictionary[Mesh, RestPose] = WeakKeyDictionary()
         self.changed = False  # the last update has new figures or new poses
@@ -136,30 +141,46 @@ class Figures:
 
     def update(self, instances: list[Instance]) -> None:
         """Find the figures among instances, and take over their poses."""
-        before = {id(i): figure for i, figure in zip(self._instances, self._figures, strict=True)}
-        # Instances of another scene with the same meshes, such as a scene at another time, keep the figures.
-        is_new = not any(id(i) in before for i in instances)
-        same_places = is_new and [i.mesh for i in instances] == [i.mesh for i in self._instances]
+        place = {id(i): number for number, i in enumerate(self._instances)}
+        continues = (
+            bool(instances)
+            and not any(id(i) in place for i in instances)
+            and [i.mesh for i in instances] == [i.mesh for i in self._instances]
+        )
         self.changed = False
         found: list[Figure | None] = []
+        shown: list[Instance] = []
         for number, instance in enumerate(instances):
-            figure = self._figures[number] if same_places else before.get(id(instance))
+            before = number if continues else place.get(id(instance))
+            figure = None if before is None else self._figures[before]
             if figure is None or not figure.serves(instance):
                 figure = self._new(instance)
                 self.changed |= figure is not None
             else:
                 self.changed |= figure.pose(instance)
                 figure.review()
+            found.append(figure)
             if figure is not None:
                 figure.stand_in.mesh.materials = instance.mesh.materials
-            found.append(figure)
-        self._instances, self._figures = list(instances), found
+                shown.append(figure.stand_in)
+            else:
+                shown.append(instance if before is None else self._rigid(instance, before))
+        self._instances, self._figures, self._shown = list(instances), found, shown
 
     def shown(self, instances: list[Instance]) -> list[Instance]:
-        """Return the instances of the last update, with stand-ins for figures."""
-        if not any(self._figures):
-            return instances
-        return [i if f is None else f.stand_in for i, f in zip(instances, self._figures, strict=True)]
+        """Return what stands for the instances, which are those of the last update."""
+        return instances if self._shown == instances else self._shown
+
+    def _rigid(self, instance: Instance, before: int) -> Instance:
+        """Return what stands for an instance that is not deformed, and was in place `before`."""
+        if instance is self._instances[before] and self._shown[before] is instance:
+            return instance
+        # The instance of an earlier scene may still be in use, so a copy stands for both.
+        copy = self._shown[before]
+        if self._figures[before] is not None or copy is self._instances[before]:
+            copy = Instance(instance.mesh)
+        copy.mesh, copy.world_from_local, copy.name = instance.mesh, instance.world_from_local, instance.name
+        return copy
 
     def _new(self, instance: Instance) -> Figure | None:
         """Return a figure of an instance, None if it is not deformed."""

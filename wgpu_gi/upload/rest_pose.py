@@ -40,7 +40,11 @@ class RestPose:
         self.joints = int(self._joints.max()) + 1
         self._targets = [_values(t.positions, self.count) for t in mesh.morph_targets]
         self.targets = len(self._targets)
-        self.parts = {"NORMALS": mesh.normals is not None, "TANGENTS": mesh.tangents is not None}
+        self.parts = {
+            "NORMALS": mesh.normals is not None,
+            "TANGENTS": mesh.tangents is not None,
+            "MORPHS": self.targets > 0,
+        }
         self.records = self._records(mesh)
         self._bound()
 

@@ -29,8 +29,9 @@ def sample_surfaces(instances: list[Instance], hierarchy: TwoLevelBvh, count: in
     for instance in instances:
         place = hierarchy.placement(instance.mesh)
         number = len(place.data.corners)
-        # Every n-th triangle represents a large mesh; in leaf order this is a fair choice.
-        corners: NDArray = place.corners(slice(None, None, number // (2 * count) if number > 4 * count else 1))
+        # Every n-th triangle represents a large mesh; in leaf order this is a fair choice. Figures are posed for it.
+        most = 4 * count if place.figure is None else count // 2
+        corners: NDArray = place.corners(slice(None, None, number // (most // 2) if number > most else 1))
         matrix = np.asarray(instance.world_from_local, np.float64)
         corners = corners.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - hierarchy.origin)
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)

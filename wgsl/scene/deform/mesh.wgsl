@@ -12,16 +12,9 @@ struct Range {
     grid_scale: vec3f,   // steps per metre
 }
 
-const ANCHOR_WORD: u32 = 0u;  // words of a triangle, 16 in all
-const EDGE1_WORD: u32 = 4u;
-const EDGE2_WORD: u32 = 8u;
-const FLAGS_WORD: u32 = 11u;
-const CORNERS_WORD: u32 = 12u;
-
 @group(1) @binding(0) var<uniform> params: Range;
-@group(1) @binding(1) var<storage, read> posed: array<f32>;  // 3 a vertex, metres
+@group(1) @binding(1) var<storage, read> posed: array<vec4f>;  // metres, local
 
 fn posed_position(vertex: u32) -> vec3f {
-    let at = 3u * (vertex - params.first_vertex);
-    return vec3f(posed[at], posed[at + 1u], posed[at + 2u]);
+    return posed[vertex - params.first_vertex].xyz;
 }

@@ -15,6 +15,7 @@ struct Params {
 // Each is compiled out if the mesh has none.
 override NORMALS: bool = true;
 override TANGENTS: bool = true;
+override MORPHS: bool = true;
 
 struct RestVertex {
     position: vec3f,       // metres from the centre of the mesh; the matrices expect that
@@ -44,8 +45,8 @@ struct Morph {
 @group(1) @binding(3) var<storage, read> morphs: array<Morph>;
 @group(1) @binding(4) var<storage, read> matrices: array<vec4f>;  // 3 rows a joint
 @group(1) @binding(5) var<storage, read> morph_weights: array<f32>;
-@group(1) @binding(6) var<storage, read_write> posed: array<f32>;     // 3 a vertex
-@group(1) @binding(7) var<storage, read_write> vertices: array<u32>;  // 8 a vertex, as Vertex of `scene/geometry.wgsl`
+@group(1) @binding(6) var<storage, read_write> posed: array<vec4f>;
+@group(1) @binding(7) var<storage, read_write> vertices: array<vec4u>;  // 2 a vertex, as Vertex of `scene/geometry.wgsl`
 
 // Returns the code of a direction of any length, as `upload/mesh_data.py`; the zero vector encodes +Z.
 fn direction_code(v: vec3f) -> u32 {
@@ -71,13 +72,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let is_smooth = any(normal != vec3f(0.0));
     let has_tangent = any(tangent != vec3f(0.0));
     // Displace it; targets without weight are not read.
-    let morphs_end = rest[index + 1u].first_morph;
-    for (var m = rest[index].first_morph; m < morphs_end; m += 1u) {
-        let weight = morph_weights[params.first_weight + morphs[m].number];
-        if (weight != 0.0) {
-            position += weight * morphs[m].position;
-            normal += weight * morphs[m].normal;
-            tangent += weight * morphs[m].tangent;
+    if (MORPHS) {
+        let morphs_end = rest[index + 1u].first_morph;
+        for (var m = rest[index].first_morph; m < morphs_end; m += 1u) {
+            let weight = morph_weights[params.first_weight + morphs[m].number];
+            if (weight != 0.0) {
+                position += weight * morphs[m].position;
+                normal += weight * morphs[m].normal;
+                tangent += weight * morphs[m].tangent;
+            }
         }
     }
     // Blend the matrices of its joints.
@@ -94,14 +97,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     // Write the result.
     let out = params.first_vertex + index;
-    posed[3u * out] = dot(x.xyz, position) + x.w;
-    posed[3u * out + 1u] = dot(y.xyz, position) + y.w;
-    posed[3u * out + 2u] = dot(z.xyz, position) + z.w;
+    let point = vec4f(position, 1.0);
+    posed[out] = vec4f(dot(x, point), dot(y, point), dot(z, point), 0.0);
     if (is_smooth) {
-        vertices[8u * out] = direction_code(vec3f(dot(x.xyz, normal), dot(y.xyz, normal), dot(z.xyz, normal)));
+        vertices[2u * out].x = direction_code(vec3f(dot(x.xyz, normal), dot(y.xyz, normal), dot(z.xyz, normal)));
     }
     if (has_tangent) {
         let code = direction_code(vec3f(dot(x.xyz, tangent), dot(y.xyz, tangent), dot(z.xyz, tangent)));
-        vertices[8u * out + 1u] = (code & 0xfffffffeu) | rest[index].flipped;
+        vertices[2u * out].y = (code & 0xfffffffeu) | rest[index].flipped;
     }
 }

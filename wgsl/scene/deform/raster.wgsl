@@ -4,7 +4,7 @@
 #import "scene/deform/mesh.wgsl"
 
 @group(1) @binding(2) var<storage, read> raster_sources: array<u32>;
-@group(1) @binding(3) var<storage, read_write> raster_vertices: array<u32>;
+@group(1) @binding(3) var<storage, read_write> raster_vertices: array<vec4u>;
 
 @compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -12,8 +12,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let index = params.first + id.x;
-    let position = bitcast<vec3u>(posed_position(raster_sources[index]));
-    raster_vertices[4u * index] = position.x;
-    raster_vertices[4u * index + 1u] = position.y;
-    raster_vertices[4u * index + 2u] = position.z;
+    let position = posed_position(raster_sources[index]);
+    raster_vertices[index] = vec4u(bitcast<vec3u>(position), raster_vertices[index].w);
 }

@@ -4,8 +4,9 @@
 #import "scene/deform/mesh.wgsl"
 #import "common/math.wgsl"
 
-@group(1) @binding(2) var<storage, read_write> triangles: array<u32>;
+@group(1) @binding(2) var<storage, read_write> triangles: array<vec4u>;  // 4 each: anchor and material, edges, corners
 
+const NONE: u32 = 0xffffffffu;  // its instance transforms it
 const FLAG_BITS: u32 = 4u;
 const WEIGHT_BITS: u32 = 14u;
 const STEPS: f32 = 16384.0;
@@ -41,24 +42,19 @@ fn nearest_weights(first: vec3f, edge1: vec3f, edge2: vec3f) -> vec2f {
     return select(best, inside, is_inside && length(first + inside.x * edge1 + inside.y * edge2) < least);
 }
 
-fn write(word: u32, v: vec3f) {
-    triangles[word] = bitcast<u32>(v.x);
-    triangles[word + 1u] = bitcast<u32>(v.y);
-    triangles[word + 2u] = bitcast<u32>(v.z);
-}
-
 @compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= params.count) {
         return;
     }
-    let record = 16u * (params.first + id.x);
-    var anchor = posed_position(triangles[record + CORNERS_WORD]);
-    let b = posed_position(triangles[record + CORNERS_WORD + 1u]);
-    let c = posed_position(triangles[record + CORNERS_WORD + 2u]);
+    let record = 4u * (params.first + id.x);
+    let corners = triangles[record + 3u];
+    var anchor = posed_position(corners.x);
+    let b = posed_position(corners.y);
+    let c = posed_position(corners.z);
     let edge1 = b - anchor;
     let edge2 = c - anchor;
-    var flags = triangles[record + FLAGS_WORD] & ((1u << FLAG_BITS) - 1u);
+    var flags = triangles[record + 2u].w & ((1u << FLAG_BITS) - 1u);
     // Large triangles are stored relative to their point nearest to the origin, if that is much nearer.
     let extent = max(max(anchor, b), c) - min(min(anchor, b), c);
     if (max3(extent) > 0.5 * max3(abs(anchor))) {
@@ -69,8 +65,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             flags |= (u32(weights.x) << FLAG_BITS) | (u32(weights.y) << (FLAG_BITS + WEIGHT_BITS));
         }
     }
-    write(record + ANCHOR_WORD, anchor);
-    write(record + EDGE1_WORD, edge1);
-    write(record + EDGE2_WORD, edge2);
-    triangles[record + FLAGS_WORD] = flags;
+    triangles[record] = vec4u(bitcast<vec3u>(anchor), triangles[record].w);
+    triangles[record + 1u] = vec4u(bitcast<vec3u>(edge1), NONE);
+    triangles[record + 2u] = vec4u(bitcast<vec3u>(edge2), flags);
 }

@@ -8,7 +8,7 @@
 @group(0) @binding(2) var<uniform> view_before: View;
 @group(1) @binding(11) var<storage, read_write> motion: array<vec4f>;
 @group(1) @binding(12) var<storage, read> before_from_now: array<Motion>;  // by instance
-@group(1) @binding(13) var<storage, read> before_positions: array<f32>;    // of deformed meshes, local, 3 a vertex
+@group(1) @binding(13) var<storage, read> before_positions: array<vec4f>;  // of deformed meshes, local
 @group(1) @binding(31) var distance: texture_2d<f32>;
 
 struct Motion {
@@ -17,10 +17,6 @@ struct Motion {
 }
 
 override HAS_DEFORMATION: bool = true;
-
-fn before_position(vertex: u32) -> vec3f {
-    return vec3f(before_positions[3u * vertex], before_positions[3u * vertex + 1u], before_positions[3u * vertex + 2u]);
-}
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -40,8 +36,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         if (HAS_DEFORMATION && first != NONE) {
             // The same point of the triangle.
             let weights = hit_weights(t, hit_on_triangle(ray, t, seen.x, seen.y));
-            position = (1.0 - weights.x - weights.y) * before_position(t.corners.x - first)
-                + weights.x * before_position(t.corners.y - first) + weights.y * before_position(t.corners.z - first);
+            let corners = t.corners - first;
+            position = (1.0 - weights.x - weights.y) * before_positions[corners.x].xyz
+                + weights.x * before_positions[corners.y].xyz + weights.y * before_positions[corners.z].xyz;
         }
         position = before_from_now[instance].transform * vec4f(position, 1.0);
     }
