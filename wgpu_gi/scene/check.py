@@ -6,7 +6,6 @@ A message names the value as Python does: `scene.lights[2].intensity must be a n
 from __future__ import annotations
 
 import math
-from dataclasses import fields
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -15,49 +14,14 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..errors import GiError
-from ..float_limits import (
-    LARGEST_FACTOR,
-    LARGEST_HEIGHT,
-    LARGEST_IOR,
-    LARGEST_LIGHT,
-    LARGEST_YFOV,
-    MAX_COORDINATE,
-    SMALLEST_DISTANCE,
-    SMALLEST_HEIGHT,
-    SMALLEST_YFOV,
-)
+from ..float_limits import LARGEST_HEIGHT, LARGEST_LIGHT, LARGEST_YFOV, MAX_COORDINATE, SMALLEST_HEIGHT, SMALLEST_YFOV
 from ..webgpu_limits import MAX_TEXTURE_SIDE
 from .animation import Animation
 from .animation_check import animation_fault
+from .material_check import material_fault, named
 from .mesh_check import materials_fault, mesh_fault, pose_fault, posed_reach, reach_of
-from .rules import (
-    Rule,
-    array,
-    choice,
-    fault_of,
-    flag,
-    instance_of,
-    is_number,
-    items,
-    number,
-    optional,
-    shown,
-    text,
-    vector,
-)
-from .scene import (
-    DirectionalLight,
-    Environment,
-    Image,
-    Instance,
-    Light,
-    Material,
-    Mesh,
-    PointLight,
-    Scene,
-    SpotLight,
-    Texture,
-)
+from .rules import Rule, array, fault_of, instance_of, items, number, optional, shown, text, vector
+from .scene import DirectionalLight, Environment, Instance, Light, Mesh, PointLight, Scene, SpotLight
 
 # float64 cannot invert a transform whose determinant is below this, with its largest entry scaled to 1.
 SINGULAR = 1e-15
@@ -89,55 +53,6 @@ _ENVIRONMENT = {
     "rotation": number(unit="radians"),
     "name": text,
 }
-_TEXTURES = tuple(field.name for field in fields(Material) if field.name.endswith("_texture"))
-_FRACTION = number(0, 1)
-_FRACTIONS = vector(3, 0, 1)
-_IOR_WORDS = f"0 or a number from 1 to {LARGEST_IOR:g}"
-_DISTANCE = number(SMALLEST_DISTANCE, MAX_COORDINATE, "metres")
-_MATERIAL = {
-    "name": text,
-    "base_color": vector(4, 0, 1),
-    "metallic": _FRACTION,
-    "roughness": _FRACTION,
-    "emission": _COLOR,
-    "alpha_mode": choice("opaque", "mask", "blend"),
-    "alpha_cutoff": number(-LARGEST_FACTOR, LARGEST_FACTOR),
-    "double_sided": flag,
-    "unlit": flag,
-    "normal_scale": number(-LARGEST_FACTOR, LARGEST_FACTOR),
-    "ior": Rule(lambda v: is_number(v) and (v == 0 or number(1, LARGEST_IOR).allows(v)), _IOR_WORDS),
-    "specular": _FRACTION,
-    "specular_color": vector(3, 0, LARGEST_FACTOR),
-    "clearcoat": _FRACTION,
-    "clearcoat_roughness": _FRACTION,
-    "clearcoat_normal_scale": number(-LARGEST_FACTOR, LARGEST_FACTOR),
-    "sheen_color": _FRACTIONS,
-    "sheen_roughness": _FRACTION,
-    "transmission": _FRACTION,
-    "thickness": number(0, MAX_COORDINATE, "metres"),
-    "attenuation_distance": Rule(
-        lambda v: v is None or v == math.inf or _DISTANCE.allows(v), f"None or {_DISTANCE.words}"
-    ),
-    "attenuation_color": _FRACTIONS,
-    "anisotropy": _FRACTION,
-    "anisotropy_rotation": number(unit="radians"),
-    **dict.fromkeys(_TEXTURES, optional(instance_of(Texture))),
-}
-_PAIR = vector(2, -LARGEST_FACTOR, LARGEST_FACTOR)
-_WRAP = choice("repeat", "clamp", "mirror")
-_TEXTURE = {
-    "image": instance_of(Image),
-    "wrap_u": _WRAP,
-    "wrap_v": _WRAP,
-    "filter": choice("linear", "nearest"),
-    "min_filter": optional(choice("linear", "nearest")),
-    "mip_filter": choice("linear", "nearest", "none"),
-    "texcoord": choice(0, 1),
-    "offset": _PAIR,
-    "scale": _PAIR,
-    "rotation": number(unit="radians"),
-}
-_IMAGE = {"pixels": array("uint8 or uint16", None, None, 4), "name": text}
 _CAMERA = {
     "yfov": number(SMALLEST_YFOV, LARGEST_YFOV, "radians"),
     "orthographic_height": optional(number(SMALLEST_HEIGHT, LARGEST_HEIGHT, "m")),
@@ -171,7 +86,7 @@ def check_scene(scene: Scene) -> None:
         for k, material in enumerate(mesh.materials):
             if id(material) not in known:
                 known.add(id(material))
-                _raise(f"{where}.materials[{k}]", material, _material_fault(material))
+                _raise(f"{where}.materials[{k}]", material, material_fault(material))
     _check_instances(scene.instances)
     for k, light in enumerate(scene.lights):
         _raise(f"scene.lights[{k}]", light, _light_fault(light))
@@ -215,13 +130,7 @@ def _is_rigid(matrix: NDArray[np.float64]) -> bool:
 def _raise(where: str, owner: Any, fault: str | None) -> None:
     """Raise GiError for a fault that begins with a field of `owner`, which is at `where`."""
     if fault is not None:
-        raise GiError(f"{where}.{fault}{_named(owner)}")
-
-
-def _named(owner: Any) -> str:
-    """Return class and name of an object in brackets, nothing without a name."""
-    name = getattr(owner, "name", "")
-    return f" ({type(owner).__name__.lower()} {name[:60]!r})" if isinstance(name, str) and name else ""
+        raise GiError(f"{where}.{fault}{named(owner)}")
 
 
 def _meshes(scene: Scene) -> list[tuple[str, Mesh]]:
@@ -279,28 +188,6 @@ def _matrix(value: Any) -> NDArray[np.float64] | None:
     if matrix.dtype.kind not in "fiu" or matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         return None
     return matrix.astype(np.float64)
-
-
-def _material_fault(material: Material) -> str | None:
-    fault = fault_of(material, _MATERIAL)
-    if fault is not None:
-        return fault
-    for slot in _TEXTURES:
-        texture = getattr(material, slot)
-        if texture is not None and (fault := _texture_fault(texture)) is not None:
-            return f"{slot}.{fault}"
-    return None
-
-
-def _texture_fault(texture: Texture) -> str | None:
-    fault = fault_of(texture, _TEXTURE)
-    if fault is not None:
-        return fault
-    image = texture.image
-    fault = fault_of(image, _IMAGE)
-    if fault is None and min(image.pixels.shape) < 1:
-        fault = "pixels must have rows and columns"
-    return None if fault is None else f"image.{fault}{_named(image)}"
 
 
 def size_fault(name: str, pixels: NDArray[Any]) -> str | None:
