@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from ..errors import GiError
 from .bvh import LEAF_FLAG, build_bvh
 from .mesh_data import Placement
+from .mesh_trees import REBUILD, tree_cost
 from .node_quantization import QuantizationGrid
-from .wide_bvh import EMPTY, FIRST_ITEM, WIDTH, collapse
+from .wide_bvh import EMPTY, FIRST_ITEM, WIDTH, WideBvh, collapse, refit
 
 OPEN_UP_TO = 2048  # subtrees in the top level; tools/README.md, "Constants"
 
@@ -50,32 +51,57 @@ def open_subtrees(places: Iterable[Placement]) -> Subtrees:
     return low, high, np.array([h[5].reference(h[4]) for h in heap], np.int64)
 
 
-def build_top_level(
-    low: NDArray[np.float32],
-    high: NDArray[np.float32],
-    references: NDArray[np.int64],
-    grid: QuantizationGrid,
-    dtype: np.dtype,
-    max_levels: int,
-) -> tuple[int, NDArray[np.void]]:
-    """Return the root reference and the quantised nodes of a tree whose leaves are `references` in boxes (n, 3).
+class TopLevel:
+    """The tree over subtrees and instances. It is kept, with refitted boxes, until that costs REBUILD times as much.
 
-    The tree has at most `max_levels` levels of nodes. Raises GiError if the references do not fit into them.
+    That is the rule of deformed meshes (`mesh_trees`).
     """
-    if not len(references):
-        return EMPTY, np.zeros(0, dtype)
-    if len(references) > WIDTH**max_levels:
-        raise GiError(
-            f"the scene has {len(references)} instances; with meshes of so many triangles, rays can find at most"
-            f" {WIDTH**max_levels}: use fewer instances"
-        )
-    tree = collapse(build_bvh(low, high, 1, 2 * max_levels), max_levels)
-    references = references[tree.order]
-    if not len(tree.child):
-        return int(references[0]), np.zeros(0, dtype)
-    # Replace each leaf, which holds one item, by that item's reference.
-    nodes = grid.quantize(tree, dtype)
-    leaf = (tree.child >= LEAF_FLAG) & (tree.child != EMPTY)
-    slot = np.where(leaf, tree.child & FIRST_ITEM, 0)
-    nodes["children"] = np.where(leaf, references[slot], nodes["children"]).astype(np.uint32)
-    return 0, nodes
+
+    def __init__(self) -> None:
+        self._tree: WideBvh | None = None
+        self._references: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._levels = 0
+        self._built_cost = 0.0
+
+    def build(
+        self,
+        low: NDArray[np.float32],
+        high: NDArray[np.float32],
+        references: NDArray[np.int64],
+        grid: QuantizationGrid,
+        dtype: np.dtype,
+        max_levels: int,
+    ) -> tuple[int, NDArray[np.void]]:
+        """Return the root reference and the quantised nodes of a tree whose leaves are `references` in boxes (n, 3).
+
+        The tree has at most `max_levels` levels of nodes. Raises GiError if the references do not fit into them.
+        """
+        if not len(references):
+            return EMPTY, np.zeros(0, dtype)
+        if len(references) > WIDTH**max_levels:
+            raise GiError(
+                f"the scene has {len(references)} instances; with meshes of so many triangles, rays can find at most"
+                f" {WIDTH**max_levels}: use fewer instances"
+            )
+        tree = self._refitted(low, high, references, max_levels)
+        if tree is None:
+            self._tree = tree = collapse(build_bvh(low, high, 1, 2 * max_levels), max_levels)
+            self._references, self._levels, self._built_cost = references, max_levels, tree_cost(tree)
+        references = references[tree.order]
+        if not len(tree.child):
+            return int(references[0]), np.zeros(0, dtype)
+        # Replace each leaf, which holds one item, by that item's reference.
+        nodes = grid.quantize(tree, dtype)
+        leaf = (tree.child >= LEAF_FLAG) & (tree.child != EMPTY)
+        slot = np.where(leaf, tree.child & FIRST_ITEM, 0)
+        nodes["children"] = np.where(leaf, references[slot], nodes["children"]).astype(np.uint32)
+        return 0, nodes
+
+    def _refitted(
+        self, low: NDArray[np.float32], high: NDArray[np.float32], references: NDArray[np.int64], max_levels: int
+    ) -> WideBvh | None:
+        """Return the last tree around boxes that have moved, if it is over the same things and still good."""
+        if self._tree is None or self._levels != max_levels or not np.array_equal(references, self._references):
+            return None
+        tree = refit(self._tree, low[self._tree.order], high[self._tree.order])
+        return tree if tree_cost(tree) <= REBUILD * self._built_cost else None

@@ -2,7 +2,7 @@
 
 A mesh with one instance that has not moved is baked: its triangles and nodes are stored in world space, so that rays
 need no transform. A mesh with several instances, with one that has moved, or with other positions than at first is
-stored in local space, and rays enter it through its instances' transforms. Only the top level (`top_level`) is rebuilt
+stored in local space, and rays enter it through its instances' transforms. Only the top level (`top_level`) changes
 when instances move. Node boxes are quantised (`node_quantization`).
 
 Figures, meshes that the device deforms (`deformation`), are stored in local space, behind all others and from the start
@@ -24,7 +24,7 @@ from .node_quantization import QuantizationGrid
 from .resources import TABLE_WIDTH
 from .scene_origin import scene_origin
 from .see_through import has_openings
-from .top_level import OPEN_UP_TO, Subtrees, build_top_level, open_subtrees
+from .top_level import OPEN_UP_TO, Subtrees, TopLevel, open_subtrees
 from .tree_builder import TreeBuilder
 from .wide_bvh import EMPTY, STACK_LEVELS, WideBvh
 
@@ -72,6 +72,7 @@ class TwoLevelBvh:
         self._prepared: dict[int, MeshData] = {}  # by id(mesh)
         self._places: dict[int, Placement] = {}  # by id(mesh)
         self._subtrees: Subtrees | None = None  # subtrees of the baked meshes; None: to be opened
+        self._top = TopLevel()
         self.moved_vertices: dict[int, NDArray[np.float32]] = {}  # positions before the last update, by id(mesh)
         self.figures: dict[int, Figure] = {}  # by id(mesh)
         self.first_figures = (0, 0, 0)  # node, triangle and vertex that figures begin at
@@ -326,19 +327,19 @@ class TwoLevelBvh:
                 self._write_nodes(place, place.tree, self.world)
 
     def _build_top(self, boxes: NDArray[np.float64], instances: list[Instance]) -> None:
-        """Build the top level over the subtrees of baked meshes and over the instances of the others.
+        """Build or refit the top level over the subtrees of baked meshes and over the instances of the others.
 
         `boxes` (n, 2, 3) are those of all instances, relative to the origin.
         """
         entered = np.flatnonzero([self._places[id(i.mesh)].baked is None for i in instances])
         self.has_instances = len(entered) > 0
         if self._subtrees is None:
-            self._subtrees = open_subtrees(self._places.values())
+            self._subtrees, self._top = open_subtrees(self._places.values()), TopLevel()
         low, high, references = self._subtrees
         low = np.concatenate([low, boxes[entered, 0].astype(np.float32)])
         high = np.concatenate([high, boxes[entered, 1].astype(np.float32)])
         references = np.concatenate([references, INSTANCE_FLAG | entered])
         levels = STACK_LEVELS - max((place.data.bvh.depth for place in self._places.values()), default=0)
-        self.root, top = build_top_level(low, high, references, self.world, self.dtypes["nodes"], levels)
+        self.root, top = self._top.build(low, high, references, self.world, self.dtypes["nodes"], levels)
         self.nodes[: len(top)] = top
         self.changed |= {"nodes"}
