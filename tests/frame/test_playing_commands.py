@@ -51,7 +51,7 @@ def test_a_time_holds_the_animation(capsys):
     assert "nothing moves" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("more", [[], ["--camera-path", "path.json"], ["--layers", "motion"]])
+@pytest.mark.parametrize("more", [["--camera-path", "path.json"], ["--layers", "motion", "--set", "camera.frames=1"]])
 def test_shards_and_resumed_runs_of_an_animation_equal_one_run(more, folder, monkeypatch):
     monkeypatch.setattr(cli_frames, "BLOCK", 2)
     monkeypatch.setattr(cli_frames, "WARM_UP", 2)

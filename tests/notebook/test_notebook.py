@@ -5,11 +5,13 @@ from __future__ import annotations
 import base64
 import io
 import re
+import time
 from pathlib import Path
 
 import nbformat
 import numpy as np
 import pytest
+from helpers.animated import DIM, SLIDE, animated_scene
 from nbclient import NotebookClient
 from PIL import Image
 
@@ -130,6 +132,27 @@ def test_controls_change_the_picture(view):
     settle(view)
     assert view.session.shown_range is None or view.session.shown == "depth"
     assert np.ptp(notebook._pixels(view.session), axis=-1).max() == 0
+
+
+def test_controls_play_the_animation():
+    view = notebook.show(animated_scene(), size=SIZE, time=0.25, gi="none")
+    controls, session = view.controls, view.session
+    assert (controls.animation.options, controls.time.value, controls.time.max) == (("slide", "dim"), 0.25, SLIDE)
+    settle(view)
+    before = notebook._pixels(session)
+    event(view, "key_down", key=" ")
+    time.sleep(0.1)
+    session.step()
+    view._tell()
+    assert controls.play.value and session.moving and controls.time.value == session.renderer.time > 0.25
+    controls.play.value = False
+    controls.time.value = 0.875
+    settle(view)
+    assert session.renderer.time == 0.875
+    assert np.abs(notebook._pixels(session).astype(int) - before).max() > 20
+    controls.animation.value = "dim"
+    assert (session.renderer.animation, session.renderer.time, controls.time.max) == ("dim", 0.0, DIM)
+    view.close()
 
 
 @pytest.mark.parametrize("gi", TECHNIQUES)

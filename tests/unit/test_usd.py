@@ -9,6 +9,7 @@ from unit.test_mesh_files import area, world_triangles
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.color import linear_from_srgb
+from wgpu_gi.rendering import lit_at
 from wgpu_gi.scene.check import check_camera, check_scene
 from wgpu_gi.scene.load import load
 from wgpu_gi.scene.scene import DirectionalLight, PointLight, SpotLight
@@ -298,6 +299,8 @@ def test_time_samples(build):
         move.Set((time, 0, 0), time)
     assert builder.load().bounds()[0, 0] == pytest.approx(1.0)
     assert builder.load(time=6).bounds()[0, 0] == pytest.approx(6.0)
+    shown, seconds, _ = lit_at(builder.path, None, 6, None)  # as gi.render
+    assert shown.bounds()[0, 0] == pytest.approx(6.0) and seconds is None
     builder.stage.SetStartTimeCode(5)
     builder.stage.SetEndTimeCode(11)
     scene = builder.load()
