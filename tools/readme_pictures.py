@@ -1,7 +1,8 @@
-"""Draw the pictures of README.md: each technique beside the truth, Sponza beside its truth, and each kind of error.
+"""Draw the pictures of README.md: techniques and Sponza beside the truth, each kind of error, a scene that moves.
 
     python tools/readme_pictures.py techniques
     python tools/readme_pictures.py error NAME           # one of ERRORS
+    python tools/readme_pictures.py walk                 # four frames of the walking figure
     python tools/readme_pictures.py sponza sponza.glb truth.npz
     python tools/readme_pictures.py sheets sponza.glb    # single frame, still picture, truth, difference: tests/truth
 
@@ -20,11 +21,13 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from wgpu_gi.__main__ import main as command
 from wgpu_gi.camera import Camera
 from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.options import Settings
@@ -39,6 +42,7 @@ CAPTION = 22  # pixels
 GAP = 4
 TRUTH_SPP = 512
 SHEET_SPP = 256
+WALK, FPS = range(12, 144, 33), 24  # frames of the animation, and per second
 SHEETS = {"ssdo": "SSDO", "ssil": "SSIL", "many-light": "many-light"}
 TECHNIQUES = {"many-light": "many-light", "ssil": "SSIL", "ssdo": "SSDO", "none": "direct light only"}
 
@@ -117,6 +121,19 @@ def error(name: str) -> None:
     print(f"{name}: relMSE {relmse(picture, truth):.2g}, bias {bias(picture, truth):+.1%}", flush=True)
     cells = [(settings.gi, shown(picture, exposure)), ("truth", shown(truth, exposure))]
     sheet(SCENES / "errors" / f"{name}.png", cells, 2)
+
+
+def walk() -> None:
+    """Draw frames of the walking figure, made by the command line."""
+    with TemporaryDirectory() as folder:
+        arguments = ["--frames", f"{WALK.start}:{WALK.stop}:{WALK.step}", "--size", "288x162", "--quality", "high"]
+        if command(["render", "walk", "-o", f"{folder}/{{frame}}.png", *arguments]):
+            raise SystemExit("the frames failed")
+        cells: list[Cell] = []
+        for frame in WALK:
+            with Image.open(f"{folder}/{frame}.png") as picture:
+                cells.append((f"{frame / FPS:.3g} s", np.asarray(picture.convert("RGB"), np.float32) / np.float32(255)))
+    sheet(SCENES / "walk" / "walk.png", cells, len(cells))
 
 
 def sponza(model: str, truth_file: str) -> None:
@@ -213,6 +230,8 @@ def main(arguments: Sequence[str]) -> int:
             techniques()
         case ["error", name] if name in ERRORS:
             error(name)
+        case ["walk"]:
+            walk()
         case ["sponza", model, truth_file]:
             sponza(model, truth_file)
         case ["sheets", model]:
