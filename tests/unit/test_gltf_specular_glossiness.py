@@ -99,12 +99,38 @@ def test_one_texture_is_joined_with_the_factor_of_the_other(tmp_path):
     extension = {
         "diffuseTexture": {"index": builder.texture(diffuse)},
         "diffuseFactor": [0.5, 0.5, 0.5, 1],
-        "specularFactor": [0.04, 0.04, 0.04],
+        "specularFactor": [0.3, 0.3, 0.3],
     }
     material, _ = material_of(builder, tmp_path, extension)
     left, right = linear_from_srgb(material.base_color_texture.image.pixels[0, :, 0] / 255)
-    assert left == pytest.approx(0.5, abs=0.004) and right == 0.0
-    assert (material.metallic_roughness_texture.image.pixels[..., 1:3] == 0).all()
+    color, metallic = metallic_from_specular(np.array([[0.5] * 3, [0.0] * 3]), np.full((2, 3), 0.3))
+    np.testing.assert_allclose((left, right), color[:, 0], atol=0.005)
+    rough = material.metallic_roughness_texture.image.pixels
+    assert (rough[..., 1] == 0).all() and np.abs(rough[0, :, 2] - 255 * metallic).max() <= 0.5
+
+
+def test_dielectrics_keep_their_colours_and_textures(tmp_path):
+    """Reflectance at normal incidence is the specular colour; glossiness becomes roughness, with its own place."""
+    builder = GltfBuilder()
+    diffuse = np.array([[[200, 100, 50, 255], [0, 0, 0, 128]]], np.uint8)
+    shine = np.full((2, 4, 4), (120, 100, 60, 51), np.uint8)
+    extension = {
+        "diffuseTexture": {"index": builder.texture(diffuse)},
+        "specularGlossinessTexture": {"index": builder.texture(shine), "texCoord": 1},
+        "diffuseFactor": [0.5, 0.6, 0.7, 0.8],
+        "specularFactor": [0.9, 0.8, 0.7],
+        "glossinessFactor": 0.5,
+    }
+    material, _ = material_of(builder, tmp_path, extension)
+    assert material.base_color == (0.5, 0.6, 0.7, 0.8) and (material.metallic, material.roughness) == (0.0, 1.0)
+    assert (material.ior, material.specular, material.specular_color) == (0.0, 1.0, (0.9, 0.8, 0.7))
+    np.testing.assert_array_equal(material.base_color_texture.image.pixels, diffuse)
+    np.testing.assert_array_equal(material.specular_color_texture.image.pixels, shine)
+    rough = material.metallic_roughness_texture
+    assert (rough.image.pixels[..., 1] == round(255 - 51 / 2)).all()
+    assert material.specular_color_texture.texcoord == rough.texcoord == 1
+    alone, _ = material_of(GltfBuilder(), tmp_path, {"specularFactor": [0.1, 0.2, 0.05], "glossinessFactor": 0.75})
+    assert (alone.roughness, alone.ior, alone.specular_color) == (0.25, 0.0, (0.1, 0.2, 0.05))
 
 
 def test_materials_with_equal_textures_share_the_new_ones(tmp_path):

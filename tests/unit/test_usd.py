@@ -344,7 +344,7 @@ def test_constants_of_preview_surfaces(build):
 
 @pytest.mark.parametrize(("specular", "metallic", "color"), [(0.04, 0.0, (0.5, 0.4, 0.3)), (0.9, 1.0, (0.9,) * 3)])
 def test_constants_of_the_specular_workflow(build, specular, metallic, color):
-    """A dielectric reflects 4 %; a metal has no diffuse colour, and its specular one as base colour."""
+    """A dielectric reflects the specular colour; a metal has no diffuse one, and the specular one as base colour."""
     builder = build()
     diffuse = (0.5, 0.4, 0.3) if metallic == 0 else (0.0, 0.0, 0.0)
     builder.material(bind=[builder.mesh()], diffuseColor=diffuse, specularColor=(specular,) * 3, useSpecularWorkflow=1)
@@ -352,6 +352,19 @@ def test_constants_of_the_specular_workflow(build, specular, metallic, color):
     material = scene.materials[0]
     assert material.metallic == pytest.approx(metallic, abs=0.01) and len(notes_of(scene)) == int(metallic)
     assert material.base_color[:3] == pytest.approx(color, abs=0.01)
+    expected = (1.5, (1.0, 1.0, 1.0)) if metallic else (0.0, pytest.approx((specular,) * 3))
+    assert (material.ior, material.specular_color) == expected
+
+
+def test_textures_of_the_specular_workflow(build, tmp_path):
+    pixels = pictures(tmp_path)
+    builder = build()
+    texture = builder.texture("/s", "color.png")
+    builder.material(bind=[builder.mesh()], specularColor=texture, useSpecularWorkflow=1)
+    scene = builder.load()
+    material = scene.materials[0]
+    assert (material.ior, material.specular_color, notes_of(scene)) == (0.0, (1.0, 1.0, 1.0), [])
+    np.testing.assert_array_equal(material.specular_color_texture.image.pixels[..., :3], pixels["color"])
 
 
 def test_normal_maps_keep_16_bits(build, tmp_path):

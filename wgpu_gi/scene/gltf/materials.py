@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from ...float_limits import LARGEST_FACTOR, LARGEST_LIGHT
 from ..files.image_files import has_basisu
@@ -139,6 +139,7 @@ class Materials:
             occlusion_texture=textures.get("occlusionTexture"),
             emission_texture=textures.get("emissiveTexture"),
             **read_layers(source, textures),
+            **({} if surface.specular_color is None else _reflecting(surface)),
         )
 
     def _metallic_roughness(self, pbr: JsonObject, textures: dict[str, Texture | None]) -> Surface:
@@ -215,6 +216,15 @@ class Materials:
                 return [owner.index("source", len(self._images), "images") for owner in found]
             self._document.notes.add(f"{texture.where} was left out: it has no image of a known kind.")
         return []
+
+
+def _reflecting(surface: Surface) -> dict[str, Any]:
+    """Return the fields of a dielectric whose reflectance at normal incidence is the specular colour."""
+    return {
+        "ior": 0.0,
+        "specular_color": surface.specular_color,
+        "specular_color_texture": surface.specular_color_texture,
+    }
 
 
 def _texture_infos(material: JsonObject) -> dict[str, JsonObject]:

@@ -1,11 +1,13 @@
 """Converts KHR_materials_pbrSpecularGlossiness to metallic roughness, texel by texel.
 
-Khronos, KHR_materials_pbrSpecularGlossiness, examples/convert-between-workflows: both workflows shall have the same
-diffuse reflectance, c (1 - F)(1 - m) = d (1 - max s), and the same specular reflectance, F (1 - m) + c m = s, in
-perceived brightness; F = 0.04. That is a quadratic equation in m, the metallic.
+A dielectric keeps its specular colour as reflectance at normal incidence, which is exact (KHR_materials_ior, index 0).
+Materials with a brighter reflectance anywhere are metals in part: Khronos, KHR_materials_pbrSpecularGlossiness,
+examples/convert-between-workflows: both workflows shall have the same diffuse reflectance,
+c (1 - F)(1 - m) = d (1 - max s), and the same specular reflectance, F (1 - m) + c m = s, in perceived brightness;
+F = 0.04. That is a quadratic equation in m, the metallic.
 
-Departures: a dielectric reflects 4 %, without colour, since metallic roughness has no other; the two textures are
-joined texel by texel in the size of the larger, with the sampler of the diffuse texture.
+Departures: where these are dielectric, they reflect 4 %, without colour; their two textures are joined texel by texel
+in the size of the larger, with the sampler of the diffuse texture.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from ..files.memory import MemoryBudget
 from ..scene import Image, Texture
 from .json_object import JsonObject
 
+BRIGHTEST_DIELECTRIC = 0.25  # specular reflectance, linear: an index of refraction of 3, above that of diamond
 _DIELECTRIC = 0.04  # specular reflectance of a dielectric in metallic roughness
 _LEAST = 1e-6  # keeps quotients finite where their weight is zero; more than rounding of the brightness
 _BRIGHTNESS = np.array([0.299, 0.587, 0.114])  # weights of squared colour in perceived brightness
@@ -30,13 +33,15 @@ _Floats = NDArray[np.float64]
 
 
 class Surface(NamedTuple):
-    """Base colour with alpha, metallic and roughness, and the textures that they multiply."""
+    """Base colour with alpha, metallic, roughness and reflectance, and the textures that they multiply."""
 
     base_color: tuple[float, ...]
     metallic: float
     roughness: float
     base_color_texture: Texture | None = None
     metallic_roughness_texture: Texture | None = None
+    specular_color: tuple[float, float, float] | None = None  # reflectance of a dielectric; None: 4 %
+    specular_color_texture: Texture | None = None
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,9 @@ class SpecularGlossiness:
             extension.vector("specularFactor", (1.0, 1.0, 1.0), low=0.0, high=1.0),
             extension.number("glossinessFactor", 1.0, low=0.0, high=1.0),
         )
+        brightest = 1.0 if specular is None else float(LINEAR_OF_CODE[specular.image.eight_bit[..., :3].max()])
+        if brightest * max(factors.specular) <= BRIGHTEST_DIELECTRIC:
+            return self._dielectric(factors, diffuse, specular, extension.where)
         template = diffuse or specular
         if template is None:
             color, metallic = metallic_from_specular(np.array(factors.diffuse[:3]), np.array(factors.specular))
@@ -78,6 +86,19 @@ class SpecularGlossiness:
             extension.where,
         )
         return Surface((1.0,) * 4, 1.0, 1.0, replace(template, image=base), replace(template, image=rough))
+
+    def _dielectric(self, factors: _Factors, diffuse: Texture | None, specular: Texture | None, where: str) -> Surface:
+        """Return a surface with the extension's colours; a texture of its glossiness becomes one of roughness."""
+        red, green, blue = factors.specular
+        rough = None
+        if specular is not None:
+            glossiness = specular.image.eight_bit[..., 3]
+            self._budget.take(4 * glossiness.size, where)
+            pixels = np.full((*glossiness.shape, 4), 255, np.uint8)
+            pixels[..., 1] = np.rint(255.0 - glossiness * factors.glossiness)
+            rough = replace(specular, image=Image(pixels, f"{specular.image.name} (roughness)"))
+        roughness = 1.0 - factors.glossiness if rough is None else 1.0
+        return Surface(factors.diffuse, 0.0, roughness, diffuse, rough, (red, green, blue), specular)
 
     def _converted(
         self, diffuse: Image | None, specular: Image | None, factors: _Factors, where: str

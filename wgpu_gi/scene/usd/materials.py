@@ -1,7 +1,7 @@
 """Converts UsdPreviewSurface materials of a stage (UsdPreviewSurface specification 2.6).
 
-Departures: opacity without a threshold is alpha blending: reflections fade with the surface. Textures of the specular
-workflow and displacement are not used; the notes say so.
+Departures: opacity without a threshold is alpha blending: reflections fade with the surface. Bright constants of the
+specular workflow become a metal, with a note. Displacement is not used, with a note.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ import numpy as np
 
 from ...float_limits import LARGEST_IOR, LARGEST_LIGHT
 from ..files.raw_mesh import clay
-from ..gltf.specular_glossiness import metallic_from_specular
+from ..gltf.specular_glossiness import BRIGHTEST_DIELECTRIC, metallic_from_specular
 from ..scene import Image, Material
 from .stage import Stage, number, triple
 from .textures import Sampled, Textures, color_image, plane, resampled
 
-_DULL = 0.08  # specular reflectance up to which a surface is taken for a dielectric, whose own is 0.04
 _PREVIEW_SURFACES = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
 
 
@@ -214,17 +213,22 @@ def _metallic_roughness(surface: Surface, inputs: _Inputs, stage: Stage) -> None
 
 
 def _specular(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
-    """Convert constants of the specular workflow to metallic roughness; textures stay as those of a dielectric."""
+    """Set the reflectance at normal incidence of the specular workflow; bright constants become a metal."""
     material = surface.material
-    specular = np.array(_unit(inputs.color("specularColor", 0.0)))
+    specular = _unit(inputs.color("specularColor", 0.0))
+    sampled = inputs.sampled("specularColor")
     material.metallic = 0.0
-    if inputs.sampled("specularColor") or (material.base_color_texture and specular.max() > _DULL):
-        stage.note(f"{material.name}: the colour of its specular workflow is not used; it is not metallic")
-    elif specular.max() > _DULL:
-        color, metallic = metallic_from_specular(np.array(material.base_color[:3]), specular)
+    if sampled is None and material.base_color_texture is None and max(specular) > BRIGHTEST_DIELECTRIC:
+        color, metallic = metallic_from_specular(np.array(material.base_color[:3]), np.array(specular))
         material.base_color = (*_unit(tuple(color.tolist())), material.base_color[3])
         material.metallic = float(metallic)
         stage.note(f"{material.name}: its specular workflow was converted to metallic roughness")
+        return
+    # An infinite index of refraction reflects all of the specular colour.
+    material.ior, material.specular_color = 0.0, specular
+    if sampled is not None:
+        image, material.specular_color = color_image(sampled, stage)
+        _place(surface, "specular_color_texture", sampled, image)
 
 
 def _clearcoat(surface: Surface, inputs: _Inputs, stage: Stage) -> None:
