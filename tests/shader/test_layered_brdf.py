@@ -137,6 +137,7 @@ def random_directions(count, seed, lower=False):
     return np.stack([sine * np.cos(phi), sine * np.sin(phi), -z if lower else z], -1).astype(np.float32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cosine", [0.9, 0.3])
 @pytest.mark.parametrize("name", MATERIALS)
 def test_samples_follow_the_density(evaluate, name, cosine):
@@ -157,3 +158,153 @@ def test_samples_follow_the_density(evaluate, name, cosine):
     columns = ((np.arctan2(w[valid, 1], w[valid, 0]) / (2 * np.pi) % 1) * 32).astype(int) % 32
     observed = np.bincount(rows * 32 + columns, minlength=1536)
     assert chi_square_z(observed, expected * observed.sum() / expected.sum()) < 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MATERIALS)
+def test_weight_is_f_cos_over_pdf(evaluate, name):
+    """At all angles, finite and not negative."""
+    rng = np.random.default_rng(4)
+    u = rng.random((4000, 3)).astype(np.float32).clip(0, 1 - 2**-24)
+    w_o = random_directions(4000, 5)
+    functions = MATERIALS[name].functions
+    a, b = (
+        evaluate(BRDF, f"{call}(made(), w_o(i), u(i))", "vec4f", functions=functions, w_o=w_o, u=u)
+        for call in ("weighed", "reweighed")
+    )
+    assert np.allclose(a, b, rtol=1e-4, atol=1e-6) and np.isfinite(a).all() and (a >= 0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MATERIALS)
+def test_layers_are_reciprocal(evaluate, name):
+    """f(a, b) = f(b, a) on one side, f(a, b) eta^2 = f(b, a) through a surface; not with a coat of another normal."""
+    material = MATERIALS[name]
+    if "clearcoat_normal" in material.layers:
+        pytest.skip("a normal of its own is not reciprocal, as any shading normal")
+    a, b = random_directions(2000, 6), random_directions(2000, 7)
+    there, back = (
+        evaluate(BRDF, f"evaluate_brdf(made(), {x}(i), {y}(i))", "vec4f", functions=material.functions, a=a, b=b)
+        for x, y in (("a", "b"), ("b", "a"))
+    )
+    assert np.allclose(there[:, :3], back[:, :3], rtol=2e-4, atol=1e-6)
+    behind = Layered(
+        material.base, material.metallic, material.roughness, material.outside != (material.eta > 0), **material.layers
+    )
+    below = b * [1, 1, -1]
+    there = evaluate(BRDF, "evaluate_brdf(made(), a(i), b(i))", "vec4f", functions=material.functions, a=a, b=below)
+    # Seen from behind, both directions are mirrored in the surface.
+    back = evaluate(
+        BRDF, "evaluate_brdf(made(), b(i), a(i))", "vec4f", functions=behind.functions, a=a * [1, 1, -1], b=b
+    )
+    scale = material.eta**2 if material.eta else 1.0
+    # Rounding counts most beside the critical angle.
+    assert np.allclose(there[:, :3] * scale, back[:, :3], rtol=0.05, atol=1e-6)
+
+
+FURNACE = """
+// Returns the mean weight of samples, by the sequence R2 (Roberts 2018).
+fn furnace(b: Brdf, w_o: vec3f) -> vec3f {
+    var sum = vec3f(0.0);
+    for (var k = 0u; k < 8192u; k += 1u) {
+        let u = vec2f((vec2u(3242174889u, 2447445414u) * k) >> vec2u(8u)) / 16777216.0;
+        let z = f32((k * 2654435769u) >> 8u) / 16777216.0;
+        sum += weighed(b, w_o, vec3f(u, z)).rgb;
+    }
+    return sum / 8192.0;
+}
+// A material of random layers.
+fn any(r: vec4f, s: vec4f, t: vec4f, outside: bool) -> Brdf {
+    var l = no_layers();
+    l.f0 = vec3f(r.x * r.x);
+    l.f90 = mix(r.x * r.x, 1.0, r.y);
+    l.ior = (1.0 + r.x) / max(1.0 - r.x, 0.1);
+    l.clearcoat = select(0.0, r.z, KIND == 0u || KIND == 3u);
+    l.clearcoat_roughness = r.w;
+    l.clearcoat_normal = vec3f(0.0, 0.0, 1.0);
+    l.sheen = vec3f(select(0.0, s.x, KIND == 1u || KIND == 3u));
+    l.sheen_roughness = s.y;
+    l.anisotropy = select(0.0, s.z, KIND == 2u || KIND == 3u);
+    l.transmission = select(0.0, s.w, KIND >= 3u);
+    l.thickness = select(0.0, 1.0, KIND == 5u);
+    return brdf_of(vec3f(1.0), select(0.0, t.x, KIND < 4u), t.y, l, vec3f(0.0, 0.0, 1.0), outside);
+}
+"""
+KINDS = {"clearcoat": 0, "sheen": 1, "anisotropy": 2, "all thin": 3, "wall": 4, "solid": 5}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_layer_gains_light(evaluate, kind):
+    """White materials of random layers, from random directions; noise of the means is below 0.5 %."""
+    n, rng = 400, np.random.default_rng(8)
+    functions = Layered().functions + FURNACE.replace("KIND", f"{KINDS[kind]}u")
+    given = {"r": rng.random((n, 4)), "s": rng.random((n, 4)), "t": rng.random((n, 4)), "w_o": random_directions(n, 9)}
+    given["t"][:, 0] = given["t"][:, 0].round()
+    for outside in ("true", "false") if kind == "solid" else ("true",):
+        call = f"furnace(any(r(i), s(i), t(i), {outside}), w_o(i))"
+        got = evaluate(BRDF, call, "vec3f", functions=functions, **given)[:, 0].astype(np.float64)
+        worst = got.argmax()
+        assert got.max() < 1.0075, (outside, {k: v[worst] for k, v in given.items()}, got[worst])
+        assert got.mean() < 1 and np.isfinite(got).all() and (got > 0).all()
+
+
+@pytest.mark.parametrize("thickness", [0.0, 1.0])
+@pytest.mark.parametrize("outside", [True, False])
+def test_clear_glass_reflects_or_passes_all_light(evaluate, thickness, outside):
+    """Smooth, at all angles, from both sides; a thin wall also if it is rough."""
+    for roughness in (0.0,) if thickness else (0.0, 0.3, 0.7, 1.0):
+        material = Layered(WHITE, 0.0, roughness, outside, ior=1.5, transmission=1.0, thickness=thickness)
+        w_o = np.stack([view(c) for c in (0.02, 0.1, 0.3, 0.6, 0.74, 0.76, 0.9, 1.0)])
+        functions = material.functions + FURNACE.replace("KIND", "0u")
+        got = evaluate(BRDF, "furnace(made(), w_o(i))", "vec3f", functions=functions, w_o=w_o)
+        # Rounding of refraction at grazing angles and at the critical angle loses a little.
+        assert np.abs(got - 1).max() < 0.006
+
+
+EXTREMES = [
+    Layered((0, 0, 0), 0.0, 0.0, transmission=1.0, thickness=1.0),
+    Layered(WHITE, 0.0, 0.0, ior=1.0, transmission=1.0, thickness=1.0),
+    Layered(WHITE, 0.0, 1.0, ior=1.002, transmission=1.0, thickness=1.0),
+    Layered(WHITE, 0.0, 0.0, False, ior=1.002, transmission=1.0, thickness=1.0),
+    Layered(WHITE, 0.0, 0.5, ior=0.7, transmission=1.0, thickness=1.0),
+    Layered(WHITE, 0.0, 0.0, ior=50.0, transmission=1.0, thickness=1.0),
+    Layered(WHITE, 0.0, 1.0, False, ior=50.0, transmission=1.0, thickness=1.0),
+    Layered(WHITE, 0.5, 1.0, f0=np.zeros(3), f90=0.0, transmission=1.0),
+    Layered(WHITE, 1.0, 0.0, anisotropy=1.0, tangent=np.array((0.0, 0.0, 1.0))),
+    Layered(WHITE, 0.0, 1.0, sheen=np.array(WHITE), sheen_roughness=0.0),
+    Layered(WHITE, 0.0, 0.0, clearcoat=1.0, clearcoat_roughness=0.0, clearcoat_normal=np.array((0.8, 0.0, -0.6))),
+    Layered((0, 0, 0), 0.0, 0.0, f0=np.zeros(3), f90=0.0, clearcoat=1.0, clearcoat_normal=np.array((0.0, 0.0, -1.0))),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(len(EXTREMES)))
+def test_extreme_materials_are_finite(evaluate, number):
+    """At grazing angles and everywhere: no NaN, nothing negative, no gain."""
+    cosines = np.repeat([1e-30, 1e-12, 1e-6, 1e-3, 0.03, 0.5, 1.0], 200)
+    w_o = np.stack([view(c) for c in cosines])
+    w_i = np.tile(np.concatenate([random_directions(100, 10), random_directions(100, 11, True)]), (7, 1))
+    w_i[::5] = -w_o[::5]
+    w_i[1::5] = w_o[1::5] * [-1, -1, 1]
+    u = np.random.default_rng(12).random((len(w_o), 3)).astype(np.float32).clip(0, 1 - 2**-24)
+    functions = EXTREMES[number].functions + FURNACE.replace("KIND", "0u")
+    given = {"functions": functions, "w_o": w_o, "w_i": w_i, "u": u}
+    for call in ("evaluate_brdf(made(), w_o(i), w_i(i))", "weighed(made(), w_o(i), u(i))"):
+        got = evaluate(BRDF, call, "vec4f", **given)
+        assert np.isfinite(got).all() and (got >= 0).all()
+    drawn = evaluate(BRDF, "drawn(made(), w_o(i), u(i))", "vec4f", **given)
+    assert np.isfinite(drawn).all()
+    some = w_o[600::100]
+    reflected = evaluate(BRDF, "furnace(made(), w_o(i))", "vec3f", functions=functions, w_o=some)
+    assert np.isfinite(reflected).all() and reflected.max() < 1.006
+
+
+def test_equal_media_let_light_pass_straight(evaluate):
+    """An index of refraction of 1 has no interface: all samples leave within a few MIN_ALPHA of -w_o."""
+    u = np.random.default_rng(13).random((500, 3)).astype(np.float32)
+    for roughness in (0.0, 1.0):
+        material = Layered(WHITE, 0.0, roughness, ior=1.0, transmission=1.0, thickness=1.0)
+        w_o = view(0.4)
+        got = evaluate(BRDF, f"drawn(made(), {vector(w_o)}, u(i))", "vec4f", functions=material.functions, u=u)
+        assert np.quantile(np.linalg.norm(got[:, :3] + w_o, axis=1), 0.95) < 0.03

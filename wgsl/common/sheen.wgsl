@@ -30,7 +30,7 @@ fn sheen_lambda(alpha: f32, cosine: f32) -> f32 {
 // Returns E, at most 0.0003 below the truth up to 1.
 fn sheen_albedo(alpha: f32, cosine: f32) -> f32 {
     let q = sqrt(sqrt(alpha));
-    let x = pow(saturate(cosine), 1.0 / 3.0);
+    let x = pow(clamp(cosine, 1e-4, 1.0), 1.0 / 3.0);
     var k = vec4f(-31.34007, 118.6525, -623.7039, 1899.233);
     k = k * q + vec4f(89.48634, -341.1889, 1821.445, -5965.227);
     k = k * q + vec4f(-101.8466, 367.5957, -1990.384, 7184.811);
@@ -58,9 +58,12 @@ fn evaluate_sheen(color: vec3f, alpha: f32, w_o: vec3f, w_i: vec3f) -> vec3f {
     let cos_h = (w_i.z + w_o.z) * inverseSqrt(max(2.0 + 2.0 * dot(w_i, w_o), 1e-12));
     let sine2 = saturate(1.0 - cos_h * cos_h);
     let distribution = (2.0 + 1.0 / alpha) * pow(max(sine2, 1e-12), 0.5 / alpha) / TWO_PI;
-    let shadowed = 1.0 + sheen_lambda(alpha, w_i.z) + sheen_lambda(alpha, w_o.z);
-    let visibility = 0.25 / max(shadowed * w_i.z * w_o.z, 1e-30);
-    let most = max(1.0, max(sheen_albedo(alpha, w_i.z), sheen_albedo(alpha, w_o.z)));
+    // The fit of E begins at 1e-4.
+    let cos_i = max(w_i.z, 1e-4);
+    let cos_o = max(w_o.z, 1e-4);
+    let shadowed = 1.0 + sheen_lambda(alpha, cos_i) + sheen_lambda(alpha, cos_o);
+    let visibility = 0.25 / (shadowed * cos_i * cos_o);
+    let most = max(1.0, max(sheen_albedo(alpha, cos_i), sheen_albedo(alpha, cos_o)));
     return color * (distribution * visibility / most);
 }
 
