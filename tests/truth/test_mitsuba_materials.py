@@ -1,6 +1,6 @@
 """Layered materials against Mitsuba 3: a ball in a studio, by both path tracers.
 
-Mitsuba has Fresnel's equations where glTF has Schlick's formula, and no light that microfacets scatter again in conductors.
+Mitsuba has Fresnel's equations where glTF has Schlick's formula, and no second scattering in conductors.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from make_references import _rays, import_mitsuba
 
 import wgpu_gi as gi
 from wgpu_gi.errors import GiError
+from wgpu_gi.scene.built_in.shapes import quad
 from wgpu_gi.scene.scene import Environment, Image, Instance, Material, Mesh, Scene, Texture
 
 pytestmark = pytest.mark.slow
@@ -118,3 +119,24 @@ def test_ball_in_a_studio(monkeypatch, name):
     error = ((found - truth) ** 2 / (truth**2 + 1e-3))[on_ball].mean()
     print(f"{name}: bias {100 * bias:+.2f} %, relMSE {error:.5f}")
     assert abs(bias) < most_bias and error < most_error
+
+
+def test_frosted_ball_under_a_lamp(monkeypatch):
+    """A lamp lights a floor beside and through a frosted ball: all strategies of the path tracer, and their weights."""
+    lamp = quad((-0.5, 2.0, -0.5), (1, 0, 0), (0, 0, 1), Material(emission=(8.0, 8.0, 8.0), double_sided=True))
+    floor = quad((-3, -1, -3), (0, 0, 6), (6, 0, 0), Material(base_color=(0.6, 0.5, 0.4, 1.0), specular=0.0))
+    glassy = replace(solid(0.5), attenuation_distance=1.0)
+    scene = Scene([Instance(ball(glassy)), Instance(floor), Instance(lamp)], [], Environment((0.1, 0.1, 0.1)))
+    camera = gi.Camera.look_at((0, 1.5, 5), (0, -0.2, 0), yfov_deg=45)
+    plain = mitsuba_scene._bsdf
+
+    def bsdf(mi, surface):
+        return glass(1.5, 0.25) if surface.material.transmission > 0 else plain(mi, surface)
+
+    monkeypatch.setattr(mitsuba_scene, "_bsdf", bsdf)
+    truth = by_mitsuba(scene, camera, 2048)
+    found = np.asarray(gi.render(scene, camera=camera, gi="path", size=SIZE, spp=1024, bounces=40))
+    for rows in (slice(6, 16), slice(16, 24)):
+        bias = found[rows].mean() / truth[rows].mean() - 1
+        print(f"bias {100 * bias:+.2f} %")
+        assert abs(bias) < 0.015

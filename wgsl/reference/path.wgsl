@@ -10,6 +10,8 @@
 // so far. Out: means in W/(m2 sr), the sum of squared deviations of their total. Unbiased but for the rays' offset
 // (`scene/ray_offset.wgsl`: bright, by gaps and blockers smaller than it). Vertex normals and normal maps that lean far
 // from the triangle let some light pass through it, as in other renderers that do not clip their lobes (Mitsuba 3).
+// Solid glass refracts: shadow rays do not pass it. Light that smooth solids focus (caustics) is found only if a path meets
+// the lamp: of small and punctual lights and the sun almost never, in dots. A mirror's alpha is at least 0.001.
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
 #import "common/random.wgsl"
@@ -134,7 +136,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         if (rays.limit <= 0.0 && rays.limit_a <= 0.0 && rays.limit_b <= 0.0) {
             // No ray is in flight when a path starts: send its camera ray.
             from_light = false;
-            let jittered = sobol_2d(done + sample - 1u, hash2(pixel_seed, 0u));
+            let jittered = sobol_2d(rays.index, hash2(pixel_seed, 0u));
             let position = select(vec2f(0.5), jittered, view.jitter != 0u);
             rays.main = camera_ray(vec2f(pixel) + position);
             rays.limit = FLOAT_MAX;
@@ -205,17 +207,16 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
 
         // Add the emission that the ray has hit (B).
         let met = arriving_at(surface, hit_something, rays.main.direction, squared_distance, cosine_in, depth == 0u);
-        let arriving = met.radiance;
         // Glass covers a share of the environment.
         let covered = select(select(0.0, 1.0 - luminance(throughput), HAS_TINTS), 1.0, hit_something);
         hits += select(0.0, covered, depth == 0u);
-        if (max3(arriving) > 0.0) {
+        if (max3(met.radiance) > 0.0) {
             if (depth == 0u) {
-                sum_emission += throughput * arriving;
-                path_radiance += throughput * arriving;
+                sum_emission += throughput * met.radiance;
+                path_radiance += throughput * met.radiance;
             } else {
                 let density = met.ray_density * abs(dot(origin_normal, rays.main.direction));
-                let weighted = throughput * arriving
+                let weighted = throughput * met.radiance
                     * weight_of_hit(bsdf_pdf, met.light_pdf, origin_density, density);
                 path_radiance += weighted;
                 sum_direct += select(vec3f(0.0), weighted, depth == 1u);
@@ -229,15 +230,14 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         origin_normal = surface.geometric_normal;
 
         // Connect to a light (N) and to the light ray's hit (L).
-        let index = done + sample - 1u;
         let dimension = FIRST_VERTEX_PAIR + depth * PAIRS_PER_VERTEX;
-        let choices = sobol_2d(index, hash2(pixel_seed, dimension));
+        let choices = sobol_2d(rays.index, hash2(pixel_seed, dimension));
         let brdf = surface_brdf(surface);
         let frame = frame_from_normal(surface.normal);
         let vertex = PathVertex(
             surface, brdf, frame, -rays.main.direction * frame, throughput, origin_density, medium);
         if (has_lights) {
-            let to_light = connect_light(vertex, choices.x, sobol_2d(index, hash2(pixel_seed, dimension + 2u)));
+            let to_light = connect_light(vertex, choices.x, sobol_2d(rays.index, hash2(pixel_seed, dimension + 2u)));
             rays.shadow_a = to_light.ray;
             rays.limit_a = to_light.limit;
             pending_a = to_light.radiance;
@@ -254,7 +254,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         if ((depth > params.bounces) & (scene.hittable_light == 0u)) {
             continue;
         }
-        let next = sample_brdf(brdf, vertex.w_o, sobol_2d(index, hash2(pixel_seed, dimension + 1u)), choices.y);
+        let next = sample_brdf(brdf, vertex.w_o, sobol_2d(rays.index, hash2(pixel_seed, dimension + 1u)), choices.y);
         if (next.pdf <= 0.0) {
             continue;
         }
@@ -268,7 +268,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
         if (depth > ROULETTE_FROM) {
             // Radiance is smaller in air than in a solid by the square of the index.
             survival = min(max3(carried) * medium.squared_index, MAX_SURVIVAL);
-            if (unit_float(hash2(pixel_seed ^ 0x9e3779b9u, hash2(index, depth))) >= survival) {
+            if (unit_float(hash2(pixel_seed ^ 0x9e3779b9u, hash2(rays.index, depth))) >= survival) {
                 continue;
             }
         }
