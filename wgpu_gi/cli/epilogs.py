@@ -98,9 +98,9 @@ Moving (--moving), against the technique's own converged pictures of the same vi
   ghost               relMSE at points that came into view in the last 4 frames, as the camera or an instance moves
   relMSE, bias        of all pixels while the camera moves
   one sample, anti-aliased: the full picture without and with camera.antialias, against box-filtered pictures
-  A scene with an animation, such as walk, plays at 30 frames a second. Pictures of 1, 8 and 24 frames of history are
-  compared with path-traced ones of the same poses, at three times: relMSE, bias, and ghosts, which are relMSE where a
-  surface that does not deform came into view in the last 8 frames.
+  A scene with an animation, such as walk, plays at 30 frames a second. Pictures of a history of 1, 8 and 24 frames
+  (temporal.frames) are compared with path-traced ones of the same poses, at three times: relMSE, bias, and ghosts,
+  which are relMSE where a surface that does not deform came into view in the last 8 frames.
 Truth: --truth path renders it, which may take minutes, and caches it in ~/.cache/wgpu_gi/truth (XDG_CACHE_HOME and
 WGPU_GI_CACHE move it). The folder may be deleted at any time.
 """

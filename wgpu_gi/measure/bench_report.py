@@ -158,7 +158,7 @@ def _moving_table(scene: SceneReport) -> tuple[str, Table]:
 def _played_table(scene: SceneReport) -> tuple[str, Table]:
     """Return errors by frames of history; the indirect light of a technique stands below its full image."""
     table = _table("technique", "layer")
-    for heading in ("frames", "relMSE", "bias", "ghost"):
+    for heading in ("history", "relMSE", "bias", "ghost"):
         table.add_column(heading, justify="right")
     for m in scene.techniques:
         for layer in ("full", "indirect"):

@@ -23,7 +23,7 @@ from .results import PlayedErrors
 from .truth import LAYERS, Truth
 
 MOMENTS = (0.25, 0.45, 0.75)  # of the animation: pictures of these times are compared
-HISTORIES = (1, 8, 24)  # frames up to and with the one that is compared
+HISTORIES = (1, 8, 24)  # values of temporal.frames; 1: no history
 RATE = 30.0  # frames per second
 NEW_FOR = 8  # frames, a quarter of a second, for which a point that came into view counts as disoccluded
 COMPARED = ("full", "indirect")
@@ -43,22 +43,24 @@ def measure_played(
 ) -> list[PlayedErrors]:
     """Return the errors at MOMENTS of the scene's first animation, for each number of frames of HISTORIES.
 
-    truth_at: takes seconds, returns the truth of the scene at that time. The first of the frames has no history.
+    truth_at: takes seconds, returns the truth of the scene at that time. Frames play until the history is full.
     """
     player = Player(scene, None)
     played = _Played(player, camera)
     moments = [share * player.animation.duration for share in MOMENTS]
     single = replace(settings, camera=replace(settings.camera, frames=1, jitter=False))
-    found: dict[int, list[dict[str, float | None]]] = {frames: [] for frames in HISTORIES}
-    total, done = len(moments) * sum(HISTORIES), 0
+    found: dict[int, list[dict[str, float | None]]] = {history: [] for history in HISTORIES}
+    counts = {history: max(history, NEW_FOR + 1) for history in HISTORIES}
+    total, done = len(moments) * sum(counts.values()), 0
     with Renderer(player.scene, size=size, camera=camera, settings=single, adapter=adapter) as renderer:
         for moment in moments:
             truth = truth_at(moment)
-            for frames in HISTORIES:
-                found[frames].append(played.errors(renderer, moment, frames, truth))
+            for history, frames in counts.items():
+                renderer.settings = replace(single, temporal=replace(settings.temporal, frames=history))
+                found[history].append(played.errors(renderer, moment, frames, truth))
                 done += frames
                 report(done / total)
-    return [PlayedErrors(frames, **_mean(errors)) for frames, errors in found.items()]
+    return [PlayedErrors(history, **_mean(errors)) for history, errors in found.items()]
 
 
 def _mean(errors: list[dict[str, float | None]]) -> dict[str, float | None]:

@@ -56,8 +56,8 @@ class MovingErrors:
 class PlayedErrors:
     """Errors while the scene's animation plays, against path-traced pictures of the same poses.
 
-    The picture is the last of `frames` frames, of which the first had no history; values are means over some moments.
-    ghost: relMSE where a static or rigid surface has just come into view. None: not measurable.
+    `frames` is the history, `temporal.frames`; values are means over some moments. ghost: relMSE where a static or
+    rigid surface has just come into view. None: not measurable.
     """
 
     frames: int

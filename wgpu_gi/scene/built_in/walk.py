@@ -55,7 +55,7 @@ BLOCKS: dict[str, tuple[str, Point3, Point3]] = {
 def walk(vertices: int = 4000, joints: int = 21) -> Scene:
     """A room with a walking figure of about `vertices` vertices, a swinging lamp and an opening door; no closed form.
 
-    Cameras: "corner" sees all of it, "beside" stands at the figure's path. The scene is at rest at the time 0.
+    The cameras "corner" and "west" see all of it. The scene is at rest at the time 0.
     """
     materials = _materials()
     blocks = [box(low, high, materials[kind], name=name) for name, (kind, low, high) in BLOCKS.items()]
@@ -73,7 +73,7 @@ def walk(vertices: int = 4000, joints: int = 21) -> Scene:
         [lamp, PointLight((-0.7, 2.1, -3.9), 120.0, (1.0, 0.96, 0.9), name="bright lamp")],
         cameras=[
             Camera.look_at((2.75, 1.7, 2.3), (-0.6, 0.95, -0.95), yfov_deg=56.0, name="corner"),
-            Camera.look_at((0.4, 1.5, 2.35), (0.1, 0.95, -0.4), yfov_deg=58.0, name="beside"),
+            Camera.look_at((-2.6, 1.6, 2.2), (0.2, 0.95, -0.9), yfov_deg=58.0, name="west"),
         ],
         animations=[animation],
     )
