@@ -51,7 +51,7 @@ def main() -> None:
             if frame >= WARM_UP:
                 own.append((time.process_time() - started) * 500)
     walks, stands = (float(np.median(own)) for own in times)
-    difference = float(np.median(np.subtract(*times)))  # of neighbouring frames
+    difference = float(np.median(np.subtract(times[0], times[1])))  # of neighbouring frames
     figure = next(i.mesh for i in walking.instances if i.mesh.skin is not None)
     print(f"{len(figure.positions)} vertices, {len(figure.triangles)} triangles, {arguments.joints} joints")
     print(f"walking {walks:.1f} ms, standing {stands:.1f} ms, difference {difference:.1f} ms")
