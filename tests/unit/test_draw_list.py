@@ -11,7 +11,7 @@ from helpers.anchors import corners_of
 from helpers.medley import at
 
 from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
-from wgpu_gi.scene.scene import Instance, Material, Mesh
+from wgpu_gi.scene.scene import Instance, Material, Mesh, Scene
 from wgpu_gi.upload import draw_list
 from wgpu_gi.upload.draw_list import (
     MANY_INSTANCES,
@@ -339,3 +339,23 @@ def test_small_gaps_are_filled(seed):
     assert np.array_equal(fill_gaps(shown, 3 * sizes), expected)
     for few in (0, 1):
         assert np.array_equal(fill_gaps(shown[:few], sizes[:few]), shown[:few])
+
+
+def test_meshes_with_new_positions_move_in_place(dtypes, monkeypatch):
+    """The list equals one that is built anew."""
+    monkeypatch.setattr(draw_list, "CLUSTER", 8)
+    ball = sphere(subdivisions=1)
+    ball.triangles = ball.triangles[np.random.default_rng(0).permutation(len(ball.triangles))]
+    instances = [Instance(quad((0, 0, 0), (4, 0, 0), (0, 4, 0))), Instance(ball), Instance(ball, at(3, 0, 0))]
+    hierarchy, materials = TwoLevelBvh(dtypes), {id(m): k for k, m in enumerate(Scene(instances).materials)}
+    hierarchy.update(instances, materials)
+    draws = build_draw_list(instances, hierarchy, {})
+    ball.positions = (ball.positions * np.float32(1.1)).astype(np.float32)
+    hierarchy.update(instances, materials)
+    assert hierarchy.moved_meshes == {id(ball)} and not hierarchy.changes_draws
+    draws.move(hierarchy.placement(ball), [1, 2])
+    draws.clusters.place(hierarchy.instances["world_from_local"])
+    fresh = build_draw_list(instances, hierarchy, {})
+    for name in ("vertices", "indices", "sources", "slots"):
+        assert np.array_equal(getattr(draws, name), getattr(fresh, name)), name
+    assert np.array_equal(draws.clusters.boxes, fresh.clusters.boxes) and draws.opaque == fresh.opaque

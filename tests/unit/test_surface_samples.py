@@ -7,7 +7,7 @@ import pytest
 
 from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
 from wgpu_gi.scene.scene import Instance, Mesh
-from wgpu_gi.upload.surface_samples import sample_surfaces
+from wgpu_gi.upload.surface_samples import SurfaceSamples
 from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
 
@@ -16,9 +16,11 @@ def samples_of(dtypes, instances, **options):
     hierarchy = TwoLevelBvh(dtypes)
     materials = {id(m): 0 for i in instances for m in i.mesh.materials}
     hierarchy.update(instances, materials)
-    points = sample_surfaces(instances, hierarchy, **options)
+    samples = SurfaceSamples()
+    points = samples.draw(instances, hierarchy, **options)
     assert np.isfinite(points).all()
-    assert np.array_equal(sample_surfaces(instances, hierarchy, **options), points)
+    for again in (samples, SurfaceSamples()):
+        assert np.array_equal(again.draw(instances, hierarchy, **options), points)
     return points + hierarchy.origin
 
 

@@ -206,7 +206,7 @@ class Deformation(Work):
             tree = mesh | {"nodes": self._tables["nodes"], "unions": self._tables["unions"]}
             for first, end in reversed(list(pairwise(levels))):
                 yield "refit", end - first, tree, a_range(place.nodes.start - node + first, end - first), {}
-            drawn = None if self._draws is None else self._draws.figures.get(figure.stand_in.mesh)
+            drawn = None if self._draws is None else self._draws.parts.get(figure.stand_in.mesh)
             if drawn is not None:
                 names = ("raster_sources", "raster_vertices")
                 buffers = {"posed": self._posed, **{name: self._resources[name][0] for name in names}}

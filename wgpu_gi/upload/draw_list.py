@@ -42,8 +42,8 @@ class DrawList:
 
     vertices (n, 4) uint32: position as float bits (world space if baked, else local) and triangle number. sources (n,)
     uint32: index of each vertex in the scene's vertex table. slots (k,) uint32: the scene's instance for each instance
-    index of the draw calls; slot 0 is for vertices in world space. figures: the vertices of meshes that the device
-    deforms; `vertices` has the pose that their hierarchies were built in.
+    index of the draw calls; slot 0 is for vertices in world space. parts: the vertices of each mesh; of figures,
+    `vertices` has the pose that their hierarchies were built in.
     """
 
     vertices: NDArray[np.uint32]
@@ -53,7 +53,27 @@ class DrawList:
     opaque: tuple[DrawCall, ...] = ()
     masked: tuple[DrawCall, ...] = ()
     clusters: Clusters = field(default_factory=lambda: Clusters())
-    figures: dict[Mesh, slice] = field(default_factory=dict)
+    parts: dict[Mesh, slice] = field(default_factory=dict)
+
+    def move(self, place: Placement, numbers: list[int]) -> slice:
+        """Take over new positions of a mesh in local space, whose instances have the `numbers`.
+
+        Return the range of vertices that have changed. Call `clusters.place` afterwards.
+        """
+        part = self.parts[place.data.mesh]
+        positions = np.asarray(place.data.mesh.positions, np.float32)
+        moved = positions[self.sources[part].astype(np.int64) - place.vertices.start]
+        self.vertices[part, :3] = moved.view(np.uint32)
+        # Box the clusters anew; those of several instances have the same indices.
+        boxes: dict[int, NDArray[np.float32]] = {}
+        indices = self.indices.ravel()
+        for row in np.flatnonzero(np.isin(self.clusters.instances, numbers)).tolist():
+            first, count = self.clusters.runs[row, :2].tolist()
+            if first not in boxes:
+                corners = moved[indices[first : first + count].astype(np.int64) - part.start]
+                boxes[first] = np.stack([corners.min(0), corners.max(0)])
+            self.clusters.local[row] = boxes[first]
+        return part
 
     def visible(self, shown: NDArray[np.bool_], masked: bool) -> list[DrawCall]:
         """Return draw calls for the clusters that `shown` (c,) selects; see `Clusters.visible`."""
@@ -172,12 +192,8 @@ def build_draw_list(
     indices, runs, clusters = _lay_out_indices(parts, hierarchy, slots)
     clusters.place(hierarchy.instances["world_from_local"])
     opaque, masked = (tuple(merge_draw_calls(np.array(runs[key], np.int64).reshape(-1, 4))) for key in (False, True))
-    figures = {
-        part.data.mesh: slice(part.first_vertex, part.first_vertex + len(part.raster.source))
-        for part in parts
-        if part.place.figure is not None
-    }
-    return DrawList(vertices, sources, indices, slots.astype(np.uint32), opaque, masked, clusters, figures)
+    ranges = {p.data.mesh: slice(p.first_vertex, p.first_vertex + len(p.raster.source)) for p in parts}
+    return DrawList(vertices, sources, indices, slots.astype(np.uint32), opaque, masked, clusters, ranges)
 
 
 def _assign_slots(parts: list[_Part], instances: list[Instance]) -> NDArray[np.int64]:

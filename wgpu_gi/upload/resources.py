@@ -82,6 +82,12 @@ class GpuResources:
         self.gpu.queue.write_buffer(buffer, 0, array)
         self.set(name, buffer)
 
+    def part(self, name: str, first: int, rows: NDArray) -> None:
+        """Send some rows of a buffer, from row `first` on."""
+        buffer, version = self._known[name]
+        self.gpu.queue.write_buffer(buffer, first * rows[0].nbytes, np.ascontiguousarray(rows))
+        self._known[name] = (buffer, version + 1)
+
     def table(self, name: str, array: NDArray) -> None:
         """Send records as 16-byte texels of a texture, only from the first to the last row that changed.
 

@@ -33,7 +33,7 @@ from .mesh_data import Topology
 from .resources import GpuResources
 from .see_through import has_openings, is_see_through
 from .solid_meshes import SolidMeshes
-from .surface_samples import sample_surfaces
+from .surface_samples import SurfaceSamples
 from .tree_builder import TreeBuilder
 from .two_level_bvh import TwoLevelBvh
 
@@ -78,12 +78,14 @@ class SceneUpload:
         self._table_key: object = None
         self._direct: tuple[object, NDArray] = (None, np.zeros(0))
         self._emitters: tuple[object, int] = (None, 0)
+        self._sampler = SurfaceSamples()
         self._samples: tuple[int, NDArray[np.float64]] | None = None
         self.solids = SolidMeshes()
         self._solid_key: tuple[int, str] | None = None
         self.draws: DrawList | None = None
         self._raster_meshes: WeakKeyDictionary[Topology, RasterMesh] = WeakKeyDictionary()
         self._raster_stale = True
+        self._raster_moved: set[int] = set()  # ids of meshes with other positions than in `draws`
         self._placed = -1  # geometry version of the boxes that draws are culled by
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))
         self.features: dict[str, bool] = {}
@@ -130,7 +132,8 @@ class SceneUpload:
         self._hierarchy.update(scene.instances, {id(m): k for k, m in enumerate(materials)}, figures, self._posed)
         self._motion.note_vertices(self._hierarchy)
         self._unsent |= self._hierarchy.changed
-        self._raster_stale |= bool(self._hierarchy.changed & {"triangles", "vertices"})
+        self._raster_stale |= self._hierarchy.changes_draws
+        self._raster_moved |= self._hierarchy.moved_meshes
         self._geometry += bool(self._hierarchy.changed)
         # Images: the light table needs their averages.
         self._materials.send_images(materials)
@@ -159,14 +162,20 @@ class SceneUpload:
 
     def update_draws(self, scene: Scene) -> DrawList:
         """Return the draw list of raster passes, sent to the GPU if it changed; call after `update`."""
+        instances = self._shown(scene).instances
         if self._raster_stale or self.draws is None:
-            scene = self._shown(scene)
-            self.draws = build_draw_list(scene.instances, self._hierarchy, self._raster_meshes)
+            self.draws = build_draw_list(instances, self._hierarchy, self._raster_meshes)
             for name in ("vertices", "sources", "indices", "slots"):
                 self.resources.buffer(f"raster_{name}", getattr(self.draws, name))
             self._raster_stale, self._placed = False, -1
+            self._raster_moved.clear()
+        for place in self._hierarchy.placements() if self._raster_moved else ():
+            mesh = place.data.mesh
+            if id(mesh) in self._raster_moved:
+                moved = self.draws.move(place, [k for k, i in enumerate(instances) if i.mesh is mesh])
+                self.resources.part("raster_vertices", moved.start, self.draws.vertices[moved])
+        self._raster_moved.clear()
         if self._placed != self._geometry:
-            instances = self._shown(scene).instances
             posed = {k: f.box for k, i in enumerate(instances) if (f := self._hierarchy.figures.get(id(i.mesh)))}
             self.draws.clusters.place(self._hierarchy.instances["world_from_local"], posed)
             self._placed = self._geometry
@@ -201,7 +210,7 @@ class SceneUpload:
     def surface_samples(self, scene: Scene) -> NDArray[np.float64]:
         """Return points spread over the surfaces, (n, 3) relative to the origin; call after `update`."""
         if self._samples is None or self._samples[0] != self._geometry:
-            self._samples = (self._geometry, sample_surfaces(self._shown(scene).instances, self._hierarchy))
+            self._samples = (self._geometry, self._sampler.draw(self._shown(scene).instances, self._hierarchy))
         return self._samples[1]
 
     def update_areas(self, scene: Scene, table: AreaCdf) -> None:

@@ -73,12 +73,15 @@ class TwoLevelBvh:
         self._places: dict[int, Placement] = {}  # by id(mesh)
         self._subtrees: Subtrees | None = None  # subtrees of the baked meshes; None: to be opened
         self._top = TopLevel()
+        self.changes_draws = False  # the last update changed more of the draws than positions of `moved_meshes`
+        self.moved_meshes: set[int] = set()  # ids of those with other positions since the last update
         self.moved_vertices: dict[int, NDArray[np.float32]] = {}  # positions before the last update, by id(mesh)
         self.figures: dict[int, Figure] = {}  # by id(mesh)
         self.first_figures = (0, 0, 0)  # node, triangle and vertex that figures begin at
         self._moved: set[int] = set()  # ids of instances that have moved since they were first seen
         self._layout: object = None
         self._materials: object = None
+        self._renumber: set[int] = set()  # ids of meshes whose flags and materials must be written
         self._matrices = np.zeros((0, 4, 4))
 
     def update(
@@ -94,7 +97,7 @@ class TwoLevelBvh:
 
         Raises GiError for a mesh whose arrays do not fit together.
         """
-        self.changed = set()
+        self.changed, self.changes_draws, self.moved_meshes = set(), False, set()
         meshes = list({id(i.mesh): i.mesh for i in instances}.values())
         # Ids are unique among living objects only; `_prepared` keeps the meshes alive. A new instance may have the id
         # of a deleted one; if their meshes are the same, it counts as the old instance after a move.
@@ -168,12 +171,15 @@ class TwoLevelBvh:
             if place.data.vertices is not data.vertices:
                 self.vertices[place.vertices] = data.vertices
                 self.changed |= {"vertices"}
-            if place.baked is not None:
-                self._subtrees = None
+            same_draws = place.data.topology is data.topology and place.data.arrays[2] is data.arrays[2]
+            if place.baked is None and same_draws:
+                self.moved_meshes.add(key)
+            else:
+                self._subtrees, self.changes_draws = None, True
             place.data, place.grid = data, QuantizationGrid.around(data.bounds)
             self._write_local(place)
         # Flags and materials of triangles may have changed.
-        self._materials = None
+        self._renumber |= set(deformed)
         self.changed |= {"nodes", "triangles"}
 
     def _world_boxes(self, instances: list[Instance], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -233,20 +239,24 @@ class TwoLevelBvh:
                 self._write_local(place)
             else:
                 self._bake(place, first, matrices[first])
-        self.changed = {"nodes", "triangles", "vertices"}
+        self.changed, self.changes_draws = {"nodes", "triangles", "vertices"}, True
 
     def _number_materials(self, meshes: list[Mesh], material_index: dict[int, int]) -> None:
         """Write the triangles' material numbers, and the flag of those that rays may pass."""
         materials = [[(material_index[id(m)], has_openings(m)) for m in mesh.materials] for mesh in meshes]
-        if materials == self._materials:
+        if materials == self._materials and not self._renumber:
             return
-        self._materials = materials
+        others = materials != self._materials
         for mesh, pairs in zip(meshes, materials, strict=True):
+            if not others and id(mesh) not in self._renumber:
+                continue
             place = self._places[id(mesh)]
             number, masked = np.array(pairs, np.uint32)[place.data.material].T
             self.triangles["material"][place.triangles] = number
             flags = self.triangles["flags"][place.triangles]
             flags[:] = flags >> FLAG_BITS << FLAG_BITS | place.data.flags | MASKED * masked
+        self._materials, self._renumber = materials, set()
+        self.changes_draws |= others
         self.changed |= {"triangles"}
 
     def _needs_own_grid(self, place: Placement, world_from_local: NDArray[np.float64]) -> bool:
@@ -294,7 +304,7 @@ class TwoLevelBvh:
             if place.baked is not None and moved[place.baked]:
                 self._moved.add(id(instances[place.baked]))
                 self._write_local(place)
-                self._subtrees = None
+                self._subtrees, self.changes_draws = None, True
                 self.changed |= {"nodes", "triangles"}
 
     def _write_instances(self, instances: list[Instance], matrices: NDArray[np.float64]) -> None:
