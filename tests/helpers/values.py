@@ -265,6 +265,7 @@ _TABLE: list[tuple[tuple[str, ...], Callable[[], tuple[list[Any], list[Any]]]]] 
     (("Channel.path",), lambda: ([*_WORDS, "translation"], ["range"])),
     (("Channel.track",), _animation_part("track")),
     (("factor",), _animation_part("factor", None, Track(np.zeros(1), np.zeros(1)))),
+    (("index",), lambda: ([0, -1, "0", 0.5, [], True], [None])),
     (
         ("times",),
         lambda: ([None, "x", [], np.zeros(0), np.eye(2), [1.0, 0.0], np.array([1.0, 0.0]), [NAN, 1], np.ones(3)], []),
