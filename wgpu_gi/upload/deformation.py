@@ -160,8 +160,10 @@ class Deformation(Work):
         if self._fresh:
             kernels.copy(self._posed, self._resources["before_positions"][0])
         for name, first, texels in zip(TABLES, self._firsts, TEXELS, strict=True):
-            texture, _ = self._resources[name]
-            kernels.copy_rows(self._tables[name], texture, first * texels // TABLE_WIDTH, TABLE_WIDTH)
+            # Meshes of a single leaf have no nodes.
+            if self._tables[name].size >= 16 * TABLE_WIDTH:
+                texture, _ = self._resources[name]
+                kernels.copy_rows(self._tables[name], texture, first * texels // TABLE_WIDTH, TABLE_WIDTH)
         kernels.submit()
         self.due, self._moves, self._fresh = "", False, False
 
@@ -223,7 +225,8 @@ class Deformation(Work):
     def _sent(self, old: Any, array: NDArray, usage: int = wgpu.BufferUsage.STORAGE) -> Any:
         """Return a buffer with the contents of an array: `old` if it has the size, else a new one."""
         buffer = self._room(old, array.nbytes, usage)
-        self._gpu.queue.write_buffer(buffer, 0, np.ascontiguousarray(array))
+        if array.nbytes:
+            self._gpu.queue.write_buffer(buffer, 0, np.ascontiguousarray(array))
         return buffer
 
     def _room(self, old: Any, size: int, usage: int = wgpu.BufferUsage.STORAGE) -> Any:
