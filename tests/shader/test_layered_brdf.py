@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fit_sheen_albedo import shadowing
 from helpers.statistics import chi_square_z
 
 from wgpu_gi.measure.wgsl_evaluator import Evaluator
@@ -308,3 +309,64 @@ def test_equal_media_let_light_pass_straight(evaluate):
         w_o = view(0.4)
         got = evaluate(BRDF, f"drawn(made(), {vector(w_o)}, u(i))", "vec4f", functions=material.functions, u=u)
         assert np.quantile(np.linalg.norm(got[:, :3] + w_o, axis=1), 0.95) < 0.03
+
+
+def half(a, b):
+    h = a + b
+    return h / np.linalg.norm(h, axis=-1, keepdims=True)
+
+
+def ggx(axes, h, w_i, w_o):
+    """D V of directions in the lobe's axes."""
+    lengths = [np.sqrt((axes[0] * w[:, 0]) ** 2 + (axes[1] * w[:, 1]) ** 2 + w[:, 2] ** 2) for w in (w_i, w_o)]
+    slope = (h[:, 0] / axes[0]) ** 2 + (h[:, 1] / axes[1]) ** 2 + h[:, 2] ** 2
+    below = 2 * (w_i[:, 2] * lengths[1] + w_o[:, 2] * lengths[0])
+    return 1 / (np.pi * axes[0] * axes[1] * slope**2) / below
+
+
+def schlick(f0, cosine):
+    return f0 + (1 - f0) * (1 - cosine) ** 5
+
+
+def lobe_values(name, w_o, w_i):
+    """Return f of single lobes by their papers' formulas."""
+    if name == "refraction":
+        eta, alpha = 1.5, 0.25
+        h = half(-w_o, -eta * w_i)
+        h *= np.sign(h[:, 2:])
+        o_h, i_h = (w_o * h).sum(1), (w_i * h).sum(1)
+        d = alpha**2 / (np.pi * (h[:, 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
+        masks = [2 / (1 + np.sqrt(1 + alpha**2 * (1 / w[:, 2] ** 2 - 1))) for w in (w_o, w_i)]
+        f = np.abs(o_h * i_h / (w_o[:, 2] * w_i[:, 2])) * (1 - schlick(0.04, o_h)) * masks[0] * masks[1] * d
+        return np.where((o_h > 0) & (i_h < 0), f / (eta * i_h + o_h) ** 2, 0)
+    h = half(w_o, w_i)
+    v_h = (w_i * h).sum(1)
+    if name == "mirror coat":
+        return schlick(0.04, v_h) * ggx((0.09, 0.09), h, w_i, w_o)
+    if name == "brushed":
+        return schlick(0.5, v_h) * ggx((0.16 + 0.84 * 0.36, 0.16), h, w_i, w_o)
+    a = 0.36
+    distribution = (2 + 1 / a) * (1 - h[:, 2] ** 2) ** (0.5 / a) / (2 * np.pi)
+    shadowed = 1 + sum(shadowing(w[:, 2], a) for w in (w_i, w_o))
+    return distribution / (shadowed * 4 * w_i[:, 2] * w_o[:, 2])
+
+
+LOBES = {
+    "refraction": Layered(WHITE, 0.0, 0.5, transmission=1.0, thickness=1.0, ior=1.5),
+    "mirror coat": Layered((0, 0, 0), 0.0, 0.5, f0=np.zeros(3), f90=0.0, clearcoat=1.0, clearcoat_roughness=0.3),
+    "brushed": Layered((0, 0, 0), 0.0, 0.4, f0=np.full(3, 0.5), anisotropy=0.6, tangent=np.array((1.0, 0.0, 0.0))),
+    "sheen": Layered((0, 0, 0), 0.0, 0.5, f0=np.zeros(3), f90=0.0, sheen=np.array(WHITE), sheen_roughness=0.6),
+}
+
+
+@pytest.mark.parametrize("name", LOBES)
+def test_lobes_are_those_of_their_papers(evaluate, name):
+    """Walter et al. 2007, Estevez and Kulla 2017, and GGX of one and two widths."""
+    w_o, w_i = random_directions(2000, 14), random_directions(2000, 15, lower=name == "refraction")
+    keep = (w_o[:, 2] > 0.02) & (np.abs(w_i[:, 2]) > 0.02)
+    functions = LOBES[name].functions
+    got = evaluate(
+        BRDF, "evaluate_brdf(made(), w_o(i), w_i(i))", "vec4f", functions=functions, w_o=w_o[keep], w_i=w_i[keep]
+    )
+    expected = lobe_values(name, w_o[keep].astype(np.float64), w_i[keep].astype(np.float64))
+    assert np.allclose(got[:, 1], expected, rtol=2e-3, atol=2e-5) and expected.max() > 0.1
