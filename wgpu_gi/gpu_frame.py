@@ -82,6 +82,8 @@ class GpuFrame:
         self.graph.release()
         self.graph, self.kept, self._sources = Graph(self._device), Kept(), {}
         self._undrawn, self._moving = 0, -1
+        if self.upload is not None:
+            self.upload.forget_motion()
         self.invalidate(declaration=True)
 
     def release(self) -> None:

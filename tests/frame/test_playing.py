@@ -105,6 +105,15 @@ def test_motion_leads_back_to_the_previous_time(scene):
     assert np.allclose(motion[~on_wall & (instance > 0)][:, :2], 0, atol=1e-3)
 
 
+def test_nothing_has_moved_in_the_first_frame_after_forgetting(scene):
+    with gi.Renderer(scene, **SETTINGS) as renderer:
+        for time in (0.2, 0.6):
+            renderer.forget()
+            renderer.time = time
+            renderer.step(show=("motion",))
+            assert np.abs(renderer.read_back("motion")[..., :2]).max() < 1e-3
+
+
 def test_a_time_outside_shows_the_nearest_pose_and_says_so(scene):
     with pytest.warns(gi.GiWarning, match="'slide' lasts from 0 to 1 s, so 7 s shows its last pose"):
         late = gi.render(scene, time=7, **SETTINGS)

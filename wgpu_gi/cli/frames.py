@@ -1,8 +1,11 @@
 """`wgpu-gi render --frames`: renders a sequence, in shards on several machines; resumes a stopped run.
 
 The animation of a scene plays: frame F shows the second F / fps, from the start again after the end. `--time` holds it.
-A picture depends only on its command, not on what the process rendered before. Techniques with a temporal history
-render blocks of frames. Each block starts without history, with warm-up frames that are not written.
+A picture depends only on its command, not on what the process rendered before; in an animation up to rounding, since
+meshes that have moved stay apart from those at rest.
+
+Techniques with a temporal history render blocks of frames. Each block starts without history, with warm-up frames that
+are not written.
 """
 
 from __future__ import annotations

@@ -23,8 +23,15 @@ class InstanceMotion:
         self.has_moved_vertices = False  # a mesh had new positions at some time
         self._dtype = load("shared/gbuffer/motion.wgsl").struct_dtype("Motion")
 
+    def forget(self) -> None:
+        """Forget the last call: in the next one nothing has moved."""
+        self._instances, self._matrices = [], np.zeros((0, 4, 4))
+        self._poses, self._vertices = {}, {}
+
     def note_vertices(self, hierarchy: TwoLevelBvh) -> None:
         """Remember which meshes have new positions; call after each update of the hierarchy."""
+        if not self._instances:  # none has an earlier place
+            return
         self._vertices = hierarchy.moved_vertices | self._vertices
         self.has_moved_vertices |= bool(self._vertices)
 

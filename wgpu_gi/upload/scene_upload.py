@@ -233,6 +233,11 @@ class SceneUpload:
         instances = self._shown(scene).instances
         self.resources.records("before_from_now", self._motion.update(instances, self._hierarchy, self.deformation))
 
+    def forget_motion(self) -> None:
+        """Forget where everything was: in the next frame nothing has moved."""
+        self._motion.forget()
+        self._motion_geometry = (-1, -1)
+
     def release(self) -> None:
         """Free all GPU memory; do not use this object any more."""
         self.resources.release()
