@@ -371,7 +371,6 @@ def keys(builder, times, values, **sampler):
 ROWS = [[0, 0, 0], [1, 0, 0]]
 DAMAGE = {
     "missing node": (lambda b: channel(b, [0, 1], ROWS, {"node": 9, "path": "translation"}), "index into nodes"),
-    "no node": (lambda b: channel(b, [0, 1], ROWS, {"path": "translation"}), "node is missing"),
     "no target": (lambda b: channel(b, [0, 1], ROWS, {}), "path is missing"),
     "unknown path": (lambda b: channel(b, [0, 1], ROWS, {"node": 0, "path": "visibility"}), "path must be one of"),
     "no pointer": (lambda b: channel(b, [0, 1], ROWS, {"path": "pointer"}), "pointer is missing"),
@@ -430,6 +429,13 @@ def test_a_damaged_channel_is_left_out_with_a_note(tmp_path, name):
         assert np.abs(world(at(scene, 0.5, len(scene.animations) - 1).instances[0])).max() == pytest.approx(size)
     with pytest.raises(GiError, match="strict"):
         load_gltf(builder.glb(tmp_path), notes=Notes(strict=True))
+
+
+def test_a_channel_without_a_node_is_for_extensions(tmp_path):
+    builder = triangle_scene()
+    channel(builder, [0, 1], ROWS, {"path": "translation"})
+    scene = loaded(builder, tmp_path)
+    assert not scene.animations and "has no node; the channel was left out" in scene.notes[0]
 
 
 def test_of_two_channels_with_one_target_the_first_plays(tmp_path):

@@ -142,7 +142,13 @@ class Motion:
         aims: dict[tuple[str, int, str], set[int | None]] = {}  # the elements of each property that have a channel
         for channel in description.objects("channels"):
             with self._document.leaving_out("the channel"):
-                what = self._target(channel.child("target"))
+                target = channel.child("target")
+                if target.raw.get("path") in _PATHS and "node" not in target:
+                    self._document.notes.add(
+                        f"{target.where} has no node; the channel was left out."
+                    )  # it may lack one
+                    continue
+                what = self._target(target)
                 parts = aims.setdefault((what.kind, what.index, what.path), set())
                 if parts and (what.part is None or not parts.isdisjoint({None, what.part})):
                     raise channel.error("another channel of the animation has the same target")
