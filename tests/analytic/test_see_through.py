@@ -9,6 +9,7 @@ import pytest
 from helpers.marks import slow_but
 from helpers.panes import (
     BEHIND,
+    F0,
     PASSED,
     blended,
     blended_radiance,
@@ -22,7 +23,7 @@ from helpers.pictures import shoot
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.renderer import Renderer, Settings
 from wgpu_gi.scene.built_in.scenes import cornell_point
-from wgpu_gi.scene.built_in.shapes import quad
+from wgpu_gi.scene.built_in.shapes import box, quad
 from wgpu_gi.scene.scene import DirectionalLight, Environment, Image, Material, PointLight, SpotLight, Texture
 
 DEFERRED = [name for name in TECHNIQUES if name != "path"]
@@ -84,6 +85,19 @@ def test_the_shadow_of_coloured_glass_is_the_product_of_tints(technique):
     share = passed_share(floor_under(glass(), [SUN]), technique, spp=2, diffuse=False)
     cosine = 1 / math.hypot(0.3, 1.0, 0.2)
     np.testing.assert_allclose(share, np.broadcast_to(glass_tint(cosine), share.shape), rtol=2e-6)
+
+
+@pytest.mark.parametrize("technique", slow_but(("none",), DEFERRED))
+def test_deferred_shadows_pass_solid_glass_straight(technique):
+    """V = (c (1 - F))^2 exp(-sigma d) of a slab 0.5 m thick, for both of its sides."""
+    sigma, color = np.array((0.5, 1.0, 2.0)), (0.9, 0.8, 0.7)
+    solid = Material(base_color=(*color, 1.0), transmission=1.0, roughness=0.3, thickness=0.5)
+    solid.attenuation_distance, solid.attenuation_color = 1.0, tuple(np.exp(-sigma))
+    scene = floor_under([], [SUN], lamps=[box((-20, 1, -20), (20, 1.5, 20), solid)])
+    share = passed_share(scene, technique, diffuse=False)
+    stretch = math.hypot(0.3, 1.0, 0.2)
+    wall = np.array(color) * (1 - F0 - (1 - F0) * (1 - 1 / stretch) ** 5)
+    np.testing.assert_allclose(share, np.broadcast_to(wall**2 * np.exp(-sigma * 0.5 * stretch), share.shape), rtol=2e-6)
 
 
 @pytest.mark.slow

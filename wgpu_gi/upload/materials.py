@@ -14,11 +14,13 @@ from .layers import is_clear, layer_textures, pack_layers
 from .light_values import emitted_radiance
 from .mip_levels import Content
 from .resources import GpuResources
+from .see_through import transmits
 from .texture_atlas import Atlas, AtlasImage, Place, atlas_rectangles, pack_atlas
 
 CONSTANTS = load("scene/materials.wgsl").constants
-DOUBLE_SIDED, UNLIT, TEXTURED, COATED, BLENDED, LAYERED, GLASS = (
-    int(CONSTANTS[flag]) for flag in ("DOUBLE_SIDED", "UNLIT", "TEXTURED", "COATED", "BLENDED", "LAYERED", "GLASS")
+DOUBLE_SIDED, UNLIT, TEXTURED, COATED, BLENDED, LAYERED, GLASS, TRANSMITTING = (
+    int(CONSTANTS[flag])
+    for flag in ("DOUBLE_SIDED", "UNLIT", "TEXTURED", "COATED", "BLENDED", "LAYERED", "GLASS", "TRANSMITTING")
 )
 PRESENT, TEXCOORD_1, SIXTEEN_BITS, TRANSFORMED = (
     int(CONSTANTS[flag]) for flag in ("PRESENT", "TEXCOORD_1", "SIXTEEN_BITS", "TRANSFORMED")
@@ -103,7 +105,7 @@ class MaterialUpload:
             flags = DOUBLE_SIDED * m.double_sided | UNLIT * m.unlit | COATED * (not self._diffuse)
             flags |= BLENDED * (m.alpha_mode == "blend")
             if not self._diffuse:
-                flags |= LAYERED * bool(layers_of(m)) | GLASS * is_clear(m)
+                flags |= LAYERED * bool(layers_of(m)) | GLASS * is_clear(m) | TRANSMITTING * transmits(m)
             for atlas, textures in self._textures(m).items():
                 for slot, (image, texture) in textures.items():
                     flags |= TEXTURED

@@ -299,6 +299,7 @@ class SceneUpload:
             "HAS_DEFORMATION": bool(self._hierarchy.figures) or self._motion.has_moved_vertices,
             "HAS_BLENDS": any(m.alpha_mode == "blend" for m in materials),
             "HAS_SEE_THROUGH": any(is_see_through(m, self.diffuse) for m in materials),
+            "PASSES_GLASS": False,  # set by techniques whose shadow rays do
             "HAS_TINTS": not self.diffuse and any(map(is_clear, materials)),
             "HAS_MASKS": any(map(has_openings, materials)),
             "HAS_CUT_OUTS": any(m.alpha_mode == "mask" for m in materials),

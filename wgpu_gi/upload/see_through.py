@@ -13,4 +13,9 @@ def is_see_through(material: Material, diffuse: bool = False) -> bool:
 
 def has_openings(material: Material) -> bool:
     """Tell whether rays must ask a material's alpha or glass before they stop."""
-    return material.alpha_mode == "mask" or is_see_through(material)
+    return material.alpha_mode == "mask" or is_see_through(material) or transmits(material)
+
+
+def transmits(material: Material) -> bool:
+    """Tell whether a material is glass, which shadow rays of deferred techniques pass straight on."""
+    return material.transmission > 0 and not material.unlit

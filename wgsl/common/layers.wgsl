@@ -11,6 +11,7 @@ override HAS_LAYERS: bool = true;        // any of these
 override HAS_BLENDS: bool = true;        // alpha blending
 override HAS_SEE_THROUGH: bool = true;   // alpha blending or thin, smooth transmission: rays pass straight on
 override HAS_TINTS: bool = true;         // thin, smooth transmission: rays that pass or hit it carry weights
+override PASSES_GLASS: bool = true;      // shadow rays pass rough and solid transmission, too, straight on
 
 const CLEAR_ROUGHNESS: f32 = 0.05;  // thin glass that is at most so rough passes rays straight on
 

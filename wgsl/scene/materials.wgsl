@@ -11,6 +11,7 @@ const BLENDED: u32 = 16u; // light passes by 1 - alpha
 const LAYERED: u32 = 32u; // it has layers (`common/layers.wgsl`)
 const GLASS: u32 = 64u;   // parts may be thin, smooth glass, which passes light straight on by its colour
 const SEE_THROUGH: u32 = BLENDED | GLASS;
+const TRANSMITTING: u32 = 128u;  // any glass
 
 struct Material {
     base_color: vec4f,

@@ -4,6 +4,9 @@
 // colour. Rays that need one way pass with the probability p = 1 - a q, q = 1 - max t, and then carry P / p; rays that do
 // not pass find the surface, with the weight a / (1 - p) = 1 / q (stochastic transparency: Enderton et al. 2010). Without
 // glass all weights are 1. Shadow rays need no choice: they carry the product of P. Exact in the mean.
+//
+// With PASSES_GLASS, shadow rays also pass rough and solid glass, straight on: P of each wall, and exp(-sigma d) of each
+// solid. Errs by the light that refraction sends elsewhere (caustics).
 #import "common/layers.wgsl"
 #import "common/random.wgsl"
 #import "scene/ray_triangle.wgsl"
@@ -23,7 +26,7 @@ struct Passage {
 // Returns the passage of a surface of an alpha whose cover passes `glass`.
 fn passage_of(alpha: f32, glass: vec3f) -> Passage {
     let a = saturate(alpha);
-    if (!HAS_TINTS) {
+    if (!HAS_TINTS && !PASSES_GLASS) {
         return Passage(vec3f(1.0 - a), 1.0 - a, vec3f(1.0), 1.0);
     }
     let q = max(1.0 - max3(glass), LEAST_KEPT);
@@ -34,6 +37,11 @@ fn passage_of(alpha: f32, glass: vec3f) -> Passage {
 
 fn is_see_through(material: u32) -> bool {
     return HAS_SEE_THROUGH && (materials[material].flags & SEE_THROUGH) != 0u;
+}
+
+// Returns whether shadow rays ask a material how much light passes.
+fn passes_shadow_rays(material: u32) -> bool {
+    return is_see_through(material) || (PASSES_GLASS && (materials[material].flags & TRANSMITTING) != 0u);
 }
 
 // Returns whether parts of a see-through material may be glass.
@@ -49,6 +57,7 @@ struct CoverPoint {
     uv1: vec2f,
     footprint: UvFootprint,
     is_point: bool,          // textures are read at the point
+    any_glass: bool,         // rough and solid glass passes light, too
 }
 
 // Returns the passage of a point; `cosine`: between the ray and the normal.
@@ -58,7 +67,7 @@ fn passage_at(c: CoverPoint, cosine: f32) -> Passage {
         base *= read_texture(c.material, BASE_COLOR_SLOT, c.uv0, c.uv1, c.footprint, c.is_point);
     }
     var glass = vec3f(0.0);
-    if (is_glass(c.material)) {
+    if (is_glass(c.material) || (c.any_glass && (materials[c.material].flags & TRANSMITTING) != 0u)) {
         glass = glass_at(c, base.rgb, cosine);
     }
     return passage_of(select(1.0, base.a, (materials[c.material].flags & BLENDED) != 0u), glass);
@@ -72,10 +81,10 @@ fn cover_texel(c: CoverPoint, slot: u32) -> vec4f {
     return vec4f(1.0);
 }
 
-// Returns what a surface passes as a thin wall, t; 0 if it is rough.
+// Returns what a surface passes as a thin wall, t; 0 if it is rough, unless any glass passes.
 fn glass_at(c: CoverPoint, color: vec3f, cosine: f32) -> vec3f {
     let mapped = cover_texel(c, METALLIC_ROUGHNESS_SLOT);
-    if (materials[c.material].roughness * mapped.g > CLEAR_ROUGHNESS) {
+    if (!c.any_glass && materials[c.material].roughness * mapped.g > CLEAR_ROUGHNESS) {
         return vec3f(0.0);
     }
     var f0 = vec3f(0.04);
@@ -96,26 +105,42 @@ fn glass_at(c: CoverPoint, color: vec3f, cosine: f32) -> vec3f {
 }
 
 // Returns the passage of a point of a triangle, textures read at the point.
-fn passage_of_weights(t: Triangle, weights: vec2f, cosine: f32) -> Passage {
+fn passage_of_weights(t: Triangle, weights: vec2f, cosine: f32, any_glass: bool) -> Passage {
     let k = load_corners(t, weights);
     let c = CoverPoint(
-        t.material, color_at(k), texcoord0_at(k), texcoord1_at(k), UvFootprint(vec4f(0.0), vec4f(0.0), 1.0), true);
+        t.material, color_at(k), texcoord0_at(k), texcoord1_at(k), UvFootprint(vec4f(0.0), vec4f(0.0), 1.0), true,
+        any_glass);
     return passage_at(c, cosine);
 }
 
+// Returns the cosine between a ray and the normal of the triangle that it hits, above 0 on the clockwise side.
+fn cosine_of_hit(t: Triangle, hit: Hit, direction: vec3f) -> f32 {
+    var normal = cross(t.edge1, t.edge2);
+    if (HAS_INSTANCES && t.instance == NONE) {
+        let m = instances[hit.instance].local_from_world;
+        normal = transpose(mat3x3f(m[0], m[1], m[2])) * normal;
+    }
+    return dot(normalize_or(normal, vec3f(0.0)), normalize_or(direction, vec3f(0.0)));
+}
+
+// Returns the absorption of a solid up to a hit of its surface, as the logarithm of a factor: below 0 where a ray leaves
+// it, and as much above 0 where it enters.
+fn absorbed_until(t: Triangle, hit: Hit, direction: vec3f) -> vec3f {
+    if (!PASSES_GLASS || !HAS_VOLUMES || materials[t.material].thickness <= 0.0) {
+        return vec3f(0.0);
+    }
+    let way = materials[t.material].attenuation * (hit.distance * length(direction));
+    return select(way, -way, cosine_of_hit(t, hit, direction) > 0.0);
+}
+
 // Returns the passage at a hit; `direction`: of the ray in the world.
-fn passage_of_hit(t: Triangle, hit: Hit, direction: vec3f) -> Passage {
+fn passage_of_hit(t: Triangle, hit: Hit, direction: vec3f, any_glass: bool) -> Passage {
     let weights = hit_weights(t, hit);
     var cosine = 1.0;
-    if (HAS_TINTS) {
-        var normal = cross(t.edge1, t.edge2);
-        if (HAS_INSTANCES && t.instance == NONE) {
-            let m = instances[hit.instance].local_from_world;
-            normal = transpose(mat3x3f(m[0], m[1], m[2])) * normal;
-        }
-        cosine = abs(dot(normalize_or(normal, vec3f(0.0)), normalize_or(direction, vec3f(0.0))));
+    if (HAS_TINTS || any_glass) {
+        cosine = abs(cosine_of_hit(t, hit, direction));
     }
-    let p = passage_of_weights(t, weights, cosine);
+    let p = passage_of_weights(t, weights, cosine, any_glass);
     // On an edge, both of its triangles are hit (`ray_triangle.wgsl`): each takes half of the surface.
     if (min(min(weights.x, weights.y), 1.0 - weights.x - weights.y) < EDGE) {
         return Passage(sqrt(p.tint), sqrt(p.chance), sqrt(p.passed), p.kept);

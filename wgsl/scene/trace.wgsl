@@ -1,7 +1,7 @@
 // Ray traversal of the scene's two-level hierarchy, shared by all passes.
 //
-// See-through surfaces (`see_through.wgsl`): shadow rays collect their tints; a main ray passes each, or finds it, by a
-// random choice. Tints and weights of glass are collected on the way to the hit, once it is known.
+// See-through surfaces (`see_through.wgsl`): shadow rays collect tints; a main ray passes each or finds it by chance.
+// Tints and weights of glass are collected on the way to the hit, once it is known.
 //
 // Nodes have up to four children, visited nearest first, with one stack for both levels (`geometry.wgsl` describes the
 // tables). Boxes are padded for rounding, so the traversal misses no triangle that the ray-triangle test accepts.
@@ -29,7 +29,7 @@ struct Rays {
     index: u32,      // of the sample in that seed's sequence
 }
 
-// Seeds without random choice: the ray passes what passes more than half of the light, or all that is see-through.
+// Seeds without random choice: the ray passes what passes more than half of the light, or all see-through surfaces.
 const MIDDLE_SEED: u32 = 0xffffffffu;
 const PASSING_SEED: u32 = 0xfffffffeu;
 
@@ -39,6 +39,8 @@ struct Found {
     occluded_b: bool,
     tint_a: vec3f,      // share of light that passes the see-through surfaces on the way of the shadow ray
     tint_b: vec3f,
+    absorbed_a: vec3f,  // logarithm of a factor on tint_a, of solids that have been entered or left so far
+    absorbed_b: vec3f,
     steps: u32,         // nodes visited and triangles tested
 }
 
@@ -58,7 +60,7 @@ fn passing_number(rays: Rays, triangle: u32) -> f32 {
 // Traces up to three rays in one loop: a SIMD lane that finishes a ray starts its next one without waiting for other
 // lanes. `any` and `closest` are constants: whether there are shadow rays, and a main ray.
 fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
-    var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0), UNTINTED), false, false, UNTINTED, UNTINTED, 0u);
+    var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0), UNTINTED), false, false, UNTINTED, UNTINTED, vec3f(0.0), vec3f(0.0), 0u);
     var stage = select(2u, 0u, any);  // 1, 2: the shadow rays; 3: the main ray; 4: its tint, on the way to its hit
     var last_stage = select(2u, 3u, closest);
     var nearest_glass = FLOAT_MAX;    // that the main ray has passed
@@ -223,17 +225,21 @@ fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
         let t = load_triangle(masked.triangle);
         let is_shadow = any && (!closest || stage < 3u);
         var stops = false;
-        if (is_see_through(t.material)) {
-            let p = passage_of_hit(t, masked, world.direction);
-            if (is_shadow) {
-                if (stage == 1u) {
-                    found.tint_a *= p.tint;
-                    stops = max3(found.tint_a) <= 0.0;
-                } else {
-                    found.tint_b *= p.tint;
-                    stops = max3(found.tint_b) <= 0.0;
-                }
-            } else if (HAS_TINTS && stage == 4u) {
+        if (is_shadow && passes_shadow_rays(t.material)) {
+            let tint = passage_of_hit(t, masked, world.direction, PASSES_GLASS).tint;
+            let absorbed = absorbed_until(t, masked, world.direction);
+            if (stage == 1u) {
+                found.tint_a *= tint;
+                found.absorbed_a += absorbed;
+                stops = max3(found.tint_a) <= 0.0;
+            } else {
+                found.tint_b *= tint;
+                found.absorbed_b += absorbed;
+                stops = max3(found.tint_b) <= 0.0;
+            }
+        } else if (is_see_through(t.material)) {
+            let p = passage_of_hit(t, masked, world.direction, false);
+            if (HAS_TINTS && stage == 4u) {
                 found.hit.tint *= p.passed;
             } else if (passing_number(rays, masked.triangle) < p.chance) {
                 nearest_glass = min(nearest_glass, masked.distance);
@@ -258,6 +264,10 @@ fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
                 found.hit = masked;
             }
         }
+    }
+    if (PASSES_GLASS && HAS_VOLUMES && any) {
+        found.tint_a *= exp(min(found.absorbed_a, vec3f(0.0)));
+        found.tint_b *= exp(min(found.absorbed_b, vec3f(0.0)));
     }
     return found;
 }

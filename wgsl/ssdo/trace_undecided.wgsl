@@ -39,7 +39,7 @@ fn store_radiance(index: u32, direction: vec3f, radiance: vec3f) {
 
 // Returns whether a direction passes see-through surfaces: by chance, as often as their light passes.
 fn passes_by_chance(tint: vec3f, index: u32) -> bool {
-    return !HAS_SEE_THROUGH || unit_float(hash2(index, bitcast<u32>(hits[index].y))) < luminance(tint);
+    return !(HAS_SEE_THROUGH || PASSES_GLASS) || unit_float(hash2(index, bitcast<u32>(hits[index].y))) < luminance(tint);
 }
 
 // Traces a direction; `index`: of its entry in `hits`.

@@ -116,7 +116,7 @@ def _declare_mapped(
     width, height = graph.size
     direct = graph.buffer("direct/light", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)
     # How much light passes see-through surfaces, only rays find.
-    traced = maps is not None and (settings.edges or scene.features["HAS_SEE_THROUGH"])
+    traced = maps is not None and (settings.edges or scene.tints_shadows)
     edges = graph.buffer("direct/edges", dtype=np.uint32, count=width * height if traced else 1)
     edge_groups = graph.buffer("direct/edge_groups", dtype=np.uint32, count=4)
     tiles = _declare_tiles(graph, settings, scene.direct, gbuffer)

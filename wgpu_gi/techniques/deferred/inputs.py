@@ -48,6 +48,11 @@ class DeferredInputs(RasterInputs):
     preview: bool
 
     @property
+    def tints_shadows(self) -> bool:
+        """True if shadow rays may pass a surface and carry on with less light."""
+        return self.features["HAS_SEE_THROUGH"] or self.features["PASSES_GLASS"]
+
+    @property
     def is_preview(self) -> bool:
         """The field `preview`."""
         return self.preview

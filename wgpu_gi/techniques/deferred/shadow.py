@@ -38,7 +38,7 @@ def declare_shadow_maps(graph: Graph, scene: DeferredInputs) -> ShadowMaps | Non
     size = scene.direct.atlas_size
     atlas = graph.texture("shadow/atlas", "depth32float", size=(size, size))
     glass = None
-    if scene.features["HAS_SEE_THROUGH"]:
+    if scene.tints_shadows:
         glass = graph.texture("shadow/see_through_atlas", "depth32float", size=(size, size))
     else:
         graph.skip("shadow/see_through", "no see-through material")

@@ -143,6 +143,7 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
     views = graph.share("scene/shadow_views", records, (version, state.shadows.version))
     raster = share_raster(graph, upload)
     raster.features |= state.features
+    raster.features["PASSES_GLASS"] = raster.features["HAS_TRANSMISSION"]
     direct = DirectInputs(lights, state.count, state.bounded, views, state.atlas_size)
     return DeferredInputs(
         **vars(raster),

@@ -210,7 +210,7 @@ fn shadow_verdict(light: DirectLight, count: u32, position: vec3f, normal: vec3f
     let is_coarse = rounding > OWN_PLANE * steep || abs(dot(normal, to_light)) < GRAZING;
     var lit = select(select(select(UNDECIDED, 0.0, is_clear), 1.0, is_own), UNDECIDED, is_coarse);
     var needs_whole_ray = is_coarse;
-    if (HAS_SEE_THROUGH) {
+    if (HAS_SEE_THROUGH || PASSES_GLASS) {
         let a = see_through_above(p, slope, corner + vec2f(-1.0, -1.0));
         let b = see_through_above(p, slope, corner + vec2f(1.0, -1.0));
         let c = see_through_above(p, slope, corner + vec2f(-1.0, 1.0));

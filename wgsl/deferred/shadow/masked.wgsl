@@ -21,12 +21,12 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) slot: u32)
 @fragment
 fn fragment(in: Varyings) {
     let mask = Mask(in.texcoords, in.alpha, in.material);
-    if (SEE_THROUGH_ONLY || is_see_through(in.material)) {
+    if (SEE_THROUGH_ONLY || passes_shadow_rays(in.material)) {
         let alpha = base_alpha(
             mask.material, mask.alpha, mask.texcoords.xy, mask.texcoords.zw,
             UvFootprint(vec4f(0.0), vec4f(0.0), 1.0), true);
         let is_blank = (materials[in.material].flags & BLENDED) != 0u && alpha <= 0.0;
-        if (!SEE_THROUGH_ONLY || !is_see_through(in.material) || is_blank) {
+        if (!SEE_THROUGH_ONLY || !passes_shadow_rays(in.material) || is_blank) {
             discard;
         }
     } else if (is_open(mask)) {

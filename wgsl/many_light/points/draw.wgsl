@@ -81,7 +81,7 @@ fn store_point(slot: u32, index: u32, count: u32, seed: u32) {
     // Of the points on see-through surfaces, as many are open as light passes.
     var open = false;
     if (is_see_through(t.material)) {
-        let passes = luminance(passage_of_weights(t, weights, 1.0).tint);
+        let passes = luminance(passage_of_weights(t, weights, 1.0, false).tint);
         open = unit_float(hash2(index, seed ^ 0x51ed270bu)) < passes;
     }
     // Store the point with its reflectance.

@@ -23,7 +23,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (is_seen) {
         let t = load_triangle(seen.x);
         if (is_see_through(t.material)) {
-            found *= passage_of_hit(t, hit_on_triangle(ray, t, seen.x, seen.y), ray.direction).kept;
+            found *= passage_of_hit(t, hit_on_triangle(ray, t, seen.x, seen.y), ray.direction, false).kept;
         }
     }
     tint[id.y * view.size.x + id.x] = vec4f(found, 1.0);

@@ -79,7 +79,7 @@ fn fragment_see_through(in: MaskedVaryings) -> @location(0) vec2u {
         if (HAS_TINTS && is_glass(mask.material)) {
             let ray = pixel_ray(pixel);
             let t = load_triangle(in.ids.x);
-            chance = passage_of_hit(t, hit_on_triangle(ray, t, in.ids.x, in.ids.y), ray.direction).chance;
+            chance = passage_of_hit(t, hit_on_triangle(ray, t, in.ids.x, in.ids.y), ray.direction, false).chance;
         } else {
             chance = 1.0 - base_alpha(
                 mask.material, mask.alpha, mask.texcoords.xy, mask.texcoords.zw, footprint, false);

@@ -126,7 +126,7 @@ fn is_hole(triangle: u32, off: vec3f, cell: u32) -> bool {
     let weights = shares.yz / max(shares.x + shares.y + shares.z, 1e-37);
     let t = load_triangle(triangle);
     if (is_see_through(t.material)) {
-        return unit_float(hash2(cell, triangle)) < luminance(passage_of_weights(t, weights, 1.0).tint);
+        return unit_float(hash2(cell, triangle)) < luminance(passage_of_weights(t, weights, 1.0, false).tint);
     }
     return is_cut_out(t, weights);
 }
