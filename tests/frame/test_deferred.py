@@ -261,6 +261,7 @@ def test_plan_gives_the_reason_of_every_skip():
         "environment/prefilter": "there is no environment",
         "direct/tiles": "fewer than",
         "emitters": "nothing emits light",
+        "transmission": "no material transmits light",
         "composite/display": "no output needs",
     }
     for name, row in rows.items():

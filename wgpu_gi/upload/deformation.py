@@ -6,6 +6,9 @@ are quantised to 8 bits in the same step (`wgsl/scene/deform/refit.wgsl`).
 In a frame the host sends joint matrices, morph weights and the grids of node boxes, and nothing comes back. The tables
 of figures lie in buffers, which are copied into the scene's textures: on CPU drivers, a copied texel takes a quarter of
 the time of one that a shader writes.
+
+A figure of 50,380 vertices with 60 joints takes 2.8 ms, 1.0 ms of it for the pose, and 2.4 ms more for its hierarchy:
+2 % of a many-light frame at 640x360 (`walk`, llvmpipe, CPU time over two cores).
 """
 
 from __future__ import annotations
