@@ -54,7 +54,23 @@ def main() -> None:
     difference = float(np.median(np.subtract(times[0], times[1])))  # of neighbouring frames
     figure = next(i.mesh for i in walking.instances if i.mesh.skin is not None)
     print(f"{len(figure.positions)} vertices, {len(figure.triangles)} triangles, {arguments.joints} joints")
+    alone = deformation_alone(renderers[0], arguments.frames)
+    print(f"deformation and refit alone {alone:.1f} ms")
     print(f"walking {walks:.1f} ms, standing {stands:.1f} ms, difference {difference:.1f} ms")
+
+
+def deformation_alone(renderer: Renderer, times: int) -> float:
+    """Return the median milliseconds of the device's work for a pose, by itself."""
+    upload = renderer._gpu.upload
+    assert upload is not None
+    found = []
+    for _ in range(times):
+        upload.deformation.pose(True)
+        started = time.process_time()
+        upload.deformation.run()
+        renderer.graph.device.wait()
+        found.append((time.process_time() - started) * 500)
+    return float(np.median(found))
 
 
 def standing(scene: Scene, time: float) -> Scene:
