@@ -7,8 +7,9 @@ import pytest
 from helpers.pictures import looking
 from helpers.techniques import picture
 
-from wgpu_gi.scene.built_in.shapes import box, quad, sphere
-from wgpu_gi.scene.scene import Environment, Instance, Material, Scene
+from wgpu_gi.scene.built_in.scenes import matte
+from wgpu_gi.scene.built_in.shapes import box, grid, quad, sphere
+from wgpu_gi.scene.scene import DirectionalLight, Environment, Instance, Material, PointLight, Scene
 
 # All deferred techniques share the pass; compiling the rest of them takes seconds.
 TECHNIQUES = ("none", *(pytest.param(name, marks=pytest.mark.slow) for name in ("many-light", "ssdo", "ssil", "ssao")))
@@ -58,3 +59,18 @@ def test_a_rough_wall_in_a_furnace_shows_its_color(technique, pictured):
     camera = looking((0, 0, -1), (0, 0, 5), 2.0)
     got = picture(technique, Scene([Instance(wall)], environment=sky), SIZE, camera=camera, frames=32)
     assert got["radiance"].mean((0, 1)) == pytest.approx(np.array(color), rel=0.02)
+
+
+@pytest.mark.parametrize("technique", TECHNIQUES)
+@pytest.mark.parametrize("light", [DirectionalLight((0, -1, 0), 3.0), PointLight((0, 3, 0), intensity=9.0)])
+def test_a_slab_casts_a_tinted_shadow(technique, light):
+    """E = E_0 exp(-d ln(1 / c) / d_c): shadow rays pass a solid straight on, and absorb by the way inside it."""
+    volume = {"thickness": 1.0, "attenuation_color": (0.5, 0.25, 0.8), "attenuation_distance": 0.4}
+    slab = Instance(box((-2, 1, -2), (2, 1.5, 2), Material("slab", **CLEAR, **volume, ior=1.7)))
+    floor = Instance(grid(6.0, material=matte(0.5)))
+    camera = looking((0, -1, 0), (0, 0.5, 0), 0.05)
+    lit, shadowed = (
+        picture(technique, Scene(instances, lights=[light]), (4, 4), camera=camera, bounces=0)["direct"].mean((0, 1))
+        for instances in ([floor], [slab, floor])
+    )
+    assert shadowed / lit == pytest.approx(np.array((0.5, 0.25, 0.8)) ** 1.25, rel=5e-3)

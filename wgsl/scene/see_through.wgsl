@@ -123,13 +123,19 @@ fn cosine_of_hit(t: Triangle, hit: Hit, direction: vec3f) -> f32 {
     return dot(normalize_or(normal, vec3f(0.0)), normalize_or(direction, vec3f(0.0)));
 }
 
+// Returns whether a hit lies on an edge: both of its triangles are hit (`ray_triangle.wgsl`), each takes half of the surface.
+fn is_on_edge(weights: vec2f) -> bool {
+    return min(min(weights.x, weights.y), 1.0 - weights.x - weights.y) < EDGE;
+}
+
 // Returns the absorption of a solid up to a hit of its surface, as the logarithm of a factor: below 0 where a ray leaves
 // it, and as much above 0 where it enters.
 fn absorbed_until(t: Triangle, hit: Hit, direction: vec3f) -> vec3f {
     if (!PASSES_GLASS || !HAS_VOLUMES || materials[t.material].thickness <= 0.0) {
         return vec3f(0.0);
     }
-    let way = materials[t.material].attenuation * (hit.distance * length(direction));
+    let share = select(1.0, 0.5, is_on_edge(hit_weights(t, hit)));
+    let way = materials[t.material].attenuation * (share * hit.distance * length(direction));
     return select(way, -way, cosine_of_hit(t, hit, direction) > 0.0);
 }
 
@@ -141,8 +147,7 @@ fn passage_of_hit(t: Triangle, hit: Hit, direction: vec3f, any_glass: bool) -> P
         cosine = abs(cosine_of_hit(t, hit, direction));
     }
     let p = passage_of_weights(t, weights, cosine, any_glass);
-    // On an edge, both of its triangles are hit (`ray_triangle.wgsl`): each takes half of the surface.
-    if (min(min(weights.x, weights.y), 1.0 - weights.x - weights.y) < EDGE) {
+    if (is_on_edge(weights)) {
         return Passage(sqrt(p.tint), sqrt(p.chance), sqrt(p.passed), p.kept);
     }
     return p;

@@ -4,7 +4,7 @@ A path follows the BRDF through such surfaces (Walter et al. 2007, "Microfacet M
 Surfaces") and takes what the picture shows of the first other surface. The light is added after all filters, which
 would blur what is seen through glass. Thin smooth walls need no paths: pixels pass them.
 
-Left out: caustics. Shadow maps and shadow rays pass glass straight, tinted.
+Left out: caustics. Shadow rays pass glass straight on, tinted (`wgsl/scene/see_through.wgsl`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from ..shared.gbuffer import Gbuffer
 from ..shared.technique import Light
 from .inputs import DeferredInputs
 
+MOST_BOUNCES = 3  # of light at points that the picture does not show
 SHADER = "deferred/transmission/transmission.wgsl"
 
 
@@ -52,6 +53,10 @@ def with_transmission(
         },
         writes={"sum": total},
         params={"seed": seed},
-        constants={**scene.constants(SHADER), "HAS_INDIRECT": light.indirect is not None, "BOUNCE": bounces != 0},
+        constants={
+            **scene.constants(SHADER),
+            "HAS_INDIRECT": light.indirect is not None,
+            "BOUNCES": MOST_BOUNCES if bounces is None else min(bounces, MOST_BOUNCES),
+        },
     )
     return replace(light, indirect=total)

@@ -1,12 +1,13 @@
 // The environment's light reflected by a surface, unoccluded.
 //
 // L_o = integral f_r L cos dw over the hemisphere of the normal. Under a constant environment the result is exact but
-// for the table's interpolation and the fits. Under a picture the base and the coat's second scattering add (diffuse T +
-// F_ms M) E / pi, as if all directions sent alike, and the lobe the split sum R F mean(L) of Karis 2013. Departure: mean(L) is looked up
-// around the lobe's mean direction, since grazing and rough lobes lean away from the mirror direction. A clear coat adds a
-// lobe about its own normal; sheen sends as if light came from all directions alike; a stretched lobe is the mean of several
-// narrower ones along its axis. Errs at glancing angles, where lobes are longer than wide, and includes light from below the surface's horizon. Without the occlusion
-// of `deferred/sky` or `ssdo` it errs bright.
+// for the table's interpolation, the fits, and the means of what layers leave each other (`common/lobes.wgsl`; they err
+// bright by up to 3 %). Under a picture the base and the coat's second scattering add (diffuse T + F_ms M) E / pi, as
+// if all directions sent alike, and the lobe the split sum R F mean(L) of Karis 2013. Departure: mean(L) is looked up
+// around the lobe's mean direction, since grazing and rough lobes lean away from the mirror direction. A clear coat
+// adds a lobe about its own normal, sheen its albedo times E / pi; a stretched lobe is the mean of narrower ones along
+// its axis. Errs at glancing angles, where lobes are longer than wide, and includes light from below the surface's
+// horizon. Without the occlusion of `deferred/sky` or `ssdo` it errs bright.
 #import "scene/environment.wgsl"
 #import "deferred/environment/maps.wgsl"
 #import "deferred/environment/reflectance.wgsl"
@@ -71,7 +72,8 @@ struct Ambient {
     coat: vec3f,  // the lobe, and what the coat scatters more than once
 }
 
-// Returns the environment's mean radiance under a GGX lobe; `entry`: of the table; `normal` and `w_o` are unit, of the world.
+// Returns the environment's mean radiance under a GGX lobe; `entry`: of the table; `normal` and `w_o` are unit, of the
+// world.
 fn lobe_light(normal: vec3f, w_o: vec3f, cos_o: f32, entry: vec3f, alpha: f32) -> vec3f {
     // The lobe's mean direction along the surface, away from the viewer.
     let across = entry.z * (normal * cos_o - w_o);
@@ -117,26 +119,28 @@ fn ambient_parts(brdf: Brdf, normal: vec3f, w_o: vec3f) -> Ambient {
     }
     let cos_o = clamp(dot(normal, w_o), 0.0, 1.0);
     let entry = load_ambient_albedo(cos_o, brdf.alpha);
-    let loss = coat_loss(brdf.fit, brdf.alpha, cos_o);
+    let local = vec3f((w_o * frame_from_normal(normal)).xy, cos_o);
+    let shares = coat_shares(brdf, local, entry.x);
     var light: vec3f;
     if (HAS_ANISOTROPY && brdf.stretch > 1.0) {
         light = stretched_light(brdf, normal, w_o);
     } else {
         light = lobe_light(normal, w_o, cos_o, entry, brdf.alpha);
     }
-    var parts = Ambient(
-        brdf.diffuse * loss.transmitted * mean,
-        lobe_reflectance(brdf, entry) * light + brdf.multiple * loss.missing * mean);
-    if (HAS_SHEEN && max3(brdf.sheen) > 0.0) {
-        let left = left_by_sheen(brdf, cos_o);
-        parts = Ambient(
-            parts.base * left.scattered, parts.coat * left.mirrored + sheen_reflectance(brdf, cos_o) * mean);
+    let base = brdf.diffuse * shares.loss.transmitted * mean;
+    let once = fresnel_of(brdf, entry.y) * shares.lobe * light;
+    let again = brdf.multiple * shares.loss.missing * mean;
+    if (!HAS_CLEARCOAT && !HAS_SHEEN) {
+        return Ambient(base, once + again);
     }
+    // Put sheen, then the clear coat above.
+    let sheen = left_by_sheen(brdf, cos_o);
+    let coat = left_by_clearcoat(brdf, local);
+    let below = sheen_reflectance(brdf, cos_o) * mean + sheen.scattered * again;
+    var parts = Ambient(
+        coat.scattered * sheen.scattered * base, coat.scattered * below + coat.mirrored * sheen.mirrored * once);
     if (HAS_CLEARCOAT && brdf.clearcoat.share > 0.0) {
-        let left = left_by_clearcoat(brdf, w_o * frame_from_normal(normal));
-        parts = Ambient(
-            parts.base * left.scattered,
-            parts.coat * left.mirrored + clearcoat_light(brdf.clearcoat, normal, w_o));
+        parts.coat += clearcoat_light(brdf.clearcoat, normal, w_o);
     }
     return parts;
 }

@@ -18,18 +18,6 @@ fn load_ambient_albedo(cos_o: f32, alpha: f32) -> vec3f {
     return mix(mix(t00, t10, f.x), mix(t01, t11, f.x), f.y).xyz;
 }
 
-// Returns the reflectance of a coat's lobe, R F, from the table's entry.
-fn lobe_reflectance(b: Brdf, entry: vec3f) -> vec3f {
-    return fresnel_of(b, entry.y) * entry.x;
-}
-
-// Returns the reflectance of what scatters widely below all layers, the base and the coat's second scattering:
-// diffuse T + F_ms M.
-fn base_reflectance(b: Brdf, cosine: f32) -> vec3f {
-    let loss = coat_loss(b.fit, b.alpha, cosine);
-    return b.diffuse * loss.transmitted + b.multiple * loss.missing;
-}
-
 // Reflectances of a layered surface: of the base's lobe, of the clear coat's, and of all else.
 struct Reflectances {
     lobe: vec3f,
@@ -41,8 +29,12 @@ fn reflectances_of(b: Brdf, cosine: f32) -> Reflectances {
     if (!b.glossy) {
         return Reflectances(vec3f(0.0), 0.0, b.diffuse);
     }
-    let lobe = lobe_reflectance(b, load_ambient_albedo(cosine, b.alpha));
-    let base = base_reflectance(b, cosine);
+    // The lobe reflects R F, base and second scattering diffuse T + F_ms M. Stretched lobes count between their axes.
+    let entry = load_ambient_albedo(cosine, b.alpha);
+    let sine = sqrt(max(0.5 - 0.5 * cosine * cosine, 0.0));
+    let shares = coat_shares(b, from_axes(b, vec3f(sine, sine, cosine)), entry.x);
+    let lobe = fresnel_of(b, entry.y) * shares.lobe;
+    let base = b.diffuse * shares.loss.transmitted + b.multiple * shares.loss.missing;
     if (!HAS_CLEARCOAT && !HAS_SHEEN) {
         return Reflectances(lobe, 0.0, base);
     }

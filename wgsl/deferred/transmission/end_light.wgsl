@@ -1,14 +1,17 @@
 // The light that a surface point at the end of a path sends back along it, W/(m2 sr).
 //
-// Where the picture shows the point and it is matte, its light is that of its pixel. Elsewhere L = L_d + f_r cos / density
-// L(y): a sample of the lights (`deferred/hit_light.wgsl`) and, with BOUNCE, a ray that follows the BRDF to y, whose light is
-// that of its pixel or of a sample of the lights. Errs dark by further bounces where the picture shows neither point.
+// Where the picture shows the point and it is matte, its light is that of its pixel. Elsewhere L = L_d + f_r cos /
+// density L(y): a sample of the lights (`deferred/hit_light.wgsl`) and a ray that follows the BRDF to y, whose light is
+// found the same way. Errs dark after BOUNCES such rays, and as the technique does where the picture shows a point.
 #import "shared/gbuffer/in_picture.wgsl"
 #import "deferred/transmission/walk.wgsl"
 #import "common/matte.wgsl"
 
-override BOUNCE: bool = true;        // ends in no pixel reflect light of other surfaces
+override BOUNCES: u32 = 3u;          // most on the way from a path's end to a point that the picture shows
 override HAS_INDIRECT: bool = true;  // the technique has indirect light
+
+// Pairs of random numbers of each bounce: the direction, the part of the lobe, and those of `reflected_radiance`.
+const PAIRS_PER_BOUNCE: u32 = 8u;
 
 @group(1) @binding(11) var<storage, read> direct: array<vec4f>;
 @group(1) @binding(12) var<storage, read> indirect: array<vec4f>;
@@ -29,25 +32,33 @@ fn is_shown(p: PathPoint) -> bool {
 }
 
 // Returns the light of other surfaces that a point reflects; `pair`: first of the random numbers.
-fn bounced_light(p: PathPoint, numbers: Numbers, pair: u32) -> vec3f {
-    let drawn = sample_brdf(p.brdf, p.w_o, pair_of(numbers, pair), pair_of(numbers, pair + 1u).x);
-    let direction = normalize_or(p.frame * drawn.w_i, p.side);
-    if (drawn.pdf <= 0.0 || dot(direction, p.side) <= 0.0) {
-        return vec3f(0.0);
+fn bounced_light(start: PathPoint, numbers: Numbers, pair: u32) -> vec3f {
+    var p = start;
+    var throughput = vec3f(1.0);
+    var sum = vec3f(0.0);
+    for (var k = 0u; k < BOUNCES; k += 1u) {
+        let first = pair + k * PAIRS_PER_BOUNCE;
+        let drawn = sample_brdf(p.brdf, p.w_o, pair_of(numbers, first), pair_of(numbers, first + 1u).x);
+        let direction = normalize_or(p.frame * drawn.w_i, p.side);
+        if (drawn.pdf <= 0.0 || dot(direction, p.side) <= 0.0) {
+            return sum;
+        }
+        let hit = trace(Ray(leave_surface(p.surface, direction), direction), FLOAT_MAX);
+        if (hit.triangle == NONE) {
+            return sum;
+        }
+        let s = surface_at(hit, direction);
+        if ((s.flags & UNLIT) != 0u) {
+            return sum;
+        }
+        throughput *= drawn.weight * hit.tint;
+        p = path_point(s, direction);
+        if (is_shown(p)) {
+            return sum + throughput * picture_light(s.position);
+        }
+        sum += throughput * reflected_radiance(p, no_arrival(), numbers.index, hash2(first + 2u, numbers.code));
     }
-    let hit = trace(Ray(leave_surface(p.surface, direction), direction), FLOAT_MAX);
-    if (hit.triangle == NONE) {
-        return vec3f(0.0);
-    }
-    let s = surface_at(hit, direction);
-    if ((s.flags & UNLIT) != 0u) {
-        return vec3f(0.0);
-    }
-    let y = path_point(s, direction);
-    if (is_shown(y)) {
-        return drawn.weight * hit.tint * picture_light(s.position);
-    }
-    return drawn.weight * hit.tint * reflected_radiance(y, no_arrival(), numbers.index, hash2(pair + 2u, numbers.code));
+    return sum;
 }
 
 // Returns the light of a path's end, `hit` of a ray in `direction`; `emission_share`: of its own emission that counts.
@@ -62,8 +73,5 @@ fn light_of_end(hit: Hit, direction: vec3f, emission_share: f32, numbers: Number
         return emitted + picture_light(s.position);
     }
     let reflected = reflected_radiance(p, no_arrival(), numbers.index, hash2(END_PAIRS, numbers.code));
-    if (BOUNCE) {
-        return emitted + reflected + bounced_light(p, numbers, END_PAIRS + 8u);
-    }
-    return emitted + reflected;
+    return emitted + reflected + bounced_light(p, numbers, END_PAIRS + PAIRS_PER_BOUNCE);
 }

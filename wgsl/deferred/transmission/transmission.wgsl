@@ -1,14 +1,16 @@
-// One invocation finds the light that a pixel's surface transmits to the eye, by a path through rough walls and solid glass
-// to the first surface that transmits none.
+// One invocation finds the light that a pixel's surface transmits to the eye, by a path through rough walls and solid
+// glass to the first surface that transmits none.
 //
-// L = T L(y), with T the product of f cos / density over the surfaces passed and exp(-sigma d) over the ways inside solids
-// (`walk.wgsl`), and L(y) the light of the path's end: what the picture shows of it, or what it reflects of the lights and of
-// one bounce (`end_light.wgsl`); or the environment's. In: visibility, scene, layers of the picture, W/(m2 sr). Out: indirect +
-// transmitted light, W/(m2 sr). Errs dark after MOST_SURFACES and where light reaches a surface by caustics: shadow
-// rays pass solids straight. Errs as `end_light.wgsl` does.
+// L = T L(y), with T the product of f cos / density over the surfaces passed and exp(-sigma d) over the ways inside
+// solids (`walk.wgsl`), and L(y) the light of the path's end: what the picture shows of it, or what it reflects of the
+// lights and of one bounce (`end_light.wgsl`); or the environment's. In: visibility, scene, layers of the picture,
+// W/(m2 sr). Out: indirect + transmitted light, W/(m2 sr). Errs dark after MOST_SURFACES and where light reaches a
+// surface by caustics: shadow rays pass solids straight. Errs as `end_light.wgsl` does.
 #import "shared/gbuffer/visible_surface.wgsl"
 #import "deferred/transmission/end_light.wgsl"
 #import "scene/sequence.wgsl"
+
+override PATHS: u32 = 4u;
 
 @group(1) @binding(13) var<storage, read_write> sum: array<vec4f>;
 @group(1) @binding(19) var<uniform> params: Params;
@@ -20,16 +22,21 @@ struct Params {
 // Pixels on a side of a block that shares a low-discrepancy sequence.
 const BLOCK: u32 = 4u;
 
-// Returns the light that arrives through a pixel's surface, W/(m2 sr).
+// Returns the mean light of the paths through a pixel's surface, W/(m2 sr).
 fn transmitted(pixel: vec2u, s: Surface, direction: vec3f) -> vec3f {
     let block = hash2(pixel.x / BLOCK, hash2(pixel.y / BLOCK, params.seed));
-    let numbers = Numbers((sequence.index * BLOCK + pixel.y % BLOCK) * BLOCK + pixel.x % BLOCK, block);
-    let walk = walk_through(s, direction, numbers);
-    var light = walk.light;
-    if (walk.ends && max3(walk.throughput) > 0.0) {
-        light += walk.throughput * light_of_end(walk.hit, walk.direction, walk.emission_share, numbers);
+    let first = (sequence.index * BLOCK + pixel.y % BLOCK) * BLOCK + pixel.x % BLOCK;
+    var sum = vec3f(0.0);
+    for (var k = 0u; k < PATHS; k += 1u) {
+        let numbers = Numbers(first * PATHS + k, block);
+        let walk = walk_through(s, direction, numbers);
+        var light = walk.light;
+        if (walk.ends && max3(walk.throughput) > 0.0) {
+            light += walk.throughput * light_of_end(walk.hit, walk.direction, walk.emission_share, numbers);
+        }
+        sum += select(vec3f(0.0), light, is_finite(light));
     }
-    return select(vec3f(0.0), light, is_finite(light));
+    return sum / f32(PATHS);
 }
 
 @compute @workgroup_size(8, 8)

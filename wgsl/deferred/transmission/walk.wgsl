@@ -1,5 +1,5 @@
-// A path through surfaces that transmit light: rays that follow the BRDF of each, until one meets a surface that transmits
-// none.
+// A path through surfaces that transmit light: rays that follow the BRDF of each, until one meets a surface that
+// transmits none.
 //
 // Each surface is also lit by a sample of the lights. Sample and ray are weighted by the power heuristic (Veach 1997,
 // eq. 9.15). Solids absorb by Beer's law, exp(-sigma d). Errs blurry where punctual lights shine through sharp glass:
@@ -34,13 +34,13 @@ struct Walk {
 }
 
 // Returns whether a surface's material fills a solid.
-fn is_solid(s: Surface) -> bool {
+fn bounds_solid(s: Surface) -> bool {
     return HAS_VOLUMES && s.layers.thickness > 0.0;
 }
 
 // Returns whether light samples reach a surface from a direction: rays alone find the light inside a solid.
 fn is_lit_from(s: Surface, direction: vec3f) -> bool {
-    return !is_solid(s) || dot(s.geometric_normal, direction) > 0.0;
+    return !bounds_solid(s) || dot(s.geometric_normal, direction) > 0.0;
 }
 
 // Returns whether emitters and the environment are sampled, too: narrow lobes leave them to rays.
@@ -84,8 +84,9 @@ fn sampled_light(
     }
     let start = leave_surface(s, light.direction);
     let shift = select(vec3f(0.0), start - s.position, light.limit < INFINITELY_FAR);
-    let found = trace_shadow(Ray(start, light.to_light - shift), light.limit);
-    return select(radiance * found.tint_a, vec3f(0.0), found.occluded_a);
+    // Rough walls and solids block this ray, unlike a shadow ray: the path's next surfaces find the light beyond.
+    let hit = trace(Ray(start, light.to_light - shift), light.limit);
+    return select(vec3f(0.0), radiance * hit.tint, hit.triangle == NONE);
 }
 
 // Follows a path through the surface `first`, which a ray in `direction` has hit.
@@ -96,8 +97,9 @@ fn walk_through(first: Surface, direction: vec3f, numbers: Numbers) -> Walk {
     var s = first;
     var brdf = surface_brdf(s);
     // The technique has what the first surface reflects; it knows nothing of reflections inside a solid.
-    let passing = s.front || !is_solid(s);
+    let passing = s.front || !bounds_solid(s);
     brdf.diffuse = vec3f(0.0);
+    var absorption = vec3f(0.0);  // of the solid that the path is in, 1/m
     for (var k = 0u; k < MOST_SURFACES; k += 1u) {
         // Light the surface, and follow its BRDF.
         let frame = frame_from_normal(s.normal);
@@ -112,6 +114,14 @@ fn walk_through(first: Surface, direction: vec3f, numbers: Numbers) -> Walk {
             return walk;
         }
         walk.direction = normalize(frame * next.w_i);
+        // Both normals must agree on the side: light would be refracted without entering the solid.
+        let crosses = s.front == (dot(s.geometric_normal, walk.direction) < 0.0);
+        if (crosses != (next.w_i.z < 0.0)) {
+            return walk;
+        }
+        if (bounds_solid(s) && crosses) {
+            absorption = select(vec3f(0.0), s.layers.attenuation, s.front);
+        }
         let sampled = samples_lights(brdf) && is_lit_from(s, walk.direction);
         let hit = trace(Ray(leave_surface(s, walk.direction), walk.direction), FLOAT_MAX);
         walk.throughput *= hit.tint;
@@ -120,11 +130,12 @@ fn walk_through(first: Surface, direction: vec3f, numbers: Numbers) -> Walk {
             walk.light += walk.throughput * environment_radiance(walk.direction) * share;
             return walk;
         }
-        // Absorb light on the way inside a solid.
+        // Absorb light on the way inside a solid: that of the surface, if the ray arrives at its back.
         s = surface_at(hit, walk.direction);
-        if (is_solid(s) && !s.front) {
-            walk.throughput *= volume_transmittance(s.layers.attenuation, hit.distance);
+        if (bounds_solid(s) && !s.front) {
+            absorption = s.layers.attenuation;
         }
+        walk.throughput *= volume_transmittance(absorption, hit.distance);
         let cosine = max(abs(dot(s.geometric_normal, walk.direction)), 1e-12);
         let light_pdf = s.emitter_pdf * hit.distance * hit.distance / cosine;
         walk.emission_share = share_of_ray(light_pdf, next.pdf, sampled);
