@@ -46,13 +46,13 @@ def seen(scene, technique, **settings):
     return {name: picture.mean((0, 1)) for name, picture in found.items()}
 
 
-def passed_share(scene, technique, **settings):
+def passed_share(scene, technique, size=(12, 12), **settings):
     """Return the direct light of a picture over that without panes."""
     arguments = {"show": ("direct",), "gi": technique, "bounces": 0, **settings}
-    under = shoot(scene, (12, 12), **arguments)["direct"]
+    under = shoot(scene, size, **arguments)["direct"]
     scene.instances = [i for i in scene.instances if i.mesh.materials[0].alpha_mode == "opaque"]
     scene.instances = [i for i in scene.instances if i.mesh.materials[0].transmission == 0]
-    return under / shoot(scene, (12, 12), **arguments)["direct"]
+    return under / shoot(scene, size, **arguments)["direct"]
 
 
 @pytest.mark.parametrize("wall", slow_but((False,), (True, False)))
@@ -107,7 +107,8 @@ def test_panes_dim_lamps_and_the_sky(technique):
     share = passed_share(floor_under(blended(), [], lamps=[lamp]), technique, spp=64)
     np.testing.assert_allclose(share.mean((0, 1)), PASSED, rtol=0.02)
     if technique != "none":  # which has the environment's light unoccluded
-        share = passed_share(floor_under(blended(), [], Environment((1.0, 0.8, 0.6))), technique, spp=256)
+        # Rays of a hemisphere pass by chance; SSDO sends two from a quarter of the pixels: 2 % of standard error.
+        share = passed_share(floor_under(blended(), [], Environment((1.0, 0.8, 0.6))), technique, (32, 32), spp=64)
         np.testing.assert_allclose(share.mean((0, 1)), PASSED, rtol=0.08)
 
 
