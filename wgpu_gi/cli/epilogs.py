@@ -113,7 +113,7 @@ examples:
   wgpu-gi stress --checks help                      the checks, a sentence each
   wgpu-gi stress --scene report/room-7-ssil-cut.glb --gi ssil --checks cut --seeds 7:8
 
-Kinds: room, street, foliage, glossy, textured, many, tiny, huge, far, degenerate, extreme, moving.
+Kinds: room, street, foliage, glossy, textured, many, tiny, huge, far, degenerate, extreme, moving, layered, glass.
 Each scene and technique is checked for bad values and for repetition, then for one relation in its turn; comparisons
 with the path tracer, white furnaces, new renderers and leaks come every few seeds. A relation promises equal bits, or
 equal means: these are tested over blocks with several seeds, and a suspicion is confirmed with 24, then 96 new seeds.
