@@ -35,9 +35,9 @@ BOUNDS = {
     "diamond": (0.01, 0.006),
     "dull": (0.015, 0.005),
     "layered": (0.015, 0.012),
-    "frosted": (0.03, 0.045),
-    "solid": (0.03, 0.045),
-    "rough_solid": (0.05, 0.07),
+    "frosted": (0.025, 0.015),
+    "solid": (0.015, 0.02),
+    "rough_solid": (0.045, 0.035),
 }
 # Relative error of the mean under a constant sky: what layers leave each other is averaged.
 SKY_BOUNDS = {"coat": 0.012, "cloth": 0.015, "brushed": 0.035, "diamond": 0.004, "dull": 0.004, "layered": 0.035}
