@@ -97,7 +97,7 @@ class TwoLevelBvh:
 
         Raises GiError for a mesh whose arrays do not fit together.
         """
-        self.changed, self.changes_draws, self.moved_meshes = set(), False, set()
+        self.changed, self.changes_draws, self.moved_meshes, self.moved_vertices = set(), False, set(), {}
         meshes = list({id(i.mesh): i.mesh for i in instances}.values())
         # Ids are unique among living objects only; `_prepared` keeps the meshes alive. A new instance may have the id
         # of a deleted one; if their meshes are the same, it counts as the old instance after a move.
@@ -112,7 +112,6 @@ class TwoLevelBvh:
             bounds = np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]) if len(boxes) else np.zeros((2, 3))
             self.radius = float(np.linalg.norm(bounds[1] - bounds[0]) / 2)
             drifted = np.abs(bounds.mean(0) - self.origin).max() > MAX_DRIFT * self.radius
-            self.moved_vertices = {}
             if new_layout or drifted:
                 # Otherwise the origin stays, so that moving one instance does not move all others relative to it.
                 used = [self._prepared[id(i.mesh)] for i in instances]
