@@ -335,3 +335,23 @@ def test_wrong_animations_are_named(change, words):
     change(scene.animations[0])
     with pytest.raises(GiError, match=r"scene\.animations\[0\]\..*" + words):
         check_scene(scene)
+
+
+def test_a_pose_depends_on_the_time_alone():
+    """Where a track leaves the range of coordinates, or aims a light nowhere, the part is as in the scene."""
+    node, lamp = Node(), SpotLight((0, 0, 0), (0.0, -1.0, 0.0))
+    instance = Instance(quad((0, 0, 0), (1, 0, 0), (0, 1, 0)))
+    far = Track([0, 1], [[[0, 0, 0], [1, 0, 0], [1e17, 0, 0]], [[0, 0, 0], [2, 0, 0], [0, 0, 0]]], "cubic")
+    away = Channel(lamp, "direction", Track([0, 1], [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]))
+    scene = Scene([instance], [lamp], animations=[animated(Channel(node, "translation", far), away)])
+    scene.animations[0].attachments.append(Attachment(instance, node))
+    player = Player(scene)
+    for time in (1.0, 0.5):
+        player.pose(time)
+        expected = scene.at(time)
+        np.testing.assert_array_equal(
+            player.scene.instances[0].world_from_local, expected.instances[0].world_from_local
+        )
+        assert player.scene.lights[0].direction == expected.lights[0].direction
+    np.testing.assert_array_equal(player.scene.instances[0].world_from_local, np.eye(4))
+    assert player.scene.lights[0].direction == (0.0, -1.0, 0.0)

@@ -90,7 +90,7 @@ def set_field(part: Any, name: str, values: NDArray[np.float64], index: int | No
     elif name == "range" and limited[0] == 0.0:
         setattr(part, name, None)  # "no limit", as in files
     elif name == "direction" and not any(limited):
-        return  # nowhere: the last direction stays
+        return  # nowhere: the direction stays
     else:
         setattr(part, name, limited[0] if width == 1 else tuple(limited))
     if isinstance(part, SpotLight):

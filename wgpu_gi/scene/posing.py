@@ -3,7 +3,7 @@
 Channels with the same key times are evaluated at once, and so are nodes at the same depth.
 
 Departures from glTF: at a time when a node scales its part to zero, the part keeps a size that nobody sees, so that its
-transform stays invertible; where a transform leaves the range of coordinates, the part stays where it was.
+transform stays invertible; where a transform leaves the range of coordinates, the part stays where the scene has it.
 """
 
 from __future__ import annotations
@@ -64,34 +64,24 @@ class Posing:
         self._skeletons = [s for s in animation.skeletons if any(map(moving, s.joints))]
         self._batches = _batches(animation.channels)
         self._driven = self._find_driven(animation)
-        self._materials = {key for key, (part, _) in self._driven.items() if isinstance(part, Material)}
+        self._materials = {key for key, part in self._driven.items() if isinstance(part, Material)}
         self._copies: dict[int, tuple[Any, Any]] = {}  # the part and its copy, by the id of the part
 
-    def _find_driven(self, animation: Animation) -> dict[int, tuple[Any, set[str]]]:
-        """Return the parts that the animation changes, with the names of the fields, by id."""
-        driven: dict[int, tuple[Any, set[str]]] = {}
-
-        def add(part: Any, *names: str) -> None:
-            driven.setdefault(id(part), (part, set()))[1].update(names)
-
-        for attachment in self._attachments:
-            add(attachment.part, *_placed_fields(attachment.part))
-        for skeleton in self._skeletons:
-            for instance in skeleton.instances:
-                add(instance, "world_from_local", "joint_matrices")
-        for channel in animation.channels:
-            if not self._hierarchy.holds(channel.target):
-                add(channel.target, channel.path)
-        return driven
+    def _find_driven(self, animation: Animation) -> dict[int, Any]:
+        """Return the parts that the animation changes, by id."""
+        parts: list[Any] = [attachment.part for attachment in self._attachments]
+        parts += [instance for skeleton in self._skeletons for instance in skeleton.instances]
+        parts += [channel.target for channel in animation.channels if not self._hierarchy.holds(channel.target)]
+        return {id(part): part for part in parts}
 
     def copy_of(self, part: Any) -> Any:
         """Return the copy that is posed in place of a part, or the part itself if nothing drives it."""
         return self._copies.get(id(part), (part, part))[1]
 
     def take_over(self, source: Parts, target: Parts) -> None:
-        """Bring `target` up to date with `source`: all that is not driven is shared, of driven parts all other fields.
+        """Bring `target` up to date with `source`: what is not driven is shared, the copies of driven parts equal it.
 
-        The copies of driven parts are made once.
+        The copies are made once. Write a pose into them next: it depends on the source and the time alone.
         """
         for f in fields(source):  # type: ignore[arg-type]
             if f.name not in ("instances", "lights", "cameras"):
@@ -102,26 +92,23 @@ class Posing:
 
     def _own(self, part: Any) -> Any:
         """Return a part that nothing drives, or an updated copy."""
-        if id(part) not in self._driven:
-            return part
-        return self._copied(part, self._driven[id(part)][1])
+        return self._copied(part) if id(part) in self._driven else part
 
-    def _copied(self, part: Any, kept: set[str]) -> Any:
-        """Return the copy of a part, with the part's fields but those `kept`."""
+    def _copied(self, part: Any, kept: str = "") -> Any:
+        """Return the copy of a part, with the part's fields but the one `kept`."""
         if id(part) not in self._copies:
             self._copies[id(part)] = part, copy(part)
         found = self._copies[id(part)][1]
         for f in fields(part):
-            if f.name not in kept:
+            if f.name != kept:
                 setattr(found, f.name, getattr(part, f.name))
         return found
 
     def _own_instance(self, instance: Instance) -> Instance:
         """Return an instance, or a copy if it or a material of its mesh is driven."""
         if self._materials and any(id(material) in self._materials for material in instance.mesh.materials):
-            kept = self._driven.get(id(instance), (instance, set[str]()))[1]
-            found: Instance = self._copied(instance, kept)
-            mesh: Mesh = self._copied(instance.mesh, {"materials"})
+            found: Instance = self._copied(instance)
+            mesh: Mesh = self._copied(instance.mesh, "materials")
             materials = [self._own(material) for material in instance.mesh.materials]
             if len(mesh.materials) != len(materials) or any(map(_differs, mesh.materials, materials)):
                 mesh.materials = materials
@@ -190,12 +177,6 @@ def retargeted(animation: Animation, posing: Posing) -> Animation:
         [replace(attachment, part=own(attachment.part)) for attachment in animation.attachments],
         [replace(skeleton, instances=list(map(own, skeleton.instances))) for skeleton in animation.skeletons],
     )
-
-
-def _placed_fields(part: Instance | Light | Camera) -> tuple[str, ...]:
-    """Return the fields of a part that its node sets."""
-    names = ("world_from_local", "world_from_view", "position", "direction")
-    return tuple(f.name for f in fields(part) if f.name in names)
 
 
 def _differs(one: Any, other: Any) -> bool:
