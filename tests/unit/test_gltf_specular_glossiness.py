@@ -152,3 +152,21 @@ def test_the_new_textures_count_as_memory(tmp_path):
     assert load_gltf(path, MemoryBudget(2 << 20)).materials[0].metallic == 1.0
     with pytest.raises(GiError, match="unpacks to"):
         load_gltf(path, MemoryBudget(1 << 19))
+
+
+@pytest.mark.parametrize("reflectance", [0.1, 0.9])
+def test_extensions_that_exclude_it_are_left_out(tmp_path, reflectance):
+    """It has a reflectance of its own, whether a dielectric's or a metal's; a clear coat stays."""
+    layers = {"KHR_materials_ior": {"ior": 1.4}, "KHR_materials_specular": {"specularFactor": 0.5}}
+    layers |= {"KHR_materials_clearcoat": {"clearcoatFactor": 0.25}}
+    own = {"specularFactor": [reflectance] * 3}
+    alone, _ = material_of(GltfBuilder(), tmp_path, own)
+    extensions = {NAME: own, **layers}
+    builder = GltfBuilder()
+    builder.node(mesh=builder.mesh(builder.primitive(TRIANGLE, material=builder.material(extensions=extensions))))
+    scene = load_gltf(builder.glb(tmp_path))
+    (material,) = scene.materials
+    for name in ("ior", "specular", "specular_color", "base_color", "metallic"):
+        assert getattr(material, name) == getattr(alone, name)
+    assert material.clearcoat == 0.25
+    assert sum("it was left out" in note for note in scene.notes) == 2

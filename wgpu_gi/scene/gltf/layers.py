@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Any, NamedTuple
 
@@ -81,12 +81,14 @@ def layer_infos(material: JsonObject) -> dict[str, JsonObject]:
     return found
 
 
-def read_layers(material: JsonObject, textures: dict[str, Texture | None]) -> dict[str, Any]:
-    """Return the fields of a material's extensions; `textures` by the keys of `layer_infos`."""
+def read_layers(
+    material: JsonObject, textures: dict[str, Texture | None], excluded: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return the fields of a material's extensions but the excluded ones; `textures` by the keys of `layer_infos`."""
     result: dict[str, Any] = {}
     for name, extension in EXTENSIONS.items():
         owner = material.extension(name)
-        if owner is None:
+        if owner is None or name in excluded:
             continue
         for factor in extension.factors:
             result[factor.field] = _read_factor(owner, factor)

@@ -29,6 +29,7 @@ _MIN_FILTERS: dict[int, tuple[Filter, Literal["linear", "nearest", "none"]]] = {
 _ALPHA_MODES: dict[str, Literal["opaque", "mask", "blend"]] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 _SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 _SPECULAR_GLOSSINESS_TEXTURES = ("diffuseTexture", "specularGlossinessTexture")
+_REFLECTION_EXTENSIONS = ("KHR_materials_ior", "KHR_materials_specular")  # excluded by specular-glossiness
 _IMAGE_EXTENSIONS = ("KHR_texture_basisu", "EXT_texture_avif", "EXT_texture_webp")
 _NORMALS = ("normalTexture", CLEARCOAT_NORMAL)
 _DATA = (  # the others hold sRGB colours, or alpha alone
@@ -121,6 +122,9 @@ class Materials:
         else:
             diffuse, specular = (textures.get(slot) for slot in _SPECULAR_GLOSSINESS_TEXTURES)
             surface = self._specular_glossiness.convert(extension, diffuse, specular)
+            for name in _REFLECTION_EXTENSIONS:
+                if source.extension(name) is not None:
+                    source.damage(f"{name} excludes {_SPECULAR_GLOSSINESS}; it was left out")
         red, green, blue, alpha = surface.base_color
         return Material(
             name=source.text("name"),
@@ -138,7 +142,7 @@ class Materials:
             normal_texture=textures.get("normalTexture"),
             occlusion_texture=textures.get("occlusionTexture"),
             emission_texture=textures.get("emissiveTexture"),
-            **read_layers(source, textures),
+            **read_layers(source, textures, () if extension is None else _REFLECTION_EXTENSIONS),
             **({} if surface.specular_color is None else _reflecting(surface)),
         )
 
