@@ -41,6 +41,15 @@ def test_a_slab_absorbs_by_beers_law(technique):
 
 
 @pytest.mark.parametrize("technique", TECHNIQUES)
+def test_an_eye_inside_a_solid_sees_its_absorption(technique):
+    """The eye is 0.4 m behind the surface: L = L_wall exp(-0.4 ln(1 / c) / d_c)."""
+    volume = {"thickness": 1.0, "attenuation_color": (0.5, 0.25, 0.8), "attenuation_distance": 0.4}
+    slab = Instance(box((-2, -2, -0.5), (2, 2, 9.0), Material("slab", **CLEAR, **volume, ior=1.0)))
+    got = picture(technique, Scene([slab, lit_wall()]), SIZE, camera=looking((0, 0, -1), (0, 0, -0.1), 2.0))["radiance"]
+    assert got == pytest.approx(np.broadcast_to(RADIANCE * np.array((0.5, 0.25, 0.8)), got.shape), rel=2e-3)
+
+
+@pytest.mark.parametrize("technique", TECHNIQUES)
 def test_a_ball_of_the_index_of_air_is_invisible(technique):
     ball = sphere((0, 0, 0), 0.8, 3, Material("ball", **CLEAR, thickness=1.0, ior=1.0))
     ball.normals = ball.positions / np.linalg.norm(ball.positions, axis=1, keepdims=True)

@@ -23,13 +23,13 @@ struct Params {
 const BLOCK: u32 = 4u;
 
 // Returns the mean light of the paths through a pixel's surface, W/(m2 sr).
-fn transmitted(pixel: vec2u, s: Surface, direction: vec3f) -> vec3f {
+fn transmitted(pixel: vec2u, s: Surface, direction: vec3f, distance: f32) -> vec3f {
     let block = hash2(pixel.x / BLOCK, hash2(pixel.y / BLOCK, params.seed));
     let first = (sequence.index * BLOCK + pixel.y % BLOCK) * BLOCK + pixel.x % BLOCK;
     var sum = vec3f(0.0);
     for (var k = 0u; k < PATHS; k += 1u) {
         let numbers = Numbers(first * PATHS + k, block);
-        let walk = walk_through(s, direction, numbers);
+        let walk = walk_through(s, direction, distance, numbers);
         var light = walk.light;
         if (walk.ends && max3(walk.throughput) > 0.0) {
             light += walk.throughput * light_of_end(walk.hit, walk.direction, walk.emission_share, numbers);
@@ -56,7 +56,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let hit = hit_on_triangle(ray, triangle, seen.x, seen.y);
         let s = surface_over(triangle, hit, ray.direction, pixel_footprint(ray, triangle, hit));
         if (max3(surface_brdf(s).transmitted) > 0.0 && (s.flags & UNLIT) == 0u) {
-            light += transmitted(id.xy, s, ray.direction);
+            light += transmitted(id.xy, s, ray.direction, hit.distance);
         }
     }
     sum[index] = vec4f(light, 1.0);

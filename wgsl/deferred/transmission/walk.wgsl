@@ -33,14 +33,9 @@ struct Walk {
     emission_share: f32,   // of the end's emission that this ray finds; light samples find the rest
 }
 
-// Returns whether a surface's material fills a solid.
-fn bounds_solid(s: Surface) -> bool {
-    return HAS_VOLUMES && s.layers.thickness > 0.0;
-}
-
 // Returns whether light samples reach a surface from a direction: rays alone find the light inside a solid.
 fn is_lit_from(s: Surface, direction: vec3f) -> bool {
-    return !bounds_solid(s) || dot(s.geometric_normal, direction) > 0.0;
+    return !has_volume(s.layers) || dot(s.geometric_normal, direction) > 0.0;
 }
 
 // Returns whether emitters and the environment are sampled, too: narrow lobes leave them to rays.
@@ -89,15 +84,19 @@ fn sampled_light(
     return select(vec3f(0.0), radiance * hit.tint, hit.triangle == NONE);
 }
 
-// Follows a path through the surface `first`, which a ray in `direction` has hit.
-fn walk_through(first: Surface, direction: vec3f, numbers: Numbers) -> Walk {
+// Follows a path through the surface `first`, which a ray in `direction` has hit after `distance`, metres.
+fn walk_through(first: Surface, direction: vec3f, distance: f32, numbers: Numbers) -> Walk {
     var walk: Walk;
     walk.throughput = vec3f(1.0);
+    if (has_volume(first.layers) && !first.front) {
+        // The eye is in a solid.
+        walk.throughput = volume_transmittance(first.layers.attenuation, distance);
+    }
     walk.direction = direction;
     var s = first;
     var brdf = surface_brdf(s);
     // The technique has what the first surface reflects; it knows nothing of reflections inside a solid.
-    let passing = s.front || !bounds_solid(s);
+    let passing = s.front || !has_volume(s.layers);
     brdf.diffuse = vec3f(0.0);
     var absorption = vec3f(0.0);  // of the solid that the path is in, 1/m
     for (var k = 0u; k < MOST_SURFACES; k += 1u) {
@@ -119,7 +118,7 @@ fn walk_through(first: Surface, direction: vec3f, numbers: Numbers) -> Walk {
         if (crosses != (next.w_i.z < 0.0)) {
             return walk;
         }
-        if (bounds_solid(s) && crosses) {
+        if (has_volume(s.layers) && crosses) {
             absorption = select(vec3f(0.0), s.layers.attenuation, s.front);
         }
         let sampled = samples_lights(brdf) && is_lit_from(s, walk.direction);
@@ -132,7 +131,7 @@ fn walk_through(first: Surface, direction: vec3f, numbers: Numbers) -> Walk {
         }
         // Absorb light on the way inside a solid: that of the surface, if the ray arrives at its back.
         s = surface_at(hit, walk.direction);
-        if (bounds_solid(s) && !s.front) {
+        if (has_volume(s.layers) && !s.front) {
             absorption = s.layers.attenuation;
         }
         walk.throughput *= volume_transmittance(absorption, hit.distance);
