@@ -14,14 +14,15 @@ def _has_specular(m: Material) -> bool:
     return has_texture or (m.ior, m.specular, *m.specular_color) != (1.5, 1.0, 1.0, 1.0, 1.0)
 
 
-# Whether a material has the layer, and the names of its textures. Specular stands for KHR_materials_ior, too.
+# Whether a material has the layer, and the names of its textures that shaders read.
+# Specular stands for KHR_materials_ior, too.
 LAYERS: dict[str, tuple[Callable[[Material], bool], tuple[str, ...]]] = {
     "specular": (_has_specular, ("specular", "specular_color")),
     "clearcoat": (lambda m: m.clearcoat > 0, ("clearcoat", "clearcoat_roughness", "clearcoat_normal")),
     "sheen": (lambda m: max(m.sheen_color) > 0, ("sheen_color", "sheen_roughness")),
     "anisotropy": (lambda m: m.anisotropy > 0, ("anisotropy",)),
     "transmission": (lambda m: m.transmission > 0, ("transmission",)),
-    "volume": (lambda m: m.transmission > 0 and m.thickness > 0, ("thickness",)),
+    "volume": (lambda m: m.transmission > 0 and m.thickness > 0, ()),
 }
 
 

@@ -107,7 +107,7 @@ class Material(KnownAttributes):
     sheen_color_texture: Texture | None = None  # sRGB colour
     sheen_roughness_texture: Texture | None = None  # linear: A
     transmission_texture: Texture | None = None  # linear: R
-    thickness_texture: Texture | None = None  # linear: G
+    thickness_texture: Texture | None = None  # linear: G; loaded, but not used: rays find the way through solids
     anisotropy_texture: Texture | None = None  # linear: RG direction, B strength
 
 

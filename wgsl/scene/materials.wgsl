@@ -37,7 +37,7 @@ struct Material {
     thickness: f32,        // metres in the mesh's space
     anisotropy: f32,
     anisotropy_direction: vec2f,  // cosine and sine of its rotation
-    textures: array<TextureSlot, 14>,
+    textures: array<TextureSlot, 13>,
 }
 
 // Slots of a material's textures. Those up to SHEEN_ROUGHNESS_SLOT lie in the sRGB-coded atlas, whose alpha is linear.
@@ -53,10 +53,9 @@ const CLEARCOAT_SLOT: u32 = 8u;            // R
 const CLEARCOAT_ROUGHNESS_SLOT: u32 = 9u;  // G
 const CLEARCOAT_NORMAL_SLOT: u32 = 10u;
 const TRANSMISSION_SLOT: u32 = 11u;        // R
-const THICKNESS_SLOT: u32 = 12u;           // G
 // RG direction, B amount. Without a texture, its transform and set of coordinates are those of the normal map: they give
 // the tangent.
-const ANISOTROPY_SLOT: u32 = 13u;
+const ANISOTROPY_SLOT: u32 = 12u;
 
 // Each is compiled out if the scene has none.
 override HAS_TEXTURES: bool = true;

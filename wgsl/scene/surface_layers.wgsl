@@ -76,7 +76,8 @@ fn material_layers(
         // The instance scales lengths, on average over directions by the cube root of its volume.
         let w = instances[instance].world_from_local;
         let scale = pow(abs(determinant(mat3x3f(w[0], w[1], w[2]))), 1.0 / 3.0);
-        l.thickness = materials[m].thickness * layer_texel(p, THICKNESS_SLOT).g * scale;
+        // Rays find the way through a solid, so its texture is not read: it is for renderers that guess the way.
+        l.thickness = materials[m].thickness * scale;
         l.attenuation = materials[m].attenuation;
     }
     return l;
