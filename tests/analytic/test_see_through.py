@@ -10,6 +10,7 @@ from helpers.marks import slow_but
 from helpers.panes import (
     BEHIND,
     F0,
+    GLASS_COLORS,
     PASSED,
     blended,
     blended_radiance,
@@ -139,6 +140,40 @@ def test_a_textured_sheet_blends_by_its_texture(technique):
     found = shoot(scene, (32, 16), show=("radiance",), gi=technique, spp=32, jitter=True)["radiance"]
     for half, alpha in ((found[:, :15], 0.2), (found[:, 17:], 0.7)):
         np.testing.assert_allclose(half.mean((0, 1)), alpha + (1 - alpha) * np.array(BEHIND), rtol=SEEN)
+
+
+@pytest.mark.parametrize("technique", slow_but(("none",), ("path", "none")))
+def test_a_mask_cuts_holes_into_glass(technique):
+    """The left half of the picture shows a hole, the right half the glass; so does light on a floor below a hole."""
+    pixels = np.full((8, 8, 4), 255, np.uint8)
+    pixels[:, :4, 3] = 0
+    texture = Texture(Image(pixels), filter="nearest", mip_filter="none")
+    (material, *_) = glass()
+    material.base_color_texture, material.alpha_mode = texture, "mask"
+    scene = stack_before([material], True)
+    scene.instances[0].mesh.texcoords0 = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
+    scene.instances[0].mesh.positions[:, 0] += 0.1  # centre it
+    found = shoot(scene, (32, 16), show=("radiance",), gi=technique, spp=32, jitter=True, diffuse=False)["radiance"]
+    tint = (1 - F0) * np.array(GLASS_COLORS[0])
+    for half, share in ((found[:, :15], np.ones(3)), (found[:, 17:], tint)):
+        np.testing.assert_allclose(half.mean((0, 1)), share * np.array(BEHIND), rtol=SEEN)
+    hole = Material(base_color=(0.2, 0.3, 0.9, 0.1), alpha_mode="mask", transmission=1.0, roughness=0.0)
+    share = passed_share(floor_under([hole], [SUN]), technique, spp=2, diffuse=False)
+    np.testing.assert_allclose(share, 1.0, rtol=2e-6)
+
+
+@pytest.mark.parametrize("technique", slow_but(("none",), ("path", "none")))
+def test_bumps_do_not_hide_what_lies_behind_glass(technique):
+    """Smooth glass whose normal map spreads reflections over a pixel passes light once: L = c (1 - F) L_behind."""
+    rng = np.random.default_rng(0)
+    pixels = np.full((64, 64, 4), 255, np.uint8)
+    pixels[..., :2] = 128 + rng.integers(-60, 60, (64, 64, 2))
+    (material, *_) = glass()
+    material.normal_texture = Texture(Image(pixels), scale=(40.0, 40.0))
+    scene = stack_before([material], True)
+    scene.instances[0].mesh.texcoords0 = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
+    found = seen(scene, technique, diffuse=False)["radiance"]
+    np.testing.assert_allclose(found, np.array(BEHIND) * (1 - F0) * GLASS_COLORS[0], rtol=SEEN)
 
 
 def test_buffers_show_what_stops_at_least_half_of_the_light():

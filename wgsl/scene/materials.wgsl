@@ -114,6 +114,16 @@ fn has_texture(material: u32, slot: u32) -> bool {
     return (materials[material].textures[slot].flags & PRESENT) != 0u;
 }
 
+// Returns whether rays may pass a point of thin glass straight on. Its roughness is read at the point and without what
+// normal maps add to it, so that rays, pixels and surfaces agree.
+fn is_smooth_at(material: u32, uv0: vec2f, uv1: vec2f) -> bool {
+    var roughness = materials[material].roughness;
+    if (HAS_TEXTURES && has_texture(material, METALLIC_ROUGHNESS_SLOT)) {
+        roughness *= sample_texture(material, METALLIC_ROUGHNESS_SLOT, uv0, uv1).g;
+    }
+    return roughness <= CLEAR_ROUGHNESS;
+}
+
 // Returns the density of light samples at a point of a textured emitter, in proportion to its light, 1/m2.
 fn textured_pdf(material: u32, emission: vec3f) -> f32 {
     let whole = luminance(materials[material].emission);

@@ -60,6 +60,14 @@ struct CoverPoint {
     any_glass: bool,         // rough and solid glass passes light, too
 }
 
+// Returns the share of a point that is surface: its alpha if it blends, 0 where a mask cuts it out.
+fn cover(material: u32, alpha: f32) -> f32 {
+    if (HAS_BLENDS && (materials[material].flags & BLENDED) != 0u) {
+        return saturate(alpha);
+    }
+    return select(1.0, 0.0, alpha < materials[material].alpha_cutoff);
+}
+
 // Returns the passage of a point; `cosine`: between the ray and the normal.
 fn passage_at(c: CoverPoint, cosine: f32) -> Passage {
     var base = materials[c.material].base_color * c.color;
@@ -70,7 +78,7 @@ fn passage_at(c: CoverPoint, cosine: f32) -> Passage {
     if (is_glass(c.material) || (c.any_glass && (materials[c.material].flags & TRANSMITTING) != 0u)) {
         glass = glass_at(c, base.rgb, cosine);
     }
-    return passage_of(select(1.0, base.a, (materials[c.material].flags & BLENDED) != 0u), glass);
+    return passage_of(cover(c.material, base.a), glass);
 }
 
 // Returns a texture's value at a point, 1 without texture.
@@ -84,7 +92,7 @@ fn cover_texel(c: CoverPoint, slot: u32) -> vec4f {
 // Returns what a surface passes as a thin wall, t; 0 if it is rough, unless any glass passes.
 fn glass_at(c: CoverPoint, color: vec3f, cosine: f32) -> vec3f {
     let mapped = cover_texel(c, METALLIC_ROUGHNESS_SLOT);
-    if (!c.any_glass && materials[c.material].roughness * mapped.g > CLEAR_ROUGHNESS) {
+    if (!c.any_glass && !is_smooth_at(c.material, c.uv0, c.uv1)) {
         return vec3f(0.0);
     }
     var f0 = vec3f(0.04);
@@ -162,8 +170,5 @@ fn coverage_at(t: Triangle, weights: vec2f) -> f32 {
     let k = load_corners(t, weights);
     let alpha = base_alpha(
         t.material, color_at(k).a, texcoord0_at(k), texcoord1_at(k), UvFootprint(vec4f(0.0), vec4f(0.0), 1.0), true);
-    if (HAS_BLENDS && (materials[t.material].flags & BLENDED) != 0u) {
-        return saturate(alpha);
-    }
-    return select(1.0, 0.0, alpha < materials[t.material].alpha_cutoff);
+    return cover(t.material, alpha);
 }

@@ -11,7 +11,7 @@ struct Surface {
     unbent_normal: vec3f,     // unit, shading, on the viewer's side of the triangle
     bumped: bool,             // its normal is of a normal map
     front: bool,              // the viewer is on the counter-clockwise side
-    flags: u32,               // of the material
+    flags: u32,               // of the material; GLASS only where it is smooth
     emission: vec3f,          // W/(m2 sr) towards the viewer
     base_color: vec3f,
     metallic: f32,
@@ -133,6 +133,10 @@ fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFo
             s.roughness = widened_roughness(s.roughness, (1.0 - texel.w) * materials[material].normal_scale);
         }
     }
+    if (HAS_TINTS && (s.flags & GLASS) != 0u
+        && !is_smooth_at(material, texcoord0_at(corners), texcoord1_at(corners))) {
+        s.flags &= ~GLASS;
+    }
     s.base_color = base.rgb;
     if (!s.front && (s.flags & DOUBLE_SIDED) == 0u) {
         s.emission = vec3f(0.0);
@@ -151,7 +155,7 @@ fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFo
 fn surface_brdf(s: Surface) -> Brdf {
     if (HAS_LAYERS && (s.flags & LAYERED) != 0u) {
         var layered = brdf_of(s.base_color, s.metallic, s.roughness, s.layers, s.normal, s.front);
-        if (HAS_TINTS && (s.flags & GLASS) != 0u && s.roughness <= CLEAR_ROUGHNESS) {
+        if (HAS_TINTS && (s.flags & GLASS) != 0u) {
             // Rays pass it straight on (`see_through.wgsl`).
             layered.transmitted = vec3f(0.0);
         }

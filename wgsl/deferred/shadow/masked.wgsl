@@ -25,7 +25,7 @@ fn fragment(in: Varyings) {
         let alpha = base_alpha(
             mask.material, mask.alpha, mask.texcoords.xy, mask.texcoords.zw,
             UvFootprint(vec4f(0.0), vec4f(0.0), 1.0), true);
-        let is_blank = (materials[in.material].flags & BLENDED) != 0u && alpha <= 0.0;
+        let is_blank = cover(in.material, alpha) <= 0.0;
         if (!SEE_THROUGH_ONLY || !passes_shadow_rays(in.material) || is_blank) {
             discard;
         }
