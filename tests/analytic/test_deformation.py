@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import wgpu
 from helpers.figures import bent, figure, tube
 from helpers.surfaces import read_surfaces
 
@@ -278,6 +279,22 @@ def test_static_scenes_have_no_deformation():
     renderer = picture(scene)
     assert "no mesh is skinned or morphed" in renderer.plan()
     assert np.array_equal(renderer.read_back(), picture(at_rest(scene)).read_back())
+    renderer.close()
+
+
+def test_the_last_figure_takes_its_buffers_along():
+    """When it comes back, it is posed as before."""
+    moving = figure(0.3)
+    renderer = Renderer(room(moving), size=(32, 18), camera=CAMERA, settings=Settings(gi="none"))
+    renderer.run()
+    before = renderer.read_back()
+    buffers = wgpu.diagnostics.object_counts.get_dict()["Buffer"]["count"]
+    kept = renderer.scene.instances.pop()
+    renderer.run()
+    assert wgpu.diagnostics.object_counts.get_dict()["Buffer"]["count"] <= buffers - 10
+    renderer.scene.instances.append(kept)
+    renderer.run()
+    assert np.array_equal(renderer.read_back(), before)
     renderer.close()
 
 

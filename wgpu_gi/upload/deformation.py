@@ -171,12 +171,16 @@ class Deformation(Work):
         self.due, self._moves, self._fresh = "", False, False
 
     def release(self) -> None:
-        """Free the buffers."""
+        """Free the buffers. `load` makes new ones."""
         buffers = [*self._tables.values(), *self._pose.values(), self._posed]
         buffers += [buffer for rest in self._rest.values() for buffer in rest.values()]
         for buffer in buffers:
             if buffer is not None:
                 buffer.destroy()
+        self._tables, self._pose, self._rest, self._places = {}, {}, {}, []
+        self._posed = self._vertices = self._draws = None
+        self._kernels.forget()
+        self.due, self._moves, self._fresh = "", False, True
 
     def _figures(self) -> list[Figure]:
         return [place.figure for place in self._places if place.figure is not None]

@@ -151,6 +151,8 @@ class SceneUpload:
                 send = self.resources.table if name in TABLES else self.resources.buffer
                 send(name, getattr(self._hierarchy, name))
         # What the device deforms.
+        if not figures:
+            self.deformation.release()
         if figures and self._unsent & {"triangles", "vertices"}:
             self.deformation.load(self._hierarchy)
         if figures and (self._posed or self.deformation.due):

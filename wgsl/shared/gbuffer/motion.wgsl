@@ -1,8 +1,8 @@
 // One invocation computes a pixel's motion vector from the previous frame's camera, transforms and vertices.
 //
-// In: visibility, distance, transforms, previous positions of deformed meshes. Out: x, y the surface's motion over the picture since the previous frame,
-// pixels, right and down; z its distance along the previous camera's ray, metres; w 1 if it was in front of it, else
-// 0. The sky moves by the camera's rotation only; its z is 0.
+// In: visibility, distance, transforms, previous positions of deformed meshes. Out: x, y the surface's motion over the
+// picture since the previous frame, pixels, right and down; z its distance along the previous camera's ray, metres; w 1
+// if it was in front of it, else 0. The sky moves by the camera's rotation only; its z is 0.
 #import "shared/gbuffer/visible_surface.wgsl"
 
 @group(0) @binding(2) var<uniform> view_before: View;
