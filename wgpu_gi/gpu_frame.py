@@ -161,6 +161,7 @@ class GpuFrame:
             self._inputs = None
         if self._inputs is None or scene != self._inputs[0]:
             upload.update(view.scene)
+        upload.set_seed(settings.seed)
         shot = Shot(
             self.graph,
             upload,

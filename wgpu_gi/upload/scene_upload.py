@@ -90,6 +90,10 @@ class SceneUpload:
         self.info = np.zeros((), shader.struct_dtype("SceneInfo"))
         self.features: dict[str, bool] = {}
 
+    def set_seed(self, seed: int) -> None:
+        """Set the seed of random choices at see-through surfaces; call before the scene is shared with a graph."""
+        self.info["seed"] = seed
+
     @property
     def origin(self) -> NDArray[np.float64]:
         """World position, (3,) metres, that all positions on the GPU are relative to."""

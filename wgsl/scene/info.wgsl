@@ -27,6 +27,7 @@ struct SceneInfo {
     light_unit: f32,          // a power of two near the brightest light: squares of light in this unit stay in range
     centre: vec3f,            // of a sphere around the scene, metres
     radius: f32,
+    seed: u32,                // of choices at see-through surfaces that have no seed of their own
 }
 
 @group(0) @binding(0) var<uniform> view: View;

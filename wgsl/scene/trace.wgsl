@@ -25,7 +25,7 @@ struct Rays {
     limit_b: f32,
     main: Ray,
     limit: f32,
-    seed: u32,       // of the main ray's choices at see-through surfaces; 0: they follow from the ray's own bits
+    seed: u32,       // of the main ray's choices at see-through surfaces; 0: they follow from the ray's own bits and `scene.seed`
     index: u32,      // of the sample in that seed's sequence
 }
 
@@ -54,7 +54,7 @@ fn passing_number(rays: Rays, triangle: u32) -> f32 {
     }
     let d = bitcast<vec3u>(rays.main.direction);
     let o = bitcast<vec3u>(rays.main.origin);
-    return unit_float(hash2(triangle, hash2(d.x ^ o.y, hash2(d.y ^ o.z, hash2(d.z ^ o.x, 1u)))));
+    return unit_float(hash2(triangle, hash2(d.x ^ o.y, hash2(d.y ^ o.z, hash2(d.z ^ o.x, scene.seed)))));
 }
 
 // Traces up to three rays in one loop: a SIMD lane that finishes a ray starts its next one without waiting for other

@@ -73,7 +73,7 @@ def declare_deformation(graph: Graph, scene: SceneInputs) -> None:
 
 
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:
-    """Register an uploaded scene with the graph; call it after each `upload.update`."""
+    """Register an uploaded scene with the graph; call it after each `upload.update` and `set_seed`."""
     graph.uniform("scene", upload.info)
     surfaces, lights = (_share(graph, upload, names) for names in (SURFACE_INPUTS, LIGHT_INPUTS))
     surfaces["atlas_sampler"] = graph.sampler("linear")

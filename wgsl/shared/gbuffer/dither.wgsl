@@ -2,8 +2,9 @@
 //
 // Over the picture, an ordered dither (Bayer 1973) with Owen scrambling, so that squares of 2^k pixels spread evenly over
 // [0, 1); over frames, a shuffled van der Corput sequence that rotates it. Both differ by triangle, so that stacked surfaces
-// are independent.
+// are independent, and by seed.
 #import "common/random.wgsl"
+#import "scene/info.wgsl"
 #import "scene/sequence.wgsl"
 
 fn dither(pixel: vec2u, triangle: u32) -> f32 {
@@ -14,8 +15,9 @@ fn dither(pixel: vec2u, triangle: u32) -> f32 {
     bits = (bits | (bits << 2u)) & 0x33333333u;
     bits = (bits | (bits << 1u)) & 0x55555555u;
     let place = (bits & 0xffffu) | (bits >> 15u);
-    let block = hash2(pixel.x / 32u, hash2(pixel.y / 32u, triangle));
+    let seed = hash2(triangle, scene.seed);
+    let block = hash2(pixel.x / 32u, hash2(pixel.y / 32u, seed));
     let across = sobol_2d(place, block).x;
-    let over_frames = sobol_2d(sequence.index, hash(triangle)).x;
+    let over_frames = sobol_2d(sequence.index, hash(seed)).x;
     return fract(across + over_frames);
 }
