@@ -196,6 +196,41 @@ def test_the_error_of_frames_falls_as_that_of_stratified_samples():
         assert share.std() < (0.51 if frames == 1 else 0.5 * 0.5 / math.sqrt(frames))
 
 
+@pytest.mark.parametrize("technique", slow_but(("path",), ("path", "none")))
+@pytest.mark.parametrize("layer", slow_but(("sheen",), ("sheen", "clearcoat")))
+def test_layered_clear_panes_vanish_in_a_sky_of_the_same_light(technique, layer):
+    """Reflected and passed shares are 1 together; what the layers' fits lose is at most 2 %."""
+    pane = Material(transmission=1.0, roughness=0.0)
+    if layer == "sheen":
+        pane.sheen_color, pane.sheen_roughness = (1.0, 1.0, 1.0), 1.0
+    else:
+        pane.clearcoat = 1.0
+    found = seen(stack_before([pane], False), technique, diffuse=False)["radiance"]
+    assert (found < 1.01 * np.array(BEHIND)).all()
+    assert (found > 0.97 * np.array(BEHIND)).all()
+
+
+@pytest.mark.parametrize("pane", slow_but((0,), (0, 1)))
+def test_first_frames_of_other_seeds_are_independent(pane):
+    """The mean of n first frames is that of n frames, and its deviation that of independent choices: s / sqrt(n)."""
+    blend = Material(base_color=(0, 0, 0, 0.5), alpha_mode="blend", unlit=True)
+    scene = stack_before([(blend, glass()[0])[pane]], True)
+    settings = Settings(gi="none", diffuse=False)
+    settings.camera.frames, settings.camera.jitter = 1, False
+    renderer = Renderer(scene, size=(32, 32), settings=settings)
+    found = []
+    for seed in range(16):
+        settings.seed = seed
+        renderer.run()
+        found.append(renderer.read_back()[..., 1])
+    settings.camera.frames = 16
+    renderer.run()
+    frames = renderer.read_back()[..., 1]
+    deviation = float(np.std(found))
+    assert np.mean(found) == pytest.approx(float(frames.mean()), abs=4 * deviation / math.sqrt(np.size(found)))
+    assert np.mean(found, 0).std() < 1.2 * deviation / math.sqrt(len(found))
+
+
 def test_scenes_without_see_through_surfaces_have_no_passes_for_them():
     renderer = Renderer(cornell_point(), size=(16, 9), settings=Settings(gi="none"))
     renderer.run()

@@ -302,7 +302,7 @@ def force_features(monkeypatch):
 
 @pytest.mark.parametrize("name", ["cornell-point", "cornell", "plane-sun", "furnace"])
 def test_skipped_passes_change_no_buffer(name, monkeypatch):
-    """Bit for bit, in every buffer."""
+    """In every buffer: bit for bit, or by rounding where the general dielectric lights it (`HAS_SPECULAR`)."""
     scene = builtin.builtin_scene(name)
     plain = completed(scene, show=None, diffuse=False)
     force_features(monkeypatch)
@@ -311,8 +311,13 @@ def test_skipped_passes_change_no_buffer(name, monkeypatch):
     of_pictures = {"environment/leaves", "environment/sum", "environment/prefilter"} if scene.environment else set()
     assert culled <= {"deform", "shadow/opaque", "direct/edges", "emitters", "composite/display", *of_pictures}, culled
     for buffer in plain.buffers:
-        assert np.array_equal(plain.read_back(buffer), forced.read_back(buffer)), buffer
-    assert np.array_equal(plain.graph.read_back("gbuffer/surfaces"), forced.graph.read_back("gbuffer/surfaces"))
+        rounding = 1e-5 if buffer in ("radiance", "direct") else 0.0
+        np.testing.assert_allclose(
+            forced.read_back(buffer), plain.read_back(buffer), rtol=rounding, atol=0.0, err_msg=buffer
+        )
+    # With layers, two words follow that of each surface.
+    layered = forced.graph.read_back("gbuffer/surfaces").reshape(-1, 3, 4)
+    assert np.array_equal(plain.graph.read_back("gbuffer/surfaces"), layered[:, 0])
 
 
 # ------------------------------------------------------------------------------------------------ Accumulation

@@ -7,8 +7,11 @@
 //
 // With PASSES_GLASS, shadow rays also pass rough and solid glass, straight on: P of each wall, and exp(-sigma d) of each
 // solid. Errs by the light that refraction sends elsewhere (caustics).
+#import "common/clearcoat.wgsl"
+#import "common/interface.wgsl"
 #import "common/layers.wgsl"
 #import "common/random.wgsl"
+#import "common/sheen.wgsl"
 #import "scene/ray_triangle.wgsl"
 #import "scene/corners.wgsl"
 
@@ -89,6 +92,23 @@ fn cover_texel(c: CoverPoint, slot: u32) -> vec4f {
     return vec4f(1.0);
 }
 
+// Returns the share of light that the layers above a surface let through, once.
+fn layers_pass_at(c: CoverPoint, cosine: f32) -> f32 {
+    var passes = 1.0;
+    if (HAS_CLEARCOAT && materials[c.material].clearcoat > 0.0) {
+        let share = materials[c.material].clearcoat * cover_texel(c, CLEARCOAT_SLOT).r;
+        let roughness = materials[c.material].clearcoat_roughness * cover_texel(c, CLEARCOAT_ROUGHNESS_SLOT).g;
+        passes = clearcoat_passes(clearcoat_of(share, roughness, vec3f(0.0, 0.0, 1.0)), vec3f(0.0, 0.0, cosine));
+    }
+    if (HAS_SHEEN) {
+        let color = materials[c.material].sheen * cover_texel(c, SHEEN_COLOR_SLOT).rgb;
+        let mapped = materials[c.material].sheen_roughness * cover_texel(c, SHEEN_ROUGHNESS_SLOT).a;
+        let roughness = clamp(mapped, MIN_SHEEN_ROUGHNESS, 1.0);
+        passes *= sheen_passes(color, roughness * roughness, cosine);
+    }
+    return passes;
+}
+
 // Returns what a surface passes as a thin wall, t; 0 if it is rough, unless any glass passes.
 fn glass_at(c: CoverPoint, color: vec3f, cosine: f32) -> vec3f {
     let mapped = cover_texel(c, METALLIC_ROUGHNESS_SLOT);
@@ -105,11 +125,7 @@ fn glass_at(c: CoverPoint, color: vec3f, cosine: f32) -> vec3f {
     let dielectric = 1.0 - materials[c.material].metallic * mapped.b;
     let transmission = materials[c.material].transmission * cover_texel(c, TRANSMISSION_SLOT).r * dielectric;
     var passed = thin_transmittance(color, f0, f90, transmission, cosine);
-    if (HAS_CLEARCOAT) {
-        let share = materials[c.material].clearcoat * cover_texel(c, CLEARCOAT_SLOT).r;
-        passed *= 1.0 - share * fresnel_schlick_to(vec3f(0.04), 1.0, cosine).x;
-    }
-    return passed;
+    return passed * layers_pass_at(c, cosine);
 }
 
 // Returns the passage of a point of a triangle, textures read at the point.

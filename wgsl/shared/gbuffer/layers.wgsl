@@ -13,10 +13,23 @@ fn tangent_turn(normal: vec3f, tangent: vec3f) -> f32 {
     return fract(atan2(dot(tangent, frame[1]), dot(tangent, frame[0])) / TWO_PI);
 }
 
+// Steps of the square root of f0 up to 1: it has one at that of 0.04, which errs by rounding only.
+const F0_STEPS: f32 = 1020.0;
+
+fn f0_code(f0: vec3f) -> u32 {
+    let code = vec3u(round(sqrt(saturate(f0)) * F0_STEPS));
+    return code.r | (code.g << 10u) | (code.b << 20u);
+}
+
+fn f0_of_code(code: u32) -> vec3f {
+    let root = vec3f(vec3u(code, code >> 10u, code >> 20u) & vec3u(1023u)) / F0_STEPS;
+    return root * root;
+}
+
 // Returns the first word: what reflects beside the base.
 fn pack_coats(l: Layers) -> vec4u {
     return vec4u(
-        color_code(l.f0), pack2x16unorm(vec2f(l.clearcoat, l.clearcoat_roughness)),
+        f0_code(l.f0), pack2x16unorm(vec2f(l.clearcoat, l.clearcoat_roughness)),
         pack2x16snorm(octahedral_encode(l.clearcoat_normal)), color_code(l.sheen));
 }
 
@@ -32,7 +45,7 @@ fn unpack_layers(normal: vec3f, coats: vec4u, lobes: vec4u) -> Layers {
     var l = no_layers();
     if (HAS_SPECULAR) {
         let index = unpack2x16unorm(lobes.x);
-        l.f0 = color_of_code(coats.x);
+        l.f0 = f0_of_code(coats.x);
         l.f90 = index.y;
         l.ior = 1.0 / max(index.x, 1e-2);
     }
