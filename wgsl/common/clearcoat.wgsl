@@ -3,7 +3,8 @@
 //   f = c F D V (n_c . w_i) / (n . w_i),  below it: times min(t(w_i), t(w_o)),  t = 1 - c (1 - T(|n_c . w|))
 // T: what the coat transmits (`coat_albedo.wgsl`). A lobe below reflects at most t(w_o) of what it would reflect uncovered,
 // so the sum of both is at most 1; and it is reciprocal where n_c = n. Khronos' viewer takes 1 - c F(n_c . w_o).
-// Errs dark: light that the coat reflects back down is lost.
+// Errs dark: light that the coat reflects back down is lost. Departure: emission below the coat is not dimmed; Khronos
+// multiplies it by 1 - c F(n_c . w_o).
 #import "common/ggx.wgsl"
 #import "common/coat_albedo.wgsl"
 

@@ -60,7 +60,8 @@ fn passing_number(rays: Rays, triangle: u32) -> f32 {
 // Traces up to three rays in one loop: a SIMD lane that finishes a ray starts its next one without waiting for other
 // lanes. `any` and `closest` are constants: whether there are shadow rays, and a main ray.
 fn traverse(rays: Rays, any: bool, closest: bool) -> Found {
-    var found = Found(Hit(rays.limit, NONE, NONE, vec2f(0.0), UNTINTED), false, false, UNTINTED, UNTINTED, vec3f(0.0), vec3f(0.0), 0u);
+    var found = Found(
+        Hit(rays.limit, NONE, NONE, vec2f(0.0), UNTINTED), false, false, UNTINTED, UNTINTED, vec3f(0.0), vec3f(0.0), 0u);
     var stage = select(2u, 0u, any);  // 1, 2: the shadow rays; 3: the main ray; 4: its tint, on the way to its hit
     var last_stage = select(2u, 3u, closest);
     var nearest_glass = FLOAT_MAX;    // that the main ray has passed

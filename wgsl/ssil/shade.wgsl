@@ -2,8 +2,8 @@
 // L = rho / pi E T(w_o) + L_coat, W/(m2 sr).
 //
 // In: G-buffer; irradiance of the first level and its upsampling guide, or with UPSAMPLED irradiance of the picture;
-// irradiance of unrepresented pixels; L_coat over coat_tint(), of each pixel of the picture. Errs as `shared/upsample/weights.wgsl`
-// does.
+// irradiance of unrepresented pixels; L_coat over coat_tint(), of each pixel of the picture. Errs as
+// `shared/upsample/weights.wgsl` does.
 #import "shared/gbuffer/load.wgsl"
 #import "common/coat.wgsl"
 #import "common/lobes.wgsl"

@@ -168,8 +168,8 @@ const REACH_OVER_TEXELS: f32 = 2.0;
 
 // Returns a verdict of lit if no texel around the point shows anything above its plane and the 2x2 nearest show the
 // plane itself, of shadowed if all show a blocker well above it. Undecided are a shadow's edge, a contact, geometry
-// finer than the texels, depths too coarse for them, and what lies behind a see-through surface. The 2x2 texels around the point must agree; with cut-outs,
-// such as leaves, which are often finer than texels, the 4x4 around it.
+// finer than the texels, depths too coarse for them, and what lies behind a see-through surface. The 2x2 texels around
+// the point must agree; with cut-outs, such as leaves, which are often finer than texels, the 4x4 around it.
 //
 // Over a plane n . q = k, depth is linear in the texels: for a sun q . forward = (k - n_x q_x - n_y q_y) / n_z, for a
 // lamp near / (q . forward) = near (n_x q_x / q_z + n_y q_y / q_z + n_z) / k.

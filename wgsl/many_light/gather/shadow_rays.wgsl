@@ -23,8 +23,8 @@ struct PassedPair {
     b: vec3f,
 }
 
-// Returns the visibility along two rays: 0, or what see-through surfaces pass, 1 without. Both are traced in one loop, so a SIMD lane that finishes its
-// first ray does not wait for other lanes.
+// Returns the visibility along two rays: 0, or what see-through surfaces pass, 1 without. Both are traced in one loop, so
+// a SIMD lane that finishes its first ray does not wait for other lanes.
 fn trace_shadow_rays(a: ShadowRay, b: ShadowRay) -> PassedPair {
     let found = trace_all(Rays(a.ray, a.limit, b.ray, b.limit, a.ray, 0.0, 0u, 0u));
     return PassedPair(
