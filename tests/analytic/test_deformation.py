@@ -11,12 +11,13 @@ from helpers.figures import bent, figure, tube
 from helpers.surfaces import read_surfaces
 
 from wgpu_gi.camera import Camera
+from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.options import CameraSettings, Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.shapes import quad, sphere
 from wgpu_gi.scene.deformation import posed_mesh
-from wgpu_gi.scene.scene import Environment, Instance, Material, PointLight, Scene
+from wgpu_gi.scene.scene import Environment, Instance, Material, MorphTarget, PointLight, Scene
 from wgpu_gi.upload.mesh_data import octahedral_encode
 from wgpu_gi.upload.scene_upload import SceneUpload
 
@@ -279,6 +280,32 @@ def test_static_scenes_have_no_deformation():
     renderer = picture(scene)
     assert "no mesh is skinned or morphed" in renderer.plan()
     assert np.array_equal(renderer.read_back(), picture(at_rest(scene)).read_back())
+    renderer.close()
+
+
+def test_arrays_of_skins_and_targets_may_be_replaced():
+    moving = figure(0.3, targets=1)
+    renderer = picture(room(moving), "none")
+    renderer.run()
+    before = renderer.read_back()
+    mesh = moving.mesh
+    for change in ("weights", "displacements", "target"):
+        if change == "weights":
+            mesh.skin.weights = mesh.skin.weights[:, ::-1].copy()
+        elif change == "displacements":
+            mesh.morph_targets[0].positions = mesh.morph_targets[0].positions * np.float32(4)
+        else:
+            mesh.morph_targets.append(replace(mesh.morph_targets[0]))
+            moving.morph_weights = (0.5, 1.0)
+        renderer.run()
+        found, expected = renderer.read_back(), picture(at_rest(room(moving)), "none")
+        assert np.abs(found - before).max() > 0.05
+        before = found
+        assert np.mean(np.abs(found - expected.read_back()).max(-1) > 0.01) < 0.01
+        expected.close()
+    mesh.morph_targets.append(MorphTarget(np.zeros((3, 3), np.float32)))
+    with pytest.raises(GiError, match="morph_targets"):
+        renderer.run()
     renderer.close()
 
 

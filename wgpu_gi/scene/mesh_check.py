@@ -67,12 +67,17 @@ _KNOWN: WeakKeyDictionary[Mesh, _Facts] = WeakKeyDictionary()
 def arrays_of(mesh: Mesh) -> tuple[Any, ...]:
     """Return the arrays of a mesh, positions first, its skin and morph targets; None for those it does not have."""
     found: tuple[Any, ...] = _arrays(mesh)
+    if isinstance(mesh.skin, Skin):
+        found += mesh.skin.joints, mesh.skin.weights
+    for target in mesh.morph_targets if isinstance(mesh.morph_targets, list) else ():
+        if isinstance(target, MorphTarget):
+            found += target, target.positions, target.normals, target.tangents
     return found
 
 
 def are_same(some: tuple[Any, ...], others: tuple[Any, ...]) -> bool:
     """Tell whether two results of `arrays_of` hold the same objects."""
-    return all(a is b for a, b in zip(some, others, strict=True))
+    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
 
 
 def materials_fault(mesh: Mesh) -> str | None:
