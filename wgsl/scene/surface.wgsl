@@ -152,11 +152,21 @@ fn surface_over(triangle: Triangle, hit: Hit, direction: vec3f, footprint: HitFo
     return s;
 }
 
+// Returns whether rays pass the surface straight on (`see_through.wgsl`).
+fn is_clear_glass(s: Surface) -> bool {
+    return HAS_TINTS && (s.flags & GLASS) != 0u;
+}
+
+// Returns whether the surface has a transmitted lobe.
+fn transmits(s: Surface) -> bool {
+    return HAS_TRANSMISSION && (s.flags & LAYERED) != 0u && !is_clear_glass(s)
+        && s.layers.transmission * (1.0 - s.metallic) * max3(s.base_color) > 0.0;
+}
+
 fn surface_brdf(s: Surface) -> Brdf {
     if (HAS_LAYERS && (s.flags & LAYERED) != 0u) {
         var layered = brdf_of(s.base_color, s.metallic, s.roughness, s.layers, s.normal, s.front);
-        if (HAS_TINTS && (s.flags & GLASS) != 0u) {
-            // Rays pass it straight on (`see_through.wgsl`).
+        if (is_clear_glass(s)) {
             layered.transmitted = vec3f(0.0);
         }
         return layered;

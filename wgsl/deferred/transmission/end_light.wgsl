@@ -10,7 +10,7 @@
 override BOUNCES: u32 = 3u;          // most on the way from a path's end to a point that the picture shows
 override HAS_INDIRECT: bool = true;  // the technique has indirect light
 
-// Pairs of random numbers of each bounce: the direction, the part of the lobe, and those of `reflected_radiance`.
+// Pairs of random numbers of each point: those of `reflected_radiance`, the direction, the part of the lobe.
 const PAIRS_PER_BOUNCE: u32 = 8u;
 
 @group(1) @binding(11) var<storage, read> direct: array<vec4f>;
@@ -31,47 +31,39 @@ fn is_shown(p: PathPoint) -> bool {
     return is_matte_brdf(p.brdf) && is_in_picture(p.surface.position, p.side);
 }
 
-// Returns the light of other surfaces that a point reflects; `pair`: first of the random numbers.
-fn bounced_light(start: PathPoint, numbers: Numbers, pair: u32) -> vec3f {
-    var p = start;
+// Returns the light of a path's end, `end` of a ray in `arriving`; `emission_share`: of its own emission that counts.
+fn light_of_end(end: Hit, arriving: vec3f, emission_share: f32, numbers: Numbers) -> vec3f {
+    var hit = end;
+    var direction = arriving;
     var throughput = vec3f(1.0);
     var sum = vec3f(0.0);
-    for (var k = 0u; k < BOUNCES; k += 1u) {
-        let first = pair + k * PAIRS_PER_BOUNCE;
-        let drawn = sample_brdf(p.brdf, p.w_o, pair_of(numbers, first), pair_of(numbers, first + 1u).x);
-        let direction = normalize_or(p.frame * drawn.w_i, p.side);
-        if (drawn.pdf <= 0.0 || dot(direction, p.side) <= 0.0) {
-            return sum;
-        }
-        let hit = trace(Ray(leave_surface(p.surface, direction), direction), FLOAT_MAX);
-        if (hit.triangle == NONE) {
-            return sum;
-        }
+    for (var k = 0u; k <= BOUNCES; k += 1u) {
+        // Light samples find the emission of what bounced rays hit.
         let s = surface_at(hit, direction);
-        if ((s.flags & UNLIT) != 0u) {
+        let is_unlit = (s.flags & UNLIT) != 0u;
+        if (k == 0u) {
+            sum = select(s.emission * emission_share, s.base_color, is_unlit);
+        }
+        if (is_unlit) {
             return sum;
         }
-        throughput *= drawn.weight * hit.tint;
-        p = path_point(s, direction);
+        let p = path_point(s, direction);
         if (is_shown(p)) {
             return sum + throughput * picture_light(s.position);
         }
-        sum += throughput * reflected_radiance(p, no_arrival(), numbers.index, hash2(first + 2u, numbers.code));
+        let first = END_PAIRS + k * PAIRS_PER_BOUNCE;
+        sum += throughput * reflected_radiance(p, no_arrival(), numbers.index, hash2(first, numbers.code));
+        // Find the light of other surfaces by a ray.
+        let drawn = sample_brdf(p.brdf, p.w_o, pair_of(numbers, first + 1u), pair_of(numbers, first + 2u).x);
+        direction = normalize_or(p.frame * drawn.w_i, p.side);
+        if (k == BOUNCES || drawn.pdf <= 0.0 || dot(direction, p.side) <= 0.0) {
+            return sum;
+        }
+        hit = trace(Ray(leave_surface(s, direction), direction), FLOAT_MAX);
+        if (hit.triangle == NONE) {
+            return sum;
+        }
+        throughput *= drawn.weight * hit.tint;
     }
     return sum;
-}
-
-// Returns the light of a path's end, `hit` of a ray in `direction`; `emission_share`: of its own emission that counts.
-fn light_of_end(hit: Hit, direction: vec3f, emission_share: f32, numbers: Numbers) -> vec3f {
-    let s = surface_at(hit, direction);
-    if ((s.flags & UNLIT) != 0u) {
-        return s.base_color;
-    }
-    let emitted = s.emission * emission_share;
-    let p = path_point(s, direction);
-    if (is_shown(p)) {
-        return emitted + picture_light(s.position);
-    }
-    let reflected = reflected_radiance(p, no_arrival(), numbers.index, hash2(END_PAIRS, numbers.code));
-    return emitted + reflected + bounced_light(p, numbers, END_PAIRS + PAIRS_PER_BOUNCE);
 }

@@ -55,7 +55,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let triangle = load_triangle(seen.x);
         let hit = hit_on_triangle(ray, triangle, seen.x, seen.y);
         let s = surface_over(triangle, hit, ray.direction, pixel_footprint(ray, triangle, hit));
-        if (max3(surface_brdf(s).transmitted) > 0.0 && (s.flags & UNLIT) == 0u) {
+        if (transmits(s) && (s.flags & UNLIT) == 0u) {
             light += transmitted(id.xy, s, ray.direction, hit.distance);
         }
     }

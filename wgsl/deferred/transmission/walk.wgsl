@@ -94,12 +94,22 @@ fn walk_through(first: Surface, direction: vec3f, distance: f32, numbers: Number
     }
     walk.direction = direction;
     var s = first;
-    var brdf = surface_brdf(s);
     // The technique has what the first surface reflects; it knows nothing of reflections inside a solid.
     let passing = s.front || !has_volume(s.layers);
-    brdf.diffuse = vec3f(0.0);
     var absorption = vec3f(0.0);  // of the solid that the path is in, 1/m
-    for (var k = 0u; k < MOST_SURFACES; k += 1u) {
+    for (var k = 0u; k <= MOST_SURFACES; k += 1u) {
+        var brdf = surface_brdf(s);
+        if (k == 0u) {
+            brdf.diffuse = vec3f(0.0);
+        } else if (!transmits(s) || (s.flags & UNLIT) != 0u) {
+            walk.ends = true;
+            return walk;
+        } else {
+            walk.light += walk.throughput * s.emission * walk.emission_share;
+        }
+        if (k == MOST_SURFACES) {
+            return walk;
+        }
         // Light the surface, and follow its BRDF.
         let frame = frame_from_normal(s.normal);
         let passes_only = passing && k == 0u;
@@ -138,13 +148,7 @@ fn walk_through(first: Surface, direction: vec3f, distance: f32, numbers: Number
         let cosine = max(abs(dot(s.geometric_normal, walk.direction)), 1e-12);
         let light_pdf = s.emitter_pdf * hit.distance * hit.distance / cosine;
         walk.emission_share = share_of_ray(light_pdf, next.pdf, sampled);
-        brdf = surface_brdf(s);
-        if (max3(brdf.transmitted) <= 0.0 || (s.flags & UNLIT) != 0u) {
-            walk.ends = true;
-            walk.hit = hit;
-            return walk;
-        }
-        walk.light += walk.throughput * s.emission * walk.emission_share;
+        walk.hit = hit;
     }
     return walk;
 }
