@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import check_wgsl
 import pytest
 from check_wgsl import entry_shaders, find_chromium, naga_errors, tint_errors
 
+from wgpu_gi.gpu.wgsl.dead_branches import without_dead_branches
 from wgpu_gi.gpu.wgsl.load import load
 
 BAD_LIBRARY = "fn twice(x: f32) -> f32 {\n  return 2 * vec3f(x);\n}\n"
@@ -45,6 +47,15 @@ def chromium():
 @pytest.mark.parametrize("path", entry_shaders())
 def test_naga_compiles(path):
     assert naga_errors(load(path)) == []
+
+
+@pytest.mark.parametrize("value", [False, True])
+@pytest.mark.parametrize("path", entry_shaders())
+def test_naga_compiles_what_the_features_leave(path, value):
+    source = load(path)
+    features = dict.fromkeys([name for name in source.overrides if name.startswith("HAS_")], float(value))
+    code = without_dead_branches(source.text, features)
+    assert naga_errors(replace(source, text=code)) == []
 
 
 def test_naga_errors_name_file_and_line(bad):

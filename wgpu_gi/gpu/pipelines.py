@@ -14,6 +14,7 @@ import wgpu
 from ..errors import GiError
 from .messages import compiler_message, reason
 from .passes import Pass, RasterState, Use
+from .wgsl.dead_branches import without_dead_branches
 from .wgsl.load import ShaderSource
 from .wgsl.module import Binding
 
@@ -37,7 +38,7 @@ class Pipelines:
 
     def __init__(self, gpu: Any) -> None:
         self.gpu = gpu
-        self._modules: WeakKeyDictionary[ShaderSource, Any] = WeakKeyDictionary()
+        self._modules: WeakKeyDictionary[ShaderSource, dict[str, Any]] = WeakKeyDictionary()  # by what is compiled
         self._layouts: dict[tuple, Any] = {}
         self._pipelines: WeakValueDictionary[tuple, Any] = WeakValueDictionary()
         self._retired: dict[Any, None] = {}  # longest unused first
@@ -63,11 +64,14 @@ class Pipelines:
             else:
                 found[key] = existing
         # Create the others.
-        sources = {p.source: p for p in missing.values() if p.source not in self._modules}
+        codes = {p: _code(p) for p in missing.values()}
+        modules = {(p.source, code): p for p, code in codes.items() if code not in self._modules.get(p.source, {})}
         with _mapping(threaded and len(missing) > 1) as mapped:
-            for source, module in zip(sources, mapped(self._module, sources.values()), strict=True):
-                self._modules[source] = module
-            for number, (key, pipeline) in enumerate(zip(missing, mapped(self._new, missing.values()), strict=True), 1):
+            made_modules = mapped(lambda item: self._module(*item), [(p, code) for (_, code), p in modules.items()])
+            for (source, code), module in zip(modules, made_modules, strict=True):
+                self._modules.setdefault(source, {})[code] = module
+            new = mapped(lambda p: self._new(p, self._modules[p.source][codes[p]]), missing.values())
+            for number, (key, pipeline) in enumerate(zip(missing, new, strict=True), 1):
                 found[key] = self._pipelines[key] = pipeline
                 self.unused.add(pipeline)
                 self._retired[pipeline] = None  # kept if `made` interrupts
@@ -88,15 +92,14 @@ class Pipelines:
         while len(self._retired) > KEPT:
             del self._retired[next(iter(self._retired))]
 
-    def _module(self, p: Pass) -> Any:
+    def _module(self, p: Pass, code: str) -> Any:
         try:
-            return self.gpu.create_shader_module(label=p.source.path, code=p.source.text)
+            return self.gpu.create_shader_module(label=p.source.path, code=code)
         except (wgpu.GPUError, RuntimeError) as error:
             raise GiError(f"{p.where}: {compiler_message(error, p.source)}") from error
 
-    def _new(self, p: Pass) -> Any:
+    def _new(self, p: Pass, module: Any) -> Any:
         assert p.layouts is not None
-        module = self._modules[p.source]
         try:
             layout = self.gpu.create_pipeline_layout(label=p.name, bind_group_layouts=list(p.layouts))
             return self._raster(p, module, layout) if p.raster else self._compute(p, module, layout)
@@ -164,6 +167,12 @@ def _mapping(threaded: bool) -> Iterator[Callable[..., Iterable[Any]]]:
         return
     with ThreadPoolExecutor(min(os.cpu_count() or 1, MOST_THREADS)) as pool:
         yield pool.map
+
+
+def _code(p: Pass) -> str:
+    """Return the text of a pass' shader that is compiled: without the branches that its constants switch off."""
+    known = {name: value for name, value in p.source.overrides.items() if value is not None} | p.constants
+    return without_dead_branches(p.source.text, known)
 
 
 def _key(p: Pass, groups: tuple[tuple, tuple]) -> tuple:
