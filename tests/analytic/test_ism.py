@@ -198,6 +198,7 @@ def test_splats_find_occluders_that_rays_miss(tmp_path):
         data[:, :3] = (on_strip - origin).astype(np.float32).view(np.uint32)
         data[:, 3] = octahedral_code(np.tile((0.0, 1.0, 0.0), (4096, 1)))
         data[:, 4] = np.full(4096, np.sqrt(0.08 * 6 / 4096 / np.pi), np.float32).view(np.uint32)
+        data[:, 5] = 0xFF000000  # black, not open
         return data
 
     lights = np.tile((0.0, 2.0, 0.0), (SLOTS, 1))
