@@ -20,7 +20,7 @@ TRACE_ALL = """
 fn traced_all(i: u32) -> vec4f {
     let a = Ray(origins_a(i), directions_a(i));
     let b = Ray(origins_b(i), directions_b(i));
-    let found = trace_all(Rays(a, limits_a(i), b, limits_b(i), Ray(origins(i), directions(i)), limits(i)));
+    let found = trace_all(Rays(a, limits_a(i), b, limits_b(i), Ray(origins(i), directions(i)), limits(i), 0u, 0u));
     let shadows = select(0.0, 1.0, found.occluded_a) + select(0.0, 2.0, found.occluded_b);
     return vec4f(shadows, found.hit.distance, bitcast<f32>(found.hit.triangle), 0.0);
 }
