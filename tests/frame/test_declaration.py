@@ -7,10 +7,11 @@ from helpers.techniques import make_settings, medley_under_a_sky
 
 from wgpu_gi import load
 from wgpu_gi.gpu import pipelines
+from wgpu_gi.gpu.graph import Graph
 from wgpu_gi.gpu.wgsl.load import load as load_shader
-from wgpu_gi.options import TECHNIQUES
-from wgpu_gi.renderer import Renderer
-from wgpu_gi.settings import apply_quality, describe
+from wgpu_gi.options import TECHNIQUES, uses
+from wgpu_gi.renderer import Renderer, Settings
+from wgpu_gi.settings import apply_quality, assign, describe
 
 SIZE = (32, 18)
 
@@ -46,14 +47,33 @@ def renderer(request):
     return renderer
 
 
-def test_every_pass_knows_which_layers_the_scene_has(renderer):
+def variants(gi):
+    """Yield settings of a technique: the defaults, then each with another choice, or at a limit."""
+    rows = [row for row in describe(Settings()) if row.name != "gi" and uses(gi, row.name)]
+    texts = [f"{row.name}={choice}" for row in rows for choice in row.choices]
+    texts += [f"{row.name}={str(not row.value).lower()}" for row in rows if row.kind is bool]
+    texts += [f"{row.name}={limit}" for row in rows if row.kind is int and row.range for limit in row.range]
+    for text in ("", *texts):
+        settings = Settings(gi=gi)
+        if text:
+            assign(settings, text)
+        yield text, settings
+
+
+@pytest.mark.parametrize("gi", TECHNIQUES)
+def test_every_pass_knows_which_layers_the_scene_has(gi, monkeypatch):
     """A pass with other HAS_ constants than the rest would read the G-buffer's layers at wrong places."""
+    for name, instead in (("compile", None), ("run", True), ("stale", {})):
+        monkeypatch.setattr(Graph, name, lambda *_args, _instead=instead, **_named: _instead)
     features = load_shader("common/layers.wgsl").overrides
-    lacking = {
-        name: found
-        for name, p in renderer.graph.passes.items()
-        if (found := [key for key in p.source.overrides if key in features and key not in p.constants])
-    }
+    renderer = Renderer(medley_under_a_sky(), size=SIZE)
+    lacking = {}
+    for text, renderer.settings in variants(gi):
+        renderer.step(show=("radiance",))
+        for name, p in renderer.graph.passes.items():
+            found = [key for key in p.source.overrides if key in features and key not in p.constants]
+            if found:
+                lacking[name, text] = found
     assert lacking == {}
 
 

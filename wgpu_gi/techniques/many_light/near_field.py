@@ -33,14 +33,15 @@ def declare_near_shares(graph: Graph, settings: SsdoSettings, gbuffer: Gbuffer, 
         return None
     size = (TABLE_WIDTH, -(-vpls.count // TABLE_WIDTH))
     shares = graph.texture("near_field/shares", "r32float", size=size, nonnegative=True)
+    shader = "many_light/near_field/shares.wgsl"
     graph.compute(
         "near_field/shares",
-        "many_light/near_field/shares.wgsl",
+        shader,
         over=vpls.count,
         reads={"vpl_table": vpls.table, "surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
         writes={"near_shares": shares},
         params={"count": vpls.count},
-        constants=vpls.constants,
+        constants={**gbuffer.constants(shader), **vpls.constants},
     )
     return NearField(shares, settings.near_field_radius)
 

@@ -37,4 +37,5 @@ def declare_cached_light(
         indirect=undecided,
         reads={"undecided": undecided, "cache_hits": found, "cells": cache.cells},
         writes={"hits": hits},
+        constants=scene.constants("ssdo/offscreen/light.wgsl"),
     )

@@ -74,6 +74,7 @@ def declare_offscreen(
         reads={"surfels": surfels, "hits": hits, "cells": cache.cells},
         writes={"irradiance": light, "normals": normals},
         params={"rays": rays},
+        constants=scene.constants("ssil/offscreen/light.wgsl"),
     )
     # Blur, and add to the light that is gathered from visible surfaces.
     _declare_sum(graph, scene, gbuffer, light, normals, 1 << levels.first, irradiance)
