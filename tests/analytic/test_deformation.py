@@ -370,7 +370,7 @@ def test_a_scene_at_another_time_keeps_its_figures():
 
 
 def test_a_mesh_without_area_at_first_gets_points_later():
-    """Points on surfaces are drawn anew once a figure has grown."""
+    """Surface points are sampled again when a deformed mesh has grown."""
     moving = figure(0.0)
     moving.joint_matrices = bent(0.0, scale=0.0)
     upload = SceneUpload(open_device(large_buffers=True))

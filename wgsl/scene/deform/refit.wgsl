@@ -9,7 +9,7 @@
 @group(1) @binding(4) var<storage, read_write> unions: array<vec4f>;  // low and high corner by node, metres
 
 const LEAF: u32 = 0x80000000u;
-const LAST_STEP: f32 = 65280.0;
+const LAST_STEP: f32 = 65280.0;  // of the grid that spans the tree, as in `upload/node_quantization.py`
 const LAST_CODE: u32 = 255u;
 // Grid steps added before rounding: those of `upload/node_quantization.py`, and as much again as float32 errs here, by
 // 4 units of 65536 x 2^-24.

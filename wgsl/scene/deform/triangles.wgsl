@@ -7,6 +7,7 @@
 @group(1) @binding(2) var<storage, read_write> triangles: array<vec4u>;  // 4 each: anchor and material, edges, corners
 
 const NONE: u32 = 0xffffffffu;  // its instance transforms it
+// The layout of a triangle's flags: the anchor's weights, in steps of 2^-14, lie above 4 bits.
 const FLAG_BITS: u32 = 4u;
 const WEIGHT_BITS: u32 = 14u;
 const STEPS: f32 = 16384.0;
