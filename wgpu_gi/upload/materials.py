@@ -117,7 +117,7 @@ class MaterialUpload:
     def _textures(self, m: Material) -> dict[str, dict[int, tuple[AtlasImage, Texture]]]:
         """Return the textures that shaders read, by the name of their atlas and their slot in the Material struct."""
         masked = m.alpha_mode == "mask" and m.base_color[3] > 0
-        cutoff = m.alpha_cutoff / m.base_color[3] if masked else 0.0
+        cutoff = min(m.alpha_cutoff / m.base_color[3], 2.0) if masked else 0.0  # above 1, no texel passes
         base: Content = "mask" if masked else "blend" if m.alpha_mode == "blend" else "color"
         slots = {BASE_COLOR: m.base_color_texture, EMISSION: m.emission_texture}
         if not self._diffuse:
