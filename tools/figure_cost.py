@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wgpu_gi.cli.arguments import parse_size
+from wgpu_gi.cli.argument_types import parse_size
 from wgpu_gi.options import TECHNIQUES, Settings
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in.walk import walk

@@ -30,7 +30,8 @@ from rich.progress import Progress
 from world_surfaces import Floats
 
 from wgpu_gi.camera import Camera
-from wgpu_gi.cli.arguments import Parser, parse_size
+from wgpu_gi.cli.argument_types import parse_size
+from wgpu_gi.cli.arguments import Parser
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.atomic_file import check_writable
 from wgpu_gi.scene.files.camera_files import choose_camera

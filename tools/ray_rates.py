@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # also where th
 
 import wgpu_gi as gi
 from wgpu_gi.camera import Camera
-from wgpu_gi.cli.arguments import parse_size
+from wgpu_gi.cli.argument_types import parse_size
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph

@@ -12,7 +12,7 @@ import pytest
 from wgpu_gi.cli.arguments import build_parser
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ("README.md", "tests/truth/README.md", "tools/README.md")
+PAGES = ("README.md", "CHANGES.md", "tests/truth/README.md", "tools/README.md")
 
 
 def test_python_examples_run(tmp_path, monkeypatch):

@@ -1,0 +1,98 @@
+"""The parsers of the values of arguments: each raises ArgumentTypeError, a sentence, for text that it does not take."""
+
+from __future__ import annotations
+
+import math
+import re
+from argparse import ArgumentTypeError
+
+from ..scene.files.memory import GIB
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Parse text such as 640x360 as (width, height) in pixels."""
+    match = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text)
+    if match is None:
+        raise ArgumentTypeError(f"a size is WIDTHxHEIGHT in pixels, such as 640x360, not {text!r}")
+    return int(match[1]), int(match[2])
+
+
+def parse_frames(text: str) -> range:
+    """Parse text such as 0:240 or 0:240:2 as frame numbers."""
+    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})(?::([1-9]\d{0,8}))?", text)
+    frames = range(int(match[1]), int(match[2]), int(match[3] or 1)) if match else range(0)
+    if not frames:
+        raise ArgumentTypeError(f"frames are FIRST:END or FIRST:END:STEP, such as 0:240, not {text!r}")
+    return frames
+
+
+def parse_seeds(text: str) -> range:
+    """Parse text such as 0:100 as seeds."""
+    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text)
+    seeds = range(int(match[1]), int(match[2])) if match else range(0)
+    if not seeds:
+        raise ArgumentTypeError(f"seeds are FIRST:END, such as 0:100, not {text!r}")
+    return seeds
+
+
+def parse_shard(text: str) -> tuple[int, int]:
+    """Parse text such as 2/8 as (I, N)."""
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise ArgumentTypeError(f"a shard is I/N from 1/N to N/N, such as 2/8, not {text!r}")
+    return int(match[1]), int(match[2])
+
+
+def parse_memory(text: str) -> int:
+    """Parse a number of GiB as bytes."""
+    try:
+        size = float(text) * GIB
+    except ValueError:
+        size = math.nan
+    if not 1 <= size <= 2**60:
+        raise ArgumentTypeError(f"memory is a number of GiB above 0, such as 8, not {text!r}")
+    return int(size)
+
+
+def parse_length(text: str) -> float:
+    """Parse a number of metres above 0."""
+    try:
+        length = float(text)
+    except ValueError:
+        length = math.nan
+    if not 0 < length < math.inf:
+        raise ArgumentTypeError(f"a length is a number of metres above 0, not {text!r}")
+    return length
+
+
+def parse_time(text: str) -> float:
+    """Parse a time code, a finite number."""
+    try:
+        time = float(text)
+    except ValueError:
+        time = math.nan
+    if not math.isfinite(time):
+        raise ArgumentTypeError(f"a time is a number, not {text!r}")
+    return time
+
+
+def parse_bounces(text: str) -> int | None:
+    """Parse a number of indirect bounces; None means unlimited."""
+    if text == "unlimited":
+        return None
+    if not text.isdecimal() or len(text) > 9:
+        raise ArgumentTypeError(f"bounces are 0, 1, 2 ... or unlimited, not {text!r}")
+    return int(text)
+
+
+def parse_exposure(text: str) -> float | None:
+    """Parse an exposure in stops; None means automatic."""
+    if text in ("automatic", "auto"):
+        return None
+    try:
+        stops = float(text)
+    except ValueError:
+        stops = math.nan
+    if not math.isfinite(stops):
+        raise ArgumentTypeError(f"an exposure is a number of stops, such as 1.5, or automatic, not {text!r}")
+    return stops
