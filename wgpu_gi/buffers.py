@@ -16,6 +16,7 @@ COMMON = (
     "direct",
     "indirect",
     "emission",
+    "standard_error",
     "alpha",
     "albedo",
     "normal",

@@ -11,18 +11,27 @@ from .techniques.deferred import declare_direct_light
 from .techniques.many_light import declare_many_light
 from .techniques.reference import declare_primary, declare_reference
 from .techniques.shared.antialias import declare_antialias
-from .techniques.shared.composite import declare_display, declare_mean, declare_sum, declare_tinted
+from .techniques.shared.composite import (
+    declare_display,
+    declare_mean,
+    declare_standard_error,
+    declare_sum,
+    declare_tinted,
+)
 from .techniques.shared.scene_inputs import declare_deformation
 from .techniques.ssao import declare_ssao
 from .techniques.ssdo import declare_ssdo
 from .techniques.ssil import declare_ssil
 
 
-def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int, aliased: str | None) -> dict[str, Source]:
+def declare_frame(
+    graph: Graph, settings: Settings, scene: Any, frames: int, aliased: str | None, exact: bool
+) -> dict[str, Source]:
     """Declare the passes of a frame; return its buffers and views by name.
 
     `scene` is the return value of the technique's `inputs`; `frames`: number of frames of a still picture; `aliased`:
-    why radiance is not anti-aliased over moving frames, None if it is, empty for a still picture.
+    why radiance is not anti-aliased over moving frames, None if it is, empty for a still picture; `exact`: all frames
+    of a still picture are the same.
     """
     declare_deformation(graph, scene)
     # Light: each technique is a folder of techniques/.
@@ -50,7 +59,10 @@ def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int, ali
     elif aliased:
         graph.skip("antialias", aliased)
     layers = {"radiance": radiance, "direct": light.direct, "indirect": light.indirect, "emission": light.emission}
+    # Its noise: zero, or estimated from the frames, or of a single frame unknown, for which radiance itself stands.
+    error = None if exact else light.standard_error or radiance
     if frames > 1:
+        error = declare_standard_error(graph, radiance)
         layers = {name: declare_mean(graph, name, layer) if layer else None for name, layer in layers.items()}
     # For the screen: exposure and tone curve.
     assert layers["radiance"] is not None
@@ -60,6 +72,7 @@ def declare_frame(graph: Graph, settings: Settings, scene: Any, frames: int, ali
     return {
         **{name: Source(layer) for name, layer in (layers | light.views).items()},
         "display": Source(display),
+        "standard_error": Source(error),
         "alpha": Source(layers["radiance"], 3, 1),
         "albedo": Source(primary.albedo),
         "normal": Source(primary.normal),

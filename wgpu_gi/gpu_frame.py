@@ -16,7 +16,7 @@ from .errors import GiError
 from .frame import declare_frame
 from .gpu.device import Device
 from .gpu.graph import Graph
-from .options import Settings, check_size, picture_count, technique_of, why_aliased
+from .options import Settings, check_size, picture_count, technique_of, varies, why_aliased
 from .scene.scene import Scene
 from .techniques.shared.composite import MEANS
 from .techniques.shared.scene_inputs import SceneInputs
@@ -186,7 +186,8 @@ class GpuFrame:
         self._declared = None
         self.graph.begin(view.size)
         frames = 1 if inputs.is_preview else view.frames
-        self._sources = declare_frame(self.graph, view.settings, inputs, frames, view.aliased)
+        exact = not varies(view.settings, view.scene)
+        self._sources = declare_frame(self.graph, view.settings, inputs, frames, view.aliased, exact)
         wanted = [self.source(name, view.settings.gi).handle for name in show]
         self.graph.compile([handle for handle in wanted if handle is not None])
         self._declared = declared

@@ -100,13 +100,17 @@ def uses(gi: str, name: str) -> bool:
 
 def picture_count(settings: Settings, scene: Scene) -> int:
     """Return the number of frames of a still picture: one if the technique averages samples, or if nothing varies."""
-    technique = technique_of(settings.gi)
-    if technique.averages_samples:
+    if technique_of(settings.gi).averages_samples:
         return 1
+    return settings.camera.frames if varies(settings, scene) else 1
+
+
+def varies(settings: Settings, scene: Scene) -> bool:
+    """Return whether the frames of a still picture differ: by random numbers, or by the points that pixels sample."""
+    technique = technique_of(settings.gi)
     draws = draws_emitters(settings.direct, scene) or draws_transmission(scene, diffuse=settings.diffuse)
     dithers = any(is_see_through(m, settings.diffuse) for m in scene.materials)
-    varies = settings.camera.jitter or technique.is_random or draws or dithers
-    return settings.camera.frames if varies else 1
+    return settings.camera.jitter or technique.is_random or draws or dithers
 
 
 def why_aliased(settings: Settings) -> str | None:

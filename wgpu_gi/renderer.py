@@ -300,11 +300,12 @@ class Renderer(KnownAttributes):
     def read_back(self, name: str = "radiance") -> Picture:
         """Return a buffer of the last run as (height, width, 3) float32; `depth` as (height, width).
 
-        radiance, direct, indirect, emission, standard_error: W/(m2 sr). depth: metres along the ray, 0 without a
-        surface. position: world, metres. normal: unit, towards the viewer. motion: pixels right and down since the
-        previous frame, and the distance in that frame in metres. instance: place in the scene's list, from 1; 0 without
-        a surface. display: (height, width, 3) uint8, sRGB with exposure and tone curve, for screens. Raises GiError for
-        an unknown buffer.
+        radiance, direct, indirect, emission: W/(m2 sr). standard_error: of radiance by its random numbers, W/(m2 sr);
+        radiance itself where a single frame or sample does not tell, 0 where nothing is random. depth: metres along the
+        ray, 0 without a surface. position: world, metres. normal: unit, towards the viewer. motion: pixels right and
+        down since the previous frame, and the distance in that frame in metres. instance: place in the scene's list,
+        from 1; 0 without a surface. display: (height, width, 3) uint8, sRGB with exposure and tone curve, for screens.
+        Raises GiError for an unknown buffer.
         """
         check_buffers((name,), self.settings.gi)
         with self._alone():

@@ -204,9 +204,9 @@ def test_exposure_can_be_fixed_and_automatic_again():
 
 
 def test_buffer_that_another_technique_lacks_is_replaced_by_display():
-    session = make_session("path")
-    session.show("standard_error")
-    session.change("gi", "none")
+    session = make_session("none")
+    session.show("motion")
+    session.change("gi", "path")
     assert session.shown == DISPLAY
     session.step()
     assert not session.error

@@ -100,7 +100,7 @@ TECHNIQUE = Technique(
     is_random=True,
     options=PathOptions,
     inputs=path_inputs,
-    extra=("standard_error",),
+    extra=(),
     averages_samples=True,
     refine=_refine,
     refined=frozenset({"radiance", "direct", "indirect", "emission", "standard_error"}),
@@ -155,8 +155,13 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
         writes=results,
         params={"size": (width, height)},
     )
-    views = {"standard_error": results["standard_error"]}
-    return Light(layers["emission"], layers["direct"], layers["indirect"], results["radiance"], views)
+    return Light(
+        layers["emission"],
+        layers["direct"],
+        layers["indirect"],
+        results["radiance"],
+        standard_error=results["standard_error"],
+    )
 
 
 def _row_stride(rows: int) -> int:

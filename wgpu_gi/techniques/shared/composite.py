@@ -75,6 +75,23 @@ def declare_mean(graph: Graph, name: str, layer: Buffer) -> Buffer:
     return mean
 
 
+def declare_standard_error(graph: Graph, radiance: Buffer) -> Buffer:
+    """Declare the standard error of the mean of radiance over the frames of a still picture so far, W/(m2 sr)."""
+    width = graph.size[0]
+    state = {
+        name: graph.buffer(f"mean/{name}", dtype=FOUR_FLOATS, count=radiance.count, width=width, nonnegative=True)
+        for name in ("centre", "deviation", "standard_error")
+    }
+    graph.compute(
+        MEANS + "standard_error",
+        "shared/composite/standard_error.wgsl",
+        over=graph.size,
+        reads={"current": radiance},
+        writes=state,
+    )
+    return state["standard_error"]
+
+
 def declare_display(graph: Graph, radiance: Buffer, exposure: float) -> Texture:
     """Declare the picture for a screen, 8-bit sRGB: radiance times 2^`exposure` through the tone curve."""
     display = graph.texture("composite/display", "rgba8unorm")

@@ -61,15 +61,17 @@ class Light:
     """The light of a frame by layers: (r, g, b, -) per pixel in W/(m2 sr), rows from the top.
 
     emission: sources seen directly. direct: light scattered once. indirect: light scattered more often (None: none).
-    radiance: their sum, if the technique computes it. views: further buffers to show, by the names in `Technique.extra`
-    and `Technique.views`. distance: of the surface at each pixel, metres, 0: none; all that have `motion` have it.
-    tint: factor on all layers, still to be applied, of the glass that a pixel shows; None: 1.
+    radiance: their sum, and standard_error: of radiance, if the technique computes them. views: further buffers to
+    show, by the names in `Technique.extra` and `Technique.views`. distance: of the surface at each pixel, metres, 0:
+    none; all that have `motion` have it. tint: factor on all layers, still to be applied, of the glass that a pixel
+    shows; None: 1.
     """
 
     emission: Buffer
     direct: Buffer
     indirect: Buffer | None = None
     radiance: Buffer | None = None
+    standard_error: Buffer | None = None
     views: dict[str, Buffer] = field(default_factory=dict)
     distance: Texture | None = None
     tint: Buffer | None = None
