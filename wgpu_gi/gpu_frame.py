@@ -17,6 +17,7 @@ from .frame import declare_frame
 from .gpu.device import Device
 from .gpu.graph import Graph
 from .options import Settings, check_size, picture_count, technique_of, varies, why_aliased
+from .pixel_tracer import PixelTracer
 from .scene.scene import Scene
 from .techniques.shared.composite import MEANS
 from .techniques.shared.scene_inputs import SceneInputs
@@ -56,6 +57,7 @@ class GpuFrame:
     def __init__(self, device: Device) -> None:
         self._device = device
         self.graph = Graph(device)
+        self.pixels = PixelTracer(device)
         self.upload: SceneUpload | None = None
         self.kept = Kept()  # state of the techniques
         self.index = 0  # among the frames of a still picture; negative during the warm-up
@@ -89,6 +91,7 @@ class GpuFrame:
     def release(self) -> None:
         """Free all GPU memory."""
         self.forget()
+        self.pixels.graph.release()
         if self.upload is not None:
             self.upload.release()
             self.upload = None
@@ -96,7 +99,7 @@ class GpuFrame:
     @property
     def releases(self) -> list[Callable[[], None]]:
         """The functions that free the GPU memory, for `Device.discard`."""
-        return [self.graph.release] + ([] if self.upload is None else [self.upload.release])
+        return [self.graph.release, self.pixels.graph.release] + ([] if self.upload is None else [self.upload.release])
 
     def prepare(self, view: View, show: tuple[str, ...], force: bool, preview: bool) -> None:
         """Upload what changed; redeclare the frame if its passes changed. `preview`: as in `Renderer.step`."""
@@ -153,12 +156,7 @@ class GpuFrame:
 
     def _send(self, view: View, scene: Fingerprint) -> SceneInputs:
         """Update the GPU data of the scene that the technique needs; return the inputs of the technique."""
-        settings, upload = view.settings, self.upload
-        if upload is None or upload.diffuse != settings.diffuse:
-            if upload is not None:
-                upload.release()
-            self.upload = upload = SceneUpload(self._device, settings.diffuse)
-            self._inputs = None
+        settings, upload = view.settings, self.fitting_upload(view.settings)
         if self._inputs is None or scene != self._inputs[0]:
             upload.update(view.scene)
         upload.set_seed(settings.seed)
@@ -176,6 +174,22 @@ class GpuFrame:
             self._preview,
         )
         return technique_of(settings.gi).inputs(shot, settings)
+
+    def fitting_upload(self, settings: Settings) -> SceneUpload:
+        """Return the GPU's copy of the scene; a new, empty one if there is none, or none that fits the settings."""
+        if self.upload is None or self.upload.diffuse != settings.diffuse:
+            if self.upload is not None:
+                self.upload.release()
+            self.upload = SceneUpload(self._device, settings.diffuse)
+            self.invalidate(declaration=True)
+        return self.upload
+
+    def scene_upload(self, view: View) -> SceneUpload:
+        """Return the GPU's copy of the scene as the last frame showed it; without a frame, as `view` has it."""
+        upload = self.fitting_upload(view.settings)
+        if self._declared is None:
+            upload.update(view.scene)
+        return upload
 
     def _declare(self, view: View, show: tuple[str, ...], inputs: SceneInputs) -> None:
         """Redeclare the frame if its passes would differ."""

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from .buffers import BUFFERS, buffers_of, check_buffers
 from .camera import Camera
 from .errors import GiError, warn_of
@@ -21,6 +23,7 @@ from .gpu_frame import GpuFrame, View, copy_of
 from .options import TECHNIQUES, Settings, check_size, technique_of
 from .pictures.picture import Picture
 from .pictures.tables import Table
+from .pixel_tracer import PixelTruth, check_counts, checked_pixels
 from .records import KnownAttributes
 from .scene.check import check_camera, check_scene, check_structure
 from .scene.files.camera_files import camera_of
@@ -310,6 +313,33 @@ class Renderer(KnownAttributes):
         check_buffers((name,), self.settings.gi)
         with self._alone():
             return Picture(self._gpu.read_back(name, self._view()), name, self.settings.exposure)
+
+    def trace_pixels(
+        self,
+        pixels: ArrayLike,
+        spp: int,
+        *,
+        seed: int = 0,
+        replicates: int = 8,
+        progress: Callable[[float], None] | None = None,
+    ) -> PixelTruth:
+        """Return the path-traced radiance of `pixels` (n, 2): whole numbers x, y, from the top left corner.
+
+        Each gets `spp` paths, in `replicates` parts with independent random numbers that `seed` chooses, none of which
+        a picture has; the spread of the parts gives the error. Camera, size, jitter, bounces (None: unlimited) and
+        transparency are the renderer's; the scene is that of the last frame. The picture and its average stay. Raises
+        GiError for pixels outside the picture and for numbers that do not fit.
+        """
+        self._check_values()
+        chosen = checked_pixels(pixels, self.size)
+        check_counts(spp, replicates)
+        with self._alone():
+            view = self._view()
+            upload, settings = self._gpu.scene_upload(view), view.settings
+            seen = upload.view(view.camera, view.size, settings.camera.jitter, transparent=settings.transparent)
+            return self._gpu.pixels.trace(
+                upload, seen, settings, chosen, spp=spp, seed=seed, replicates=replicates, progress=progress
+            )
 
     def display_texture(self) -> Any:
         """Return the wgpu texture of the buffer `display`, rgba8unorm; valid until the next step."""

@@ -10,10 +10,14 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..gpu.formats import FOUR_FLOATS
 from ..gpu.graph import Graph
 from ..gpu.handles import Buffer
 from ..gpu.passes import Pass
+from ..gpu.wgsl.load import load
 from ..records import KnownAttributes
 from ..settings import setting
 from .shared.sampling import CameraSettings
@@ -21,6 +25,8 @@ from .shared.scene_inputs import SceneInputs, share_scene
 from .shared.technique import Kept, Light, Shot, Technique
 
 UNLIMITED = 0x7FFFFFFF
+MOST_LISTED = 4096  # pixels that one list holds: `reference/pixel_list.wgsl`, 64 KiB, the largest uniform buffer
+OUTSIDE = 0xFFFFFFFF  # coordinate of a pixel that no picture has
 
 
 @dataclass(repr=False, slots=True)
@@ -162,6 +168,44 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
         results["radiance"],
         standard_error=results["standard_error"],
     )
+
+
+def declare_pixel_list(
+    graph: Graph, settings: PathOptions, scene: SceneInputs, entries: NDArray[np.uint32], spp: int
+) -> tuple[Buffer, ...]:
+    """Declare the path tracer for a list of pixels: rows of `entries` are x, y, seed, -; at most MOST_LISTED.
+
+    Return the layers emission, direct and indirect, an element an entry. `emission`'s fourth value counts the samples,
+    of which each run of the graph adds up to `path.samples_per_run` until there are `spp`.
+    """
+    shader = "reference/pixel_list.wgsl"
+    listed = np.zeros((), load(shader).struct_dtype("PixelList"))
+    listed["entries"][: len(entries)] = entries
+    listed["entries"][len(entries) :] = OUTSIDE
+    graph.uniform("pixel_list", listed)
+    layers = {
+        name: graph.buffer(f"pixels/{name}", dtype=FOUR_FLOATS, count=MOST_LISTED, nonnegative=True)
+        for name in ("emission", "direct", "indirect", "deviation")
+    }
+    graph.compute(
+        "pixels/trace",
+        shader,
+        entry="main_listed",
+        over=len(entries),
+        reads={**scene.surfaces, **scene.lights},
+        writes=layers,
+        params={
+            "samples": settings.path.samples_per_run,
+            "spp": spp,
+            "bounces": UNLIMITED if settings.bounces is None else settings.bounces,
+            "seed": 0,
+            "row_stride": 1,
+        },
+        constants={**scene.constants(shader), "STEP_BUDGET": graph.device.capabilities.path_steps},
+        settle=UNLIMITED,
+        split=True,
+    )
+    return layers["emission"], layers["direct"], layers["indirect"]
 
 
 def _row_stride(rows: int) -> int:

@@ -2,8 +2,12 @@
 // shadow ray to send, and the light that arrives at the camera if nothing blocks it.
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
+#import "common/random.wgsl"
 #import "reference/medium.wgsl"
 #import "reference/weights.wgsl"
+
+// Pairs of dimensions of a light ray's random numbers: its choices, point and direction.
+const LIGHT_RAY_PAIR: u32 = 1u;
 
 // A path's hit on a surface.
 struct PathVertex {
@@ -39,6 +43,14 @@ struct Connection {
 
 fn no_connection() -> Connection {
     return Connection(Ray(vec3f(0.0), vec3f(0.0)), 0.0, vec3f(0.0));
+}
+
+// Returns the light ray of path `index` of a pixel.
+fn path_light_ray(index: u32, pixel_seed: u32) -> LightRay {
+    return sample_light_ray(
+        sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR)),
+        sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR + 1u)),
+        sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR + 2u)));
 }
 
 // Returns the vertex at a light ray's hit. `cosine`: between the ray and the surface's geometric normal.

@@ -53,18 +53,20 @@ const MAX_SURVIVAL: f32 = 0.98;
 // Pairs of dimensions of the random numbers: 0 the point in the pixel; 1 to 3 the light ray's choices, point,
 // direction; then for each vertex of the path the choices of light and lobe, the BRDF's direction, the point on the
 // light.
-const LIGHT_RAY_PAIR: u32 = 1u;
 const FIRST_VERTEX_PAIR: u32 = 4u;
 const PAIRS_PER_VERTEX: u32 = 3u;
 
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) local: u32) {
     let pixel = pixel_of(params.first_workgroup + workgroup.x, local, params.row_stride);
-    if (any(pixel >= view.size)) {
-        return;
+    if (all(pixel < view.size)) {
+        trace_paths(pixel, pixel.y * view.size.x + pixel.x, params.seed);
     }
-    let pixel_index = pixel.y * view.size.x + pixel.x;
-    let pixel_seed = hash2(pixel.x, hash2(pixel.y, params.seed));
+}
+
+// Traces more paths of a pixel, whose means are elements `pixel_index` of the buffers.
+fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
+    let pixel_seed = hash2(pixel.x, hash2(pixel.y, seed));
 
     // Load the means. A pixel may be behind the others (STEP_BUDGET), so it counts its own samples.
     let continues = params.settle_index > 0u;
@@ -124,10 +126,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
             medium = air();
             from_light = use_light_rays;
             if (use_light_rays) {
-                light_ray = sample_light_ray(
-                    sobol_2d(rays.index, hash2(pixel_seed, LIGHT_RAY_PAIR)),
-                    sobol_2d(rays.index, hash2(pixel_seed, LIGHT_RAY_PAIR + 1u)),
-                    sobol_2d(rays.index, hash2(pixel_seed, LIGHT_RAY_PAIR + 2u)));
+                light_ray = path_light_ray(rays.index, pixel_seed);
                 rays.seed = ~pixel_seed | 1u;
                 rays.main = light_ray.ray;
                 rays.limit = select(0.0, FLOAT_MAX, max3(light_ray.flux) > 0.0);

@@ -1,0 +1,70 @@
+"""Path-traced pixels and certificates of a renderer's picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wgpu_gi as gi
+from wgpu_gi.budget.certificate import certify
+from wgpu_gi.measure.metrics import bias, relmse
+from wgpu_gi.renderer import Renderer
+
+SIZE = (16, 9)
+
+
+def all_pixels():
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    return np.stack([x.ravel(), y.ravel()], axis=-1)
+
+
+def as_picture(values):
+    return values.reshape(SIZE[1], SIZE[0], 3)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """The truth of the Cornell box: pixels, and their squared standard error."""
+    with Renderer(gi.load("cornell"), size=SIZE) as renderer:
+        traced = renderer.trace_pixels(all_pixels(), 1024, seed=9)
+        return as_picture(traced.mean), as_picture(traced.squared_error)
+
+
+def test_traced_pixels_are_those_of_a_path_traced_picture(truth):
+    """Their difference is noise, by the standard error of both."""
+    mean, squared = truth
+    with Renderer(gi.load("cornell"), size=SIZE, settings=gi.Settings(gi="path", spp=256)) as renderer:
+        renderer.run(show=("radiance", "standard_error"))
+        picture, noise = (np.asarray(renderer.read_back(name), np.float64) for name in ("radiance", "standard_error"))
+        renderer.trace_pixels([[3, 4]], 16)
+        assert (renderer.read_back() == picture).all()  # the picture stays
+    deviations = (picture - mean) / np.sqrt(noise**2 + squared + 1e-12)
+    assert np.mean(deviations**2) < 1.1
+    assert abs(np.mean(picture - mean)) < 4 * np.sqrt(np.mean(noise**2 + squared) / picture.size)
+
+
+def test_certificate_of_all_pixels_is_the_error_of_the_picture(truth):
+    """relMSE and bias of measure.metrics, with the truth of another seed: only the noise of both truths is left."""
+    mean, squared = truth
+    with Renderer(gi.load("cornell"), size=SIZE, settings=gi.Settings(gi="none")) as renderer:
+        renderer.run(show=("radiance",))
+        picture = renderer.read_back()
+        certificate = certify(renderer, SIZE[0] * SIZE[1])
+        assert certify(renderer, 20).texts() == certify(renderer, 20).texts()
+    known = relmse(picture, mean, np.sqrt(squared))
+    assert certificate.pixels == SIZE[0] * SIZE[1]
+    assert certificate.relmse.value == pytest.approx(known, rel=0.02)
+    assert certificate.bias.value == pytest.approx(bias(picture, mean), abs=0.004)
+    assert certificate.bias.low < bias(picture, mean) < certificate.bias.high
+
+
+def test_wrong_pixels_get_a_sentence():
+    with Renderer(gi.load("cornell"), size=SIZE) as renderer:
+        for pixels in ([[16, 0]], [[0, -1]], [[0.5, 1]], [0, 1], [], [[0, 0, 0]]):
+            with pytest.raises(gi.GiError, match="pixels must"):
+                renderer.trace_pixels(pixels, 16)
+        with pytest.raises(gi.GiError, match="spp must be"):
+            renderer.trace_pixels([[0, 0]], 4)
+        for count in (0, 1, -3, 2.5, float("nan"), "many"):
+            with pytest.raises(gi.GiError, match="certify must be"):
+                certify(renderer, count)

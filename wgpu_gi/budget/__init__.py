@@ -1,0 +1,1 @@
+"""Error budgets: what a picture errs by, and how much work makes it err less."""

@@ -1,0 +1,121 @@
+"""Certificates: relMSE and bias of a whole picture, with 95 % intervals, from path-traced random pixels.
+
+The truth has all bounces unless the settings limit them, and the settings' jitter, background and materials. relMSE and
+bias are those of `measure.metrics`, over all pixels of the radiance, background included. `intervals.py` has the
+statistics; `tools/README.md`, how often the intervals hold the truth.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import GiError
+from ..pixel_tracer import PixelTruth
+from ..renderer import Renderer
+from ..scene.rules import is_whole, shown
+from .intervals import Draw, Estimate, Interval, bias_interval, draw_pixels, error_interval, estimate, jackknife
+
+PIXELS = 200  # of a certificate, unless told otherwise
+MOST_PIXELS = 1_000_000
+# Each replicate of a pixel has so many paths; a first round traces so many replicates. As long as more than NOISE_SHARE
+# of an estimate's variance is the tracer's noise, the next round doubles them, up to MOST_REPLICATES.
+PATHS, REPLICATES, MOST_REPLICATES = 16, 8, 128
+NOISE_SHARE = 0.2
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What a picture errs by: `relmse` and `bias` (a fraction), from `pixels` pixels with `samples` paths each."""
+
+    relmse: Interval
+    bias: Interval
+    pixels: int
+    samples: int
+    seconds: float
+
+    def sentence(self) -> str:
+        """Return the certificate for people."""
+        e, b = self.relmse, self.bias
+        return (
+            f"relMSE {e.value:.3g} (95 %: {e.low:.3g} to {e.high:.3g}), bias {100 * b.value:+.2g} %"
+            f" (95 %: {100 * b.low:+.2g} to {100 * b.high:+.2g}), from {self.pixels} path-traced pixels of"
+            f" {self.samples} samples, {self.seconds:.1f} s"
+        )
+
+    def texts(self) -> dict[str, str]:
+        """Return the certificate for a file's metadata; equal pictures have equal texts, so without the seconds."""
+        numbers = {
+            f"certificate.{name}": f"{interval.value:.6g} {interval.low:.6g} {interval.high:.6g}"
+            for name, interval in (("relmse", self.relmse), ("bias", self.bias))
+        }
+        sentence, _, _ = self.sentence().rpartition(", ")
+        counts = {"certificate.pixels": str(self.pixels), "certificate.samples": str(self.samples)}
+        return {"certificate": sentence, **numbers, **counts}
+
+
+def check_pixels(pixels: Any) -> int:
+    """Return the number of pixels of a certificate; True is PIXELS. Raises GiError for other values."""
+    if pixels is True:
+        return PIXELS
+    if not is_whole(pixels) or not 2 <= pixels <= MOST_PIXELS:
+        raise GiError(f"certify must be a whole number of pixels from 2 to {MOST_PIXELS}, not {shown(pixels)}")
+    return int(pixels)
+
+
+def certify(
+    renderer: Renderer, pixels: int = PIXELS, *, seed: int = 0, progress: Callable[[float], None] | None = None
+) -> Certificate:
+    """Return what the renderer's picture, as it stands, errs by; nothing may have changed since its last step.
+
+    `progress` receives the fraction done, 0 to 1. Raises GiError if the truth is black, so that no relative error
+    exists, and before the first frame.
+    """
+    start = time.perf_counter()
+    count = check_pixels(pixels)
+    picture = np.asarray(renderer.read_back("radiance"), np.float64)
+    draw = draw_pixels(picture, count, seed)
+    drawn = picture[draw.pixels[:, 1], draw.pixels[:, 0]]
+    # Trace, and double the number of paths while their noise widens the intervals.
+    truth: PixelTruth | None = None
+    rounds = REPLICATES
+    while True:
+        part = renderer.trace_pixels(
+            draw.pixels, rounds * PATHS, seed=_round_seed(seed, truth), replicates=rounds, progress=progress
+        )
+        truth = part if truth is None else truth.joined(part)
+        difference, error = estimates(draw, drawn, truth, float(picture.mean()))
+        rounds = truth.replicates.shape[1]
+        if rounds * 2 > MOST_REPLICATES or all(e.noise <= NOISE_SHARE * e.variance for e in (difference, error)):
+            break
+    return Certificate(
+        error_interval(error),
+        bias_interval(float(picture.mean()), difference),
+        len(draw.pixels),
+        truth.spp,
+        time.perf_counter() - start,
+    )
+
+
+def _round_seed(seed: int, before: PixelTruth | None) -> int:
+    """Return the seed of the next round of replicates."""
+    return (seed << 20) + (0 if before is None else before.replicates.shape[1])
+
+
+def estimates(draw: Draw, drawn: NDArray[np.float64], truth: PixelTruth, mean: float) -> tuple[Estimate, Estimate]:
+    """Return mean(x - t) and relMSE of a picture of this `mean`, `drawn` (n, 3) at the drawn pixels.
+
+    Raises GiError if the truth is black.
+    """
+    grey = truth.replicates.mean(-1)
+    difference = estimate(draw, drawn.mean(-1) - grey.mean(1), grey.var(1, ddof=1) / grey.shape[1])
+    brightness = mean - difference.value
+    if not brightness > 0 or not truth.replicates.any():
+        raise GiError("the truth is black at all pixels that were traced, so the picture has no relative error")
+    values, noise = jackknife(drawn, truth.replicates, 0.01 * brightness**2)
+    return difference, estimate(draw, values, noise)
