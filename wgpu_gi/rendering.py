@@ -13,6 +13,7 @@ from .buffers import check_buffers
 from .camera import Camera
 from .errors import GiError, warn_of
 from .options import Settings, check_size, technique_of, uses
+from .pictures.denoise import denoised, require_denoiser
 from .pictures.picture import Picture
 from .renderer import Renderer
 from .scene.load import is_usd, lit
@@ -20,6 +21,7 @@ from .scene.pose import check_time, outside, start_of
 from .scene.rules import shown
 from .scene.scene import Environment, Scene
 from .settings import apply_quality, validate
+from .techniques.reference import FEATURES
 
 
 @overload
@@ -38,6 +40,7 @@ def render(
     diffuse: bool | None = ...,
     transparent: bool | None = ...,
     quality: str | None = ...,
+    denoise: bool = ...,
     show: str = ...,
     settings: Settings | None = ...,
     adapter: str | None = ...,
@@ -61,6 +64,7 @@ def render(
     diffuse: bool | None = ...,
     transparent: bool | None = ...,
     quality: str | None = ...,
+    denoise: bool = ...,
     show: Sequence[str],
     settings: Settings | None = ...,
     adapter: str | None = ...,
@@ -83,6 +87,7 @@ def render(
     diffuse: bool | None = None,
     transparent: bool | None = None,
     quality: str | None = None,
+    denoise: bool = False,
     show: str | Sequence[str] = "radiance",
     settings: Settings | None = None,
     adapter: str | None = None,
@@ -98,6 +103,9 @@ def render(
     radiance is (height, width, 4): the environment is left out where the camera sees it, colours are multiplied by
     alpha, and alpha is the share of the pixel that surfaces cover.
 
+    `denoise` smooths the radiance of the path tracer with Open Image Denoise (the extra `denoise`). Other buffers stay
+    as they are; `standard_error` is that of the radiance before.
+
     `time` in seconds shows the scene at that time of `animation`, a name or an index in `scene.animations` (None: the
     first), see `Renderer`; an `animation` without a time is shown at its start. A USD file is shown at the time code
     `time`.
@@ -112,6 +120,7 @@ def render(
     names = (show,) if isinstance(show, str) else show
     check_buffers(names, chosen.gi)
     check_size(size)
+    check_denoise(denoise, names, chosen.gi)
     if progress is not None and not callable(progress):
         raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
     lighted, seconds, notes = lit_at(scene, environment, time, animation)
@@ -119,8 +128,8 @@ def render(
     # Render.
     with Renderer(lighted, size=size, camera=camera, settings=chosen, adapter=adapter) as renderer:
         renderer.time, renderer.animation = seconds, animation
-        renderer.run(progress, show=with_alpha(names, chosen))
-        pictures = read_pictures(renderer, names, chosen)
+        renderer.run(progress, show=with_alpha(names, chosen, denoise))
+        pictures = read_pictures(renderer, names, chosen, denoise)
     return pictures[show] if isinstance(show, str) else pictures
 
 
@@ -163,15 +172,34 @@ def _ignored(settings: Settings, values: dict[str, Any]) -> list[str]:
     return notes
 
 
-def with_alpha(names: Sequence[str], settings: Settings) -> tuple[str, ...]:
+def check_denoise(denoise: bool, names: Sequence[str], gi: str) -> None:
+    """Raise GiError if `denoise` is set, but radiance is not among `names`, `gi` is not noisy, or no denoiser runs."""
+    if not isinstance(denoise, bool):
+        raise GiError(f"denoise must be True or False, not {shown(denoise)}")
+    if not denoise:
+        return
+    if not technique_of(gi).averages_samples:
+        raise GiError(f"denoise is for the technique path; {gi} filters its own light, so leave denoise out")
+    if "radiance" not in names:
+        raise GiError(f"denoise smooths radiance, which is not among the buffers {', '.join(names)}")
+    require_denoiser()
+
+
+def with_alpha(names: Sequence[str], settings: Settings, denoise: bool = False) -> tuple[str, ...]:
     """Return the buffers to render for `read_pictures`."""
     extra = ("alpha",) if settings.transparent and "radiance" in names else ()
-    return (*dict.fromkeys((*names, *extra)),)
+    return (*dict.fromkeys((*names, *extra, *(FEATURES if denoise else ()))),)
 
 
-def read_pictures(renderer: Renderer, names: Sequence[str], settings: Settings) -> dict[str, Picture]:
-    """Return buffers by name; radiance is RGBA if the background is transparent."""
+def read_pictures(
+    renderer: Renderer, names: Sequence[str], settings: Settings, denoise: bool = False
+) -> dict[str, Picture]:
+    """Return buffers by name; radiance is RGBA if the background is transparent, and smooth with `denoise`."""
     pictures = {name: renderer.read_back(name) for name in names}
+    if denoise and "radiance" in pictures:
+        color = pictures["radiance"]
+        smooth = denoised(color, *(renderer.read_back(name) for name in FEATURES))
+        pictures["radiance"] = Picture(smooth, color.name, color.exposure)
     if settings.transparent and "radiance" in pictures:
         color = pictures["radiance"]
         pictures["radiance"] = Picture(np.dstack([color, renderer.read_back("alpha")]), color.name, color.exposure)

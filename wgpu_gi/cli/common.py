@@ -233,6 +233,7 @@ def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> 
         "seed": settings.seed,
         "diffuse": settings.diffuse,
         "transparent": settings.transparent,
+        "denoise": arguments.denoise,
         "environment": arguments.env or "",
         "lights": "; ".join(arguments.light),
         "relight": "; ".join(arguments.relight),

@@ -13,6 +13,7 @@ examples:
   wgpu-gi render scene.glb --camera 1 --size 1280x720 --quality high
   wgpu-gi render scene.glb --camera inside          a view at eye height
   wgpu-gi render scene.glb --gi path --spp 256      the truth, by path tracing
+  wgpu-gi render scene.glb --gi path --spp 32 --denoise    the same in an eighth of the time, slightly smoothed
   wgpu-gi render scene.glb --gi none                direct light only, the fastest
   wgpu-gi render scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8"
   wgpu-gi render scene.glb --light "spot 0,3,0 0,-1,0 50 30,20" --transparent

@@ -49,6 +49,7 @@ class Job:
     exists: Callable[[int], bool]  # tells whether the files of a frame exist
     check: bool = False
     timings: bool = False
+    denoise: bool = False
 
     def turn_to(self, renderer: Renderer, frame: int) -> None:
         """Set camera and time of a frame."""
@@ -71,10 +72,11 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
         shard=arguments.shard or (1, 1),
         camera_at=path or _without_path(arguments, renderer, say),
         time_at=_times(arguments, renderer),
-        show=with_alpha((*shown, *layers), settings),
+        show=with_alpha((*shown, *layers), settings, arguments.denoise),
         exists=(lambda frame: False) if files is None else files.exist,
         check=arguments.check,
         timings=arguments.timings,
+        denoise=arguments.denoise,
     )
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
     if files is not None:
@@ -196,7 +198,7 @@ def _exposure(
     sequence.turn_to(renderer, sequence.frames[0])
     with rendering(renderer, say, "exposure of the first frame") as report:
         renderer.run(report, show=sequence.show)
-    return exposure_for(output, settings, name, renderer.read_back(name))
+    return exposure_for(output, settings, name, read_pictures(renderer, (name,), settings, sequence.denoise)[name])
 
 
 def _render(renderer: Renderer, sequence: Job, say: Messages) -> Iterator[tuple[int, Pictures]]:
@@ -248,7 +250,7 @@ def _pictures(renderer: Renderer, sequence: Job, report: Report) -> Pictures:
         renderer.step(**options)
         pictures["motion"] = renderer.read_back("motion")
     renderer.run(report, **options)
-    return {**read_pictures(renderer, show, renderer.settings), **pictures}
+    return {**read_pictures(renderer, show, renderer.settings, sequence.denoise), **pictures}
 
 
 def _part_of(report: Report, done: int, total: int) -> Report:

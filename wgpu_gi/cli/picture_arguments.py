@@ -122,6 +122,7 @@ def add_render_arguments(parser: ArgumentParser) -> None:
         metavar="OUT",
         help=".png .jpg .webp .exr .hdr .npy .npz, with --frames .mp4; default out.png",
     )
+    add("--denoise", action="store_true", help="with --gi path: smooth noise with Open Image Denoise (extra denoise)")
     add("--transparent", action="store_true", help="leave the environment out of the background; the file gets alpha")
     add(
         "--show",

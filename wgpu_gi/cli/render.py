@@ -10,7 +10,7 @@ from ..errors import GiError
 from ..options import check_size, picture_count
 from ..pictures.exposure import exposure_text
 from ..pictures.image import check_output, save_image
-from ..rendering import read_pictures, with_alpha
+from ..rendering import check_denoise, read_pictures, with_alpha
 from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, rendering, settings_from
 from .messages import Messages
 
@@ -26,6 +26,7 @@ def render(arguments: Namespace) -> int:
     # Check the arguments before any slow step.
     shown = checked_buffers(arguments.show or ["radiance"], settings.gi)
     check_size(arguments.size)
+    check_denoise(arguments.denoise, shown if arguments.frames is None else ["radiance"], settings.gi)
     say = Messages(arguments.verbose, arguments.quiet)
     if arguments.frames is not None:
         from .frames import render_frames
@@ -40,9 +41,9 @@ def render(arguments: Namespace) -> int:
         say.note("the animations are at rest; --time T shows the second T of one, --frames plays it")
     start = time.perf_counter()
     with rendering(renderer, say) as report:
-        show = with_alpha(shown, settings)
+        show = with_alpha(shown, settings, arguments.denoise)
         renderer.run(progress=report, show=show, check=arguments.check, timings=arguments.timings)
-    layers = read_pictures(renderer, shown, settings)
+    layers = read_pictures(renderer, shown, settings, arguments.denoise)
     seconds = time.perf_counter() - start
 
     # Write the file.
@@ -61,6 +62,7 @@ def render(arguments: Namespace) -> int:
         print(renderer.timings())
     width, height = arguments.size
     samples = f"{settings.spp} spp" if settings.gi == "path" else f"{picture_count(settings, renderer.scene)} frames"
+    samples += ", denoised" * arguments.denoise
     say.result(f"{arguments.output}: {width}x{height}, {samples}, {told}{seconds:.1f} s on {renderer.adapter_name}")
     return 0
 

@@ -27,6 +27,8 @@ from .shared.technique import Kept, Light, Shot, Technique
 UNLIMITED = 0x7FFFFFFF
 MOST_LISTED = 4096  # pixels that one list holds: `reference/pixel_list.wgsl`, 64 KiB, the largest uniform buffer
 OUTSIDE = 0xFFFFFFFF  # coordinate of a pixel that no picture has
+FEATURES = ("features/albedo", "features/normal")  # views that the denoiser of finished pictures reads
+FEATURE_SIDE = 4  # points along a side of a pixel, for `FEATURES` of a jittered picture
 
 
 @dataclass(repr=False, slots=True)
@@ -107,6 +109,7 @@ TECHNIQUE = Technique(
     options=PathOptions,
     inputs=path_inputs,
     extra=(),
+    views=dict.fromkeys(FEATURES, "the denoiser reads it"),
     averages_samples=True,
     refine=_refine,
     refined=frozenset({"radiance", "direct", "indirect", "emission", "standard_error"}),
@@ -166,6 +169,7 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
         layers["direct"],
         layers["indirect"],
         results["radiance"],
+        views=_declare_features(graph, settings, scene),
         standard_error=results["standard_error"],
     )
 
@@ -206,6 +210,26 @@ def declare_pixel_list(
         split=True,
     )
     return layers["emission"], layers["direct"], layers["indirect"]
+
+
+def _declare_features(graph: Graph, settings: PathOptions, scene: SceneInputs) -> dict[str, Buffer]:
+    """Declare the pass that averages albedo and normal of the first hits over each pixel; return its buffers."""
+    width, height = graph.size
+    features = {
+        name: graph.buffer(f"path/{name}", dtype=FOUR_FLOATS, count=width * height, width=width) for name in FEATURES
+    }
+    graph.compute(
+        "path/features",
+        "reference/features.wgsl",
+        over=(width, height),
+        reads=scene.surfaces,
+        writes=dict(zip(("albedo", "normal"), features.values(), strict=True)),
+        constants={
+            **scene.constants("reference/features.wgsl"),
+            "SIDE": FEATURE_SIDE if settings.camera.jitter else 1,
+        },
+    )
+    return features
 
 
 def _row_stride(rows: int) -> int:
