@@ -14,7 +14,6 @@ from .errors import GiError
 
 LONGEST_WORD = 255  # characters of an argument in a message; file names have at most this many
 FAILED = 2
-INTERRUPTED = 130  # 128 + SIGINT, the convention of shells
 READER_GONE = 141  # 128 + SIGPIPE
 
 
@@ -33,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if not (interrupt.came() or isinstance(error, KeyboardInterrupt)) or isinstance(error, SystemExit):
                 raise
             print("wgpu-gi: interrupted; no file was left half-written", file=sys.stderr)
-            return INTERRUPTED
+            return interrupt.INTERRUPTED
         finally:
             # All is written: Ctrl-C during the interpreter's exit must not change the exit code.
             atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)

@@ -16,7 +16,7 @@ from .errors import GiError
 from .frame import declare_frame
 from .gpu.device import Device
 from .gpu.graph import Graph
-from .options import Settings, check_size, picture_count, technique_of, varies, why_aliased
+from .options import Settings, check_size, picture_count, samples_of, technique_of, varies, why_aliased
 from .pixel_tracer import PixelTracer
 from .scene.scene import Scene
 from .techniques.shared.composite import MEANS
@@ -65,6 +65,7 @@ class GpuFrame:
         self._undrawn = 0  # the first that no frame has drawn
         self._moving = -1  # number of the frame in an anti-aliased moving picture
         self._repeated = 0  # frames of it since its view has last changed
+        self.finished = 0  # frames of the still picture that are in its mean, or samples; 0 until the first is complete
         self.refining = False  # the technique has planned more runs than were declared
         self._sources: dict[str, Source] = {}
         self._declared: tuple[object, ...] | None = None
@@ -83,7 +84,7 @@ class GpuFrame:
         """Drop all state of earlier frames but the GPU's copy of the scene."""
         self.graph.release()
         self.graph, self.kept, self._sources = Graph(self._device), Kept(), {}
-        self._undrawn, self._moving = 0, -1
+        self._undrawn, self._moving, self.finished = 0, -1, 0
         if self.upload is not None:
             self.upload.forget_motion()
         self.invalidate(declaration=True)
@@ -118,14 +119,18 @@ class GpuFrame:
         self._rested = same
         known = before[len(seen)] if before else None
         inputs = (*seen, known if settings == known else copy_of(settings))
+        if not still:
+            self.finished = 0
         # No preview is among the frames of a still picture.
         previewed, self._preview = self.shows_preview, preview and not still
         goes_on, up_to_date = same and not previewed and aliased is not None, None
         if still and not same:
             # Only settings differ: keep the frames averaged so far unless a pass of the mean has become stale.
+            finished, self.finished = self.finished, 0
             self._update(view, inputs)
             up_to_date = self.index, self._drawn
             goes_on = not previewed and not any(name.startswith(MEANS) for name in self.graph.stale())
+            self.finished = finished if goes_on else 0
         first = -technique_of(settings.gi).warm_up(settings)
         if goes_on:
             self.index = min(self.index + 1, frames - 1)
@@ -139,6 +144,26 @@ class GpuFrame:
         self._undrawn = self._drawn + max(self.index, 0) + 1
         if (self.index, self._drawn) != up_to_date:
             self._update(view, inputs)
+
+    def run(
+        self, settings: Settings, force: bool, *, timings: bool, check: bool, on_chunk: Callable[[float], None]
+    ) -> bool:
+        """Run the passes of the prepared frame as `Graph.run` does, and count what the picture then averages."""
+        samples = technique_of(settings.gi).averages_samples
+        try:
+            ran = self.graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
+        except BaseException:
+            # The picture is what it was before, or nothing if this was its first run.
+            why = self.graph.last_run
+            first = any(p.settle and p.name in why and why[p.name].kind == "changed" for p in self.graph.order)
+            if first if samples else self.index <= 0:
+                self.finished = 0
+            raise
+        if ran and samples:
+            self.finished = samples_of(settings, max(p.state.settle_index + 1 for p in self.graph.order if p.settle))
+        elif ran:
+            self.finished = max(self.index + 1, 0)
+        return ran
 
     def _is_complete(self, view: View) -> bool:
         """Return whether another frame of the same view would not improve the picture."""

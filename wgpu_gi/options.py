@@ -113,6 +113,11 @@ def varies(settings: Settings, scene: Scene) -> bool:
     return settings.camera.jitter or technique.is_random or draws or dithers
 
 
+def samples_of(settings: Settings, runs: int) -> int:
+    """Return the samples per pixel of a picture of the path tracer after `runs` runs of its pass."""
+    return min(runs * settings.path.samples_per_run, settings.spp)
+
+
 def why_aliased(settings: Settings) -> str | None:
     """Return why the frames of a moving picture are not anti-aliased over time; None if they are."""
     if technique_of(settings.gi).averages_samples:

@@ -200,6 +200,14 @@ class Renderer(KnownAttributes):
         """True if the last step rendered a preview, which the still picture of the same view replaces."""
         return self._gpu.shows_preview
 
+    @property
+    def finished(self) -> int:
+        """Frames in the mean of the still picture, or samples per pixel of the path tracer; 0 before the first frame.
+
+        A picture can be read back as soon as it is above 0, even after an exception within a step.
+        """
+        return self._gpu.finished
+
     @contextmanager
     def _alone(self) -> Iterator[None]:
         """Use the device and this renderer. Raises GiError if another thread uses this renderer."""
@@ -287,7 +295,7 @@ class Renderer(KnownAttributes):
             if progress is not None:
                 progress(min(1.0, (0.0 if before >= 1.0 else before) + fraction / max(runs, 1)))
 
-        ran = graph.run(force, timings=timings, check=check, on_chunk=on_chunk)
+        ran = gpu.run(self.settings, force, timings=timings, check=check, on_chunk=on_chunk)
         if progress is not None and frames > 1:
             ahead = technique.warm_up(self.settings)
             progress((ahead + gpu.index + 1) / (ahead + frames))

@@ -251,16 +251,13 @@ def test_no_adapter_is_one_sentence(folder):
     assert not os.listdir(folder)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_interrupt_leaves_no_file(folder):
-    """Interrupt a render that would take minutes, on a terminal, once its progress bar shows that it runs."""
+def interrupted(shows: bytes, *arguments: str) -> tuple[int, bytes]:
+    """Interrupt a render on a terminal, once its progress bar shows `shows`; return exit code and messages."""
     master, slave = pytest.importorskip("pty").openpty()
-    process = start(
-        "render", "-o", "out.exr", "--size", "640x360", "--gi", "path", "--spp", "100000", stdout=slave, stderr=slave
-    )
+    process = start("render", "-o", "out.exr", "--gi", "path", *arguments, stdout=slave, stderr=slave)
     os.close(slave)
     seen = b""
-    while b"rendering" not in seen:
+    while shows not in seen:
         seen += os.read(master, 4096)
     process.send_signal(signal.SIGINT)
     while True:
@@ -268,7 +265,25 @@ def test_interrupt_leaves_no_file(folder):
             seen += os.read(master, 4096)
         except OSError:  # the terminal is closed by its last user
             break
-    assert process.wait(timeout=30) == 130
+    return process.wait(timeout=30), seen
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_interrupt_before_the_first_picture_leaves_no_file(folder):
+    """The first run of the path tracer would take minutes."""
+    code, seen = interrupted(b"rendering", "--size", "1280x720", "--spp", "100000", "--set", "path.samples_per_run=64")
+    assert code == 130
     assert b"interrupted; no file was left half-written" in seen
     assert b"Traceback" not in seen
     assert not os.listdir(folder)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_interrupt_saves_the_picture_so_far(folder):
+    code, seen = interrupted(b" 1%", "--size", "32x18", "--spp", "20000", "--set", "path.samples_per_run=1")
+    assert code == 130
+    assert b"Traceback" not in seen
+    done = int(re.search(rb"holds the picture so far, (\d+) of 20000 spp", seen)[1])
+    assert b"relMSE" in seen and os.listdir(folder) == ["out.exr"]
+    expected = picture("--spp", str(done))
+    assert load_image("out.exr") == pytest.approx(expected, rel=1e-4, abs=1e-6)

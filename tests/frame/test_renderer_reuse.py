@@ -262,6 +262,32 @@ def test_picture_after_an_interruption_is_right():
     assert same(renderer, fresh(scene, traced(24)))
 
 
+@pytest.mark.parametrize(
+    ("settings", "finished", "of_another_view"),
+    [(traced(24), (8, 8), 0), (averaged(), (1, 2), 1)],
+    ids=["path", "none"],
+)
+def test_interrupted_picture_is_that_of_its_finished_frames(settings, finished, of_another_view):
+    """The path tracer is stopped within a run, before its picture; the other technique after a frame."""
+
+    def stop(_):
+        raise KeyboardInterrupt
+
+    with Renderer(builtin.cornell(), size=SIZE, settings=settings) as renderer:
+        assert renderer.finished == 0
+        renderer.step(show=SHOWN)
+        assert renderer.finished == finished[0]
+        before = renderer.read_back()
+        with pytest.raises(KeyboardInterrupt):
+            renderer.step(stop, show=SHOWN)
+        assert renderer.finished == finished[1]
+        assert np.array_equal(renderer.read_back(), before) == (finished[0] == finished[1])
+        renderer.camera = Camera.look_at((0, 1, 4), (0, 1, 0))
+        with pytest.raises(KeyboardInterrupt):
+            renderer.step(stop, show=SHOWN)
+        assert renderer.finished == of_another_view
+
+
 # ------------------------------------------------------------------------------------------------ Large pictures
 
 

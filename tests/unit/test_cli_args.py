@@ -17,7 +17,8 @@ from wgpu_gi.__main__ import main
 from wgpu_gi.cli import common as cli_common
 from wgpu_gi.cli import info as cli_info
 from wgpu_gi.cli import messages as cli_messages
-from wgpu_gi.cli.interrupt import held, interruptible
+from wgpu_gi.cli import render as cli_render
+from wgpu_gi.cli.interrupt import handled, held, interruptible
 from wgpu_gi.cli.messages import Messages
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.image import load_image
@@ -31,17 +32,21 @@ class FakeRenderer:
 
     adapter_name, is_cpu = "a fake", True
     interrupt: type[BaseException] | None = None
+    before_interrupt = 0  # frames finished before it
 
     def __init__(self, scene, **arguments):
         FakeRenderer.made = self
         self.scene, self.arguments = scene, arguments
-        self.size = arguments["size"]
+        self.size, self.finished = arguments["size"], 0
 
     def run(self, progress, *, show, check, timings):
         self.ran = (show, check, timings)
         progress(0.5)
+        self.finished = self.before_interrupt
         if self.interrupt is not None:
             raise self.interrupt()
+        settings = self.arguments["settings"]
+        self.finished = settings.spp if settings.gi == "path" else settings.camera.frames
 
     def read_back(self, name):
         width, height = self.size
@@ -203,6 +208,28 @@ def test_failure_while_rendering_leaves_no_file(error, code, words, monkeypatch,
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(("arguments", "words"), [("", "7 of 24 frames"), ("--gi path --spp 99", "7 of 99 spp")])
+@pytest.mark.parametrize("certified", [True, False])
+def test_interrupted_picture_is_saved(arguments, words, certified, monkeypatch, capsys):
+    """With its certificate, unless Ctrl-C comes again."""
+
+    def certify(*_, **__):
+        if not certified:
+            raise KeyboardInterrupt
+        return SimpleNamespace(sentence=lambda: "relMSE 1", texts=lambda: {"certificate": "relMSE 1"})
+
+    monkeypatch.setattr(cli_render, "certify", certify)
+    monkeypatch.setattr(FakeRenderer, "interrupt", KeyboardInterrupt)
+    monkeypatch.setattr(FakeRenderer, "before_interrupt", 7)
+    assert main(["render", "--size", "8x8", *arguments.split()]) == 130
+    printed = capsys.readouterr()
+    assert f"out.png: 8x8, {words}, " in printed.out and ("relMSE 1" in printed.out) == certified
+    assert printed.err.endswith(f"wgpu-gi: interrupted; out.png holds the picture so far, {words}\n")
+    with PIL.Image.open("out.png") as picture:
+        assert picture.text["interrupted"] == words
+        assert picture.text.get("certificate") == ("relMSE 1" if certified else None)
+
+
 def test_programming_errors_are_not_caught(monkeypatch):
     monkeypatch.setattr(FakeRenderer, "interrupt", ZeroDivisionError)
     with pytest.raises(ZeroDivisionError):
@@ -332,6 +359,19 @@ def test_interrupt_waits_for_imports():
             signal.raise_signal(signal.SIGINT)
             finished = True
         assert finished
+
+
+@pytest.mark.usefixtures("taking_interrupts")
+def test_interrupt_waits_while_there_is_a_picture_to_save():
+    pictures = 0
+    with interruptible(), pytest.raises(KeyboardInterrupt), held(lambda: pictures > 0):
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        handled()
+        pictures = 1
+        signal.raise_signal(signal.SIGINT)
+        pictures = 2
+    assert pictures == 2
 
 
 @pytest.mark.usefixtures("taking_interrupts")

@@ -41,6 +41,10 @@ class Messages:
         if not self.quiet:
             print(f"warning: {text}", file=sys.stderr, flush=True)
 
+    def error(self, text: str) -> None:
+        """Print an error, even if quiet."""
+        print(f"wgpu-gi: {text}", file=sys.stderr, flush=True)
+
     def detail(self, text: str) -> None:
         """Print a detail, with -v only."""
         if self.verbose:

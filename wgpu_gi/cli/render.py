@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import time
 from argparse import Namespace
+from typing import Any
 
+from ..budget.certificate import certify
 from ..buffers import buffers_of, views_of
 from ..errors import GiError
-from ..options import check_size, picture_count
+from ..options import Settings, check_size, picture_count
 from ..pictures.exposure import exposure_text
 from ..pictures.image import check_output, save_image
+from ..renderer import Renderer
 from ..rendering import check_denoise, read_pictures, with_alpha
 from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, rendering, settings_from
+from .interrupt import INTERRUPTED, handled, held
 from .messages import Messages
 
 
@@ -35,19 +39,22 @@ def render(arguments: Namespace) -> int:
     check_single(arguments)
     check_output(arguments.output, shown, settings.transparent)
 
-    # Render.
+    # Render, until the picture is complete or Ctrl-C is pressed.
     renderer = renderer_from(arguments, settings, say)
     if renderer.time is None and renderer.scene.animations:
         say.note("the animations are at rest; --time T shows the second T of one, --frames plays it")
     start = time.perf_counter()
-    with rendering(renderer, say) as report:
-        show = with_alpha(shown, settings, arguments.denoise)
-        renderer.run(progress=report, show=show, check=arguments.check, timings=arguments.timings)
+    show = with_alpha(shown, settings, arguments.denoise)
+    interrupted = _run(renderer, say, {"show": show, "check": arguments.check, "timings": arguments.timings})
     layers = read_pictures(renderer, shown, settings, arguments.denoise)
     seconds = time.perf_counter() - start
+    content = _content(renderer, settings) + ", denoised" * arguments.denoise
 
     # Write the file.
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
+    if interrupted:
+        metadata["interrupted"] = content
+        metadata |= {} if interrupted > 1 else _certificate(renderer, say, content)
     exposure = exposure_for(arguments.output, settings, shown[0], layers[shown[0]])
     told = ""
     if exposure is not None:
@@ -61,10 +68,49 @@ def render(arguments: Namespace) -> int:
     if arguments.timings:
         print(renderer.timings())
     width, height = arguments.size
-    samples = f"{settings.spp} spp" if settings.gi == "path" else f"{picture_count(settings, renderer.scene)} frames"
-    samples += ", denoised" * arguments.denoise
-    say.result(f"{arguments.output}: {width}x{height}, {samples}, {told}{seconds:.1f} s on {renderer.adapter_name}")
+    say.result(f"{arguments.output}: {width}x{height}, {content}, {told}{seconds:.1f} s on {renderer.adapter_name}")
+    if interrupted:
+        say.error(f"interrupted; {arguments.output} holds the picture so far, {content}")
+    return INTERRUPTED if interrupted else 0
+
+
+def _run(renderer: Renderer, say: Messages, options: dict[str, Any]) -> int:
+    """Render the picture; return how often Ctrl-C was pressed, which ends that once there is a picture to save.
+
+    Before, Ctrl-C raises KeyboardInterrupt.
+    """
+    try:
+        with held(lambda: renderer.finished > 0), rendering(renderer, say) as report:
+            renderer.run(progress=report, **options)
+    except KeyboardInterrupt:
+        if not renderer.finished:
+            raise
+        return max(handled(), 1)
     return 0
+
+
+def _certificate(renderer: Renderer, say: Messages, content: str) -> dict[str, str]:
+    """Certify an interrupted picture; return the texts for its file. A second Ctrl-C skips that."""
+    say.note(f"interrupted after {content}; measuring its error, which Ctrl-C skips")
+    try:
+        with say.progress("certifying") as report:
+            certificate = certify(renderer, progress=report)
+    except KeyboardInterrupt:
+        handled()
+        return {}
+    except GiError as error:
+        say.note(f"no certificate: {error}")
+        return {}
+    say.result(certificate.sentence())
+    return certificate.texts()
+
+
+def _content(renderer: Renderer, settings: Settings) -> str:
+    """Return in words what the picture averages, such as 24 frames or 12 of 24 frames."""
+    samples = settings.gi == "path"
+    wanted = settings.spp if samples else picture_count(settings, renderer.scene)
+    part = f"{renderer.finished} of " if renderer.finished < wanted else ""
+    return f"{part}{wanted} {'spp' if samples else 'frames'}"
 
 
 def check_single(arguments: Namespace) -> None:
