@@ -9,6 +9,8 @@ from typing import Any, overload
 
 import numpy as np
 
+from .budget.certificate import certify as make_certificate
+from .budget.certificate import check_pixels
 from .buffers import check_buffers
 from .camera import Camera
 from .errors import GiError, warn_of
@@ -41,6 +43,7 @@ def render(
     transparent: bool | None = ...,
     quality: str | None = ...,
     denoise: bool = ...,
+    certify: bool | int = ...,
     show: str = ...,
     settings: Settings | None = ...,
     adapter: str | None = ...,
@@ -65,6 +68,7 @@ def render(
     transparent: bool | None = ...,
     quality: str | None = ...,
     denoise: bool = ...,
+    certify: bool | int = ...,
     show: Sequence[str],
     settings: Settings | None = ...,
     adapter: str | None = ...,
@@ -88,6 +92,7 @@ def render(
     transparent: bool | None = None,
     quality: str | None = None,
     denoise: bool = False,
+    certify: bool | int = False,
     show: str | Sequence[str] = "radiance",
     settings: Settings | None = None,
     adapter: str | None = None,
@@ -104,7 +109,8 @@ def render(
     alpha, and alpha is the share of the pixel that surfaces cover.
 
     `denoise` smooths the radiance of the path tracer with Open Image Denoise (the extra `denoise`). Other buffers stay
-    as they are; `standard_error` is that of the radiance before.
+    as they are; `standard_error` is that of the radiance before. `certify` (True: 200) path traces so many random
+    pixels: `certificate` of the radiance states its relMSE and its bias with 95 % intervals.
 
     `time` in seconds shows the scene at that time of `animation`, a name or an index in `scene.animations` (None: the
     first), see `Renderer`; an `animation` without a time is shown at its start. A USD file is shown at the time code
@@ -118,11 +124,8 @@ def render(
     values["transparent"] = transparent
     chosen = settings_of(settings, values, quality)
     names = (show,) if isinstance(show, str) else show
-    check_buffers(names, chosen.gi)
-    check_size(size)
-    check_denoise(denoise, names, chosen.gi)
-    if progress is not None and not callable(progress):
-        raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
+    _check_arguments(names, size, chosen.gi, denoise, progress)
+    pixels = _certified_pixels(certify, names)
     lighted, seconds, notes = lit_at(scene, environment, time, animation)
     warn_of([*notes, *_ignored(chosen, values)], stacklevel=2)
     # Render.
@@ -130,7 +133,37 @@ def render(
         renderer.time, renderer.animation = seconds, animation
         renderer.run(progress, show=with_alpha(names, chosen, denoise))
         pictures = read_pictures(renderer, names, chosen, denoise)
+        _certify(renderer, pictures, pixels)
     return pictures[show] if isinstance(show, str) else pictures
+
+
+def _check_arguments(names: Sequence[str], size: tuple[int, int], gi: str, denoise: bool, progress: Any) -> None:
+    """Raise GiError for arguments of `render` that are wrong, or do not go together."""
+    check_buffers(names, gi)
+    check_size(size)
+    check_denoise(denoise, names, gi)
+    if progress is not None and not callable(progress):
+        raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
+
+
+def _certified_pixels(certify: bool | int, names: Sequence[str]) -> int:
+    """Return how many pixels to certify by, 0 for none. Raises GiError for a wrong number or no radiance to certify."""
+    if certify is False:
+        return 0
+    if "radiance" not in names:
+        raise GiError(f"certify measures radiance, which is not among the buffers {', '.join(names)}")
+    return check_pixels(certify)
+
+
+def _certify(renderer: Renderer, pictures: dict[str, Picture], pixels: int) -> None:
+    """Certify radiance by a number of pixels, 0 for none; warn if it cannot be certified."""
+    if not pixels:
+        return
+    radiance = pictures["radiance"]
+    try:
+        radiance.certificate = make_certificate(renderer, pixels, picture=radiance[..., :3])
+    except GiError as error:
+        warn_of([f"no certificate: {error}"], stacklevel=3)
 
 
 def lit_at(

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
+import OpenEXR
 import pytest
+from PIL import Image
 
 import wgpu_gi as gi
 from wgpu_gi.budget.certificate import certify
@@ -56,6 +60,28 @@ def test_certificate_of_all_pixels_is_the_error_of_the_picture(truth):
     assert certificate.relmse.value == pytest.approx(known, rel=0.02)
     assert certificate.bias.value == pytest.approx(bias(picture, mean), abs=0.004)
     assert certificate.bias.low < bias(picture, mean) < certificate.bias.high
+
+
+def test_files_hold_the_certificate(tmp_path):
+    picture = gi.render("cornell", size=SIZE, gi="none", certify=20)
+    texts = picture.certificate.texts()
+    assert texts["certificate"].startswith("relMSE ")
+    assert (picture * 2).certificate is None
+    for name in ("p.png", "p.exr", "p.npz"):
+        picture.save(tmp_path / name)
+    with Image.open(tmp_path / "p.png") as file:
+        assert texts.items() <= file.text.items()
+    with OpenEXR.File(str(tmp_path / "p.exr"), header_only=True) as file:
+        assert texts.items() <= file.header().items()
+    assert json.loads(str(np.load(tmp_path / "p.npz")["metadata"])) == texts
+
+
+def test_what_cannot_be_certified_gets_a_sentence():
+    with pytest.warns(gi.GiWarning, match="no certificate: the truth is black"):
+        empty = gi.Scene(environment=gi.Environment((1.0, 1.0, 1.0)))
+        assert gi.render(empty, size=SIZE, transparent=True, gi="none", certify=20).certificate is None
+    with pytest.raises(gi.GiError, match="certify measures radiance"):
+        gi.render("cornell", size=SIZE, show="depth", certify=True)
 
 
 def test_wrong_pixels_get_a_sentence():

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import GiError
 from ..pixel_tracer import PixelTruth
@@ -27,6 +27,7 @@ MOST_PIXELS = 1_000_000
 # of an estimate's variance is the tracer's noise, the next round doubles them, up to MOST_REPLICATES.
 PATHS, REPLICATES, MOST_REPLICATES = 16, 8, 128
 NOISE_SHARE = 0.2
+NEGLIGIBLE = {"relmse": 1e-5, "bias": 1e-4}  # standard errors of the noise below which it does not matter either way
 
 
 @dataclass(frozen=True)
@@ -69,16 +70,24 @@ def check_pixels(pixels: Any) -> int:
 
 
 def certify(
-    renderer: Renderer, pixels: int = PIXELS, *, seed: int = 0, progress: Callable[[float], None] | None = None
+    renderer: Renderer,
+    pixels: int = PIXELS,
+    *,
+    picture: ArrayLike | None = None,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
 ) -> Certificate:
     """Return what the renderer's picture, as it stands, errs by; nothing may have changed since its last step.
 
-    `progress` receives the fraction done, 0 to 1. Raises GiError if the truth is black, so that no relative error
-    exists, and before the first frame.
+    `picture` (h, w, 3), linear radiance, takes its place, such as its denoised radiance. `progress` receives the
+    fraction done, 0 to 1. Raises GiError if the truth is black, so that no relative error exists, and before the first
+    frame.
     """
     start = time.perf_counter()
     count = check_pixels(pixels)
-    picture = np.asarray(renderer.read_back("radiance"), np.float64)
+    picture = np.asarray(renderer.read_back("radiance") if picture is None else picture, np.float64)
+    if picture.shape != (renderer.size[1], renderer.size[0], 3) or not np.isfinite(picture).all():
+        raise GiError(f"a picture to certify must be finite and have the renderer's size, not {picture.shape}")
     draw = draw_pixels(picture, count, seed)
     drawn = picture[draw.pixels[:, 1], draw.pixels[:, 0]]
     # Trace, and double the number of paths while their noise widens the intervals.
@@ -91,7 +100,7 @@ def certify(
         truth = part if truth is None else truth.joined(part)
         difference, error = estimates(draw, drawn, truth, float(picture.mean()))
         rounds = truth.replicates.shape[1]
-        if rounds * 2 > MOST_REPLICATES or all(e.noise <= NOISE_SHARE * e.variance for e in (difference, error)):
+        if rounds * 2 > MOST_REPLICATES or _is_known(difference, error, float(picture.mean())):
             break
     return Certificate(
         error_interval(error),
@@ -100,6 +109,12 @@ def certify(
         truth.spp,
         time.perf_counter() - start,
     )
+
+
+def _is_known(difference: Estimate, error: Estimate, mean: float) -> bool:
+    """Return whether the tracer's noise hardly widens the intervals, or does not matter."""
+    limits = (difference, NEGLIGIBLE["bias"] * mean), (error, NEGLIGIBLE["relmse"])
+    return all(e.noise <= max(NOISE_SHARE * e.variance, least**2) for e, least in limits)
 
 
 def _round_seed(seed: int, before: PixelTruth | None) -> int:

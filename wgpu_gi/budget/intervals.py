@@ -79,7 +79,7 @@ def _contrast(picture: Array) -> Array:
     around = np.stack(
         [padded[1 + dy : padded.shape[0] - 1 + dy, 1 + dx : padded.shape[1] - 1 + dx] for dx, dy in SIDES]
     )
-    floor = 0.01 * max(float(picture.mean()), 1e-300) ** 2
+    floor = 0.01 * max(float(picture.mean()), 1e-100) ** 2
     squared = ((around - picture) ** 2).mean(0) / (np.minimum(around.min(0), picture) ** 2 + floor)
     return np.sqrt(squared.mean(-1))
 

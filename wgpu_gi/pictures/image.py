@@ -58,8 +58,9 @@ def save_image(
     another single channel) and the others as `name.R` ... (`name.Z`, `name.V`), float32; `.hdr` the main layer with
     shared exponents, to 0.4 %; `.png`, `.webp` (lossless) and `.jpg` (quality 95) the main layer in 8-bit sRGB by
     `display_layer`, with automatic `exposure` if it is None. RGBA keeps alpha by each format's convention: `.exr`,
-    `.npy` and `.npz` multiplied (associated), `.png` and `.webp` not. `metadata` goes into the EXR header and PNG text,
-    which also has the exposure. The file appears complete or not at all. Raises GiError if it cannot be written.
+    `.npy` and `.npz` multiplied (associated), `.png` and `.webp` not. `metadata` goes into the EXR header, the PNG
+    text, which also has the exposure, and as JSON into the array `metadata` of an .npz. The file appears complete or
+    not at all. Raises GiError if it cannot be written.
     """
     path = _path(path, "saved to")
     if isinstance(layers, np.ndarray):

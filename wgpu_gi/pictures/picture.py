@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,26 @@ from .display import png_bytes
 from .image import save_image
 
 
+class Certificate(Protocol):
+    """What a picture errs by."""
+
+    def sentence(self) -> str:
+        """Return it for people."""
+
+    def texts(self) -> dict[str, str]:
+        """Return it for a file's metadata."""
+
+
 class Picture(np.ndarray):
     """A buffer `name` as a numpy array, displayed with 2^`exposure`; arrays computed from it inherit both.
 
-    None exposes each array automatically by its own values. A number makes several arrays comparable.
+    None exposes each array automatically by its own values. A number makes several arrays comparable. `certificate`
+    (`budget.certificate`) states the errors of the picture if they were asked for; arrays computed from it have none.
     """
 
     name = "radiance"
     exposure: float | None = None
+    certificate: Certificate | None = None
 
     def __new__(cls, values: NDArray, name: str = "radiance", exposure: float | None = None) -> Picture:
         """Return a view of the values."""
@@ -40,9 +52,11 @@ class Picture(np.ndarray):
     def save(self, path: str | Path, *, exposure: float | None = None) -> None:
         """Write the picture as `save_image` does, in the format of the extension; `exposure` None: its own.
 
-        Raises GiError if it cannot be written.
+        Its certificate goes into the metadata. Raises GiError if it cannot be written.
         """
-        save_image(path, {self.name: self}, exposure=self.exposure if exposure is None else exposure)
+        stops = self.exposure if exposure is None else exposure
+        metadata = None if self.certificate is None else self.certificate.texts()
+        save_image(path, {self.name: self}, exposure=stops, metadata=metadata)
 
     def _repr_png_(self) -> bytes | None:
         """Return the array as a PNG; None if it does not have the shape of a picture."""

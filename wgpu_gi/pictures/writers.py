@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +18,7 @@ Writer = Callable[[Path, Layers, "float | None", dict[str, str]], None]  # path,
 JPEG_QUALITY = 95  # the most that Pillow's guide recommends: above, files grow without a visible gain
 # Colour has full resolution (subsampling 0): coloured edges are common in rendered pictures.
 EXR_MAIN_NAME = "wgpu_gi.main"  # header attribute: the layer that R, G, B hold
+NPZ_METADATA = "metadata"  # array of one text: the metadata as JSON
 
 
 def _write_npy(path: Path, layers: Layers, exposure: float | None, texts: dict[str, str]) -> None:
@@ -25,8 +27,9 @@ def _write_npy(path: Path, layers: Layers, exposure: float | None, texts: dict[s
 
 
 def _write_npz(path: Path, layers: Layers, exposure: float | None, texts: dict[str, str]) -> None:
+    known = {NPZ_METADATA: np.array(json.dumps(texts))} if texts and NPZ_METADATA not in layers else {}
     with path.open("wb") as file:
-        np.savez(file, **layers)  # type: ignore[arg-type]
+        np.savez(file, **layers, **known)  # type: ignore[arg-type]
 
 
 def _write_png(path: Path, layers: Layers, exposure: float | None, texts: dict[str, str]) -> None:
