@@ -1,5 +1,6 @@
-"""Finds the folders of shaders and small scenes, in an installed package and in a checkout."""
+"""Finds the folders of shaders and small scenes, in an installed package and in a checkout; and the cache folder."""
 
+import os
 from importlib.resources import files
 from pathlib import Path
 
@@ -14,3 +15,10 @@ def resource_dir(name: str) -> Path:
         if folder.is_dir() and (name != "wgsl" or (folder / "common").is_dir()):
             return folder
     raise FileNotFoundError(f"the installation of wgpu_gi lacks its folder {name!r}; install it again")
+
+
+def cache_folder(name: str) -> Path:
+    """Return the folder `name` of what can be made again: in WGPU_GI_CACHE, or in wgpu_gi in the user's cache."""
+    own = os.environ.get("WGPU_GI_CACHE")
+    users = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return (Path(own) if own else Path(users) / "wgpu_gi") / name

@@ -1,1 +1,1 @@
-"""Error budgets: what a picture errs by, and how much work makes it err less."""
+"""Budgets of time and error: candidates are measured, the best is refined, and what a picture errs by is certified."""

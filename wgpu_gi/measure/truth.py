@@ -7,17 +7,15 @@ of stratification and exists for each layer.
 
 from __future__ import annotations
 
-import hashlib
-import os
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import resources
 from ..camera import Camera
 from ..errors import GiError
 from ..gpu.wgsl.load import load
@@ -25,6 +23,7 @@ from ..options import Settings
 from ..pictures.atomic_file import atomic_file, check_writable
 from ..pictures.image import Array, load_image
 from ..renderer import Renderer
+from ..scene.digest import digest
 from ..scene.scene import Scene
 
 Progress = Callable[[str, float], None]
@@ -37,7 +36,6 @@ TRACER_SHADERS = ("reference/path.wgsl", "reference/resolve.wgsl", "reference/pr
 FILE_FORMATS = (".npz", ".exr")
 NOISE_LAYERS = {"se_full": "full", "standard_error": "full", "se_indirect": "indirect"}
 FILE_LAYERS = (*LAYERS.values(), "emit", "one", "multi", *NOISE_LAYERS, "depth")
-INVISIBLE = ("name", "notes", "cameras", "animations")  # fields of a scene that do not change a picture
 
 
 @dataclass
@@ -131,10 +129,8 @@ def truth_from_file(path: str | Path, bounces: int | None = None) -> Truth:
 
 
 def cache_folder() -> Path:
-    """Return the folder of cached truths: in WGPU_GI_CACHE, or in wgpu_gi in the user's cache folder."""
-    own = os.environ.get("WGPU_GI_CACHE")
-    users = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return (Path(own) if own else Path(users) / "wgpu_gi") / "truth"
+    """Return the folder of cached truths."""
+    return resources.cache_folder("truth")
 
 
 def truth_key(
@@ -149,27 +145,7 @@ def truth_key(
 ) -> str:
     """Return a name that depends on everything the truth depends on, the path tracer's shaders included."""
     tracer = [load(shader).text for shader in TRACER_SHADERS]
-    return _digest([tracer, scene, camera, list(size), spp, bounces, diffuse, visible_only, list(SEEDS)], {}).hex()
-
-
-def _digest(value: Any, known: dict[int, bytes]) -> bytes:
-    """Hash dataclasses, arrays, lists, numbers and texts; `known` holds the hashes of dataclasses by id."""
-    if id(value) in known:
-        return known[id(value)]
-    total = hashlib.blake2b(type(value).__name__.encode(), digest_size=16)
-    if is_dataclass(value):
-        for field in fields(value):
-            if field.name not in INVISIBLE:
-                total.update(field.name.encode() + _digest(getattr(value, field.name), known))
-        known[id(value)] = total.digest()  # a mesh with many instances is hashed once
-    elif isinstance(value, np.ndarray):
-        total.update(f"{value.dtype.str}{value.shape}".encode() + value.tobytes())
-    elif isinstance(value, list | tuple):
-        for item in value:
-            total.update(_digest(item, known))
-    else:
-        total.update(repr(value).encode())
-    return total.digest()
+    return digest([tracer, scene, camera, list(size), spp, bounces, diffuse, visible_only, list(SEEDS)])
 
 
 def _render(renderer: Renderer, progress: Progress | None) -> dict[str, NDArray]:

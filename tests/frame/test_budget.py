@@ -1,0 +1,88 @@
+"""Pictures within a budget: time, error, an interruption, and what the next picture of the view starts from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wgpu_gi as gi
+from wgpu_gi.budget.refine import render_within
+from wgpu_gi.errors import GiError
+from wgpu_gi.renderer import Renderer, Settings
+
+SIZE = (32, 18)
+
+
+@pytest.fixture
+def renderer(tmp_path, monkeypatch):
+    monkeypatch.setenv("WGPU_GI_CACHE", str(tmp_path))
+    with Renderer(gi.load("cornell-point"), size=SIZE) as renderer:
+        yield renderer
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that runs 0.1 s a frame, so that times do not depend on the machine."""
+    seconds = [0.0]
+
+    def slow(own, cost):
+        def method(self, *args, **kwargs):
+            seconds[0] += cost
+            return own(self, *args, **kwargs)
+
+        return method
+
+    monkeypatch.setattr(Renderer, "step", slow(Renderer.step, 0.1))
+    monkeypatch.setattr(Renderer, "trace_pixels", slow(Renderer.trace_pixels, 0.1))
+    return lambda: seconds[0]
+
+
+def test_frames_end_with_the_time(renderer, clock):
+    steps = []
+    report = lambda fraction, what: steps.append((fraction, what))  # noqa: E731
+    outcome = render_within(renderer, 3.0, None, ("none",), report, clock=clock)
+    assert 2.7 <= outcome.seconds <= 3.15
+    assert outcome.reason == "the time is over"
+    assert outcome.candidate.gi == renderer.settings.gi == "none"
+    assert np.asarray(renderer.read_back()).shape == (18, 32, 3)
+    assert "the time is over" in outcome.sentence()
+    assert steps
+    assert all(0 <= fraction <= 1 for fraction, _ in steps)
+
+
+def test_an_error_is_certified(renderer):
+    outcome = render_within(renderer, None, 0.05, ("path",))
+    assert outcome.certificate is not None
+    assert outcome.certificate.relmse.value <= 0.05
+    assert outcome.frames >= 4
+    assert "0.05" in outcome.reason
+
+
+def test_a_stop_leaves_the_picture_so_far(renderer):
+    asked = iter([False, False, True])
+    outcome = render_within(renderer, 1000.0, None, ("path",), stop=lambda: next(asked))
+    assert outcome.reason == "stopped by the caller"
+    assert np.asarray(renderer.read_back()).mean() > 0
+
+
+def test_an_interrupted_probe_leaves_the_renderer_at_its_size(renderer):
+    def progress(fraction, what):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        render_within(renderer, 1000.0, None, ("none", "path"), progress)
+    assert renderer.size == SIZE
+
+
+def test_measured_figures_are_used_again(renderer, clock):
+    first = render_within(renderer, 12.0, None, ("none", "path"), clock=clock)
+    assert 0 < first.probe_seconds <= 3.0
+    renderer.settings = Settings()
+    again = render_within(renderer, 12.0, None, ("none", "path"), clock=clock)
+    assert again.candidate == first.candidate
+    assert again.probe_seconds == 0
+
+
+def test_neither_time_nor_error_is_refused(renderer):
+    with pytest.raises(GiError, match="a time, an error, or both"):
+        render_within(renderer, None, None)

@@ -1,0 +1,288 @@
+"""Renders a picture within a time, to an error, or both: probes, chooses a candidate, refines, and says why it stopped.
+
+The clock starts with the call; compiling, probes, frames and their read-back count. A frame starts only if it is
+expected to end in time. The error is the noise of the frames so far (`standard_error`) plus the candidate's floor.
+A picture that should have met an error is certified; if the certificate disagrees, refinement goes on, with another
+candidate if more frames cannot help.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from ..errors import GiError
+from ..options import Settings
+from ..pictures.tables import Table
+from ..renderer import Renderer
+from .certificate import Certificate, certify
+from .frame_series import FrameSeries, words_of
+from .front import Candidate, Choice, best, candidates, expected, within
+from .front_cache import FrontCache
+from .probe import SHOW, Probe, probe_seconds, rendered
+
+PROBE_SHARE = 0.25  # most of the time that probes may take
+TRUTH_SHARE = 0.25  # of the probes' time that goes to traced pixels
+# An expected error may be wrong by such a factor, so a candidate is worth a probe unless even then it would lose.
+OPTIMISM = 3.0
+OVERSHOOT = 0.05  # share of the time by which the last frame may be late
+# Another candidate replaces one that has begun if it is expected to leave at most this share of its error.
+WORTH_SWITCHING = 0.6
+MOST_SWITCHES = 2
+CONFIDENCE = 0.9  # share of the error at which the estimate counts as below it
+READ_SECONDS = 0.005  # of a read-back, until one was measured
+
+Report = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was rendered, and why it ended. The renderer has the picture.
+
+    seconds: from the call, without those of the certificate if only the time was given. estimated_relmse: floor plus
+    noise. probe_seconds: part of `seconds`. table: what each candidate was expected to reach.
+    """
+
+    settings: Settings
+    candidate: Candidate
+    frames: int
+    seconds: float
+    estimated_relmse: float
+    certificate: Certificate | None
+    reason: str
+    probe_seconds: float
+    table: Table
+
+    def sentence(self) -> str:
+        """Return what was chosen, what it reached, and why it stopped."""
+        probed = f", {self.probe_seconds:.2g} s of them to measure candidates" if self.probe_seconds else ""
+        return (
+            f"{words_of(self.candidate, self.frames)} in {self.seconds:.2f} s{probed}; expected relMSE"
+            f" {self.estimated_relmse:.2g}; {self.reason}"
+        )
+
+
+def render_within(
+    renderer: Renderer,
+    seconds: float | None,
+    error: float | None,
+    techniques: Iterable[str] | None = None,
+    progress: Report | None = None,
+    stop: Callable[[], bool] | None = None,
+    *,
+    show: tuple[str, ...] = ("radiance",),
+    clock: Callable[[], float] = time.perf_counter,
+) -> Outcome:
+    """Render the best picture within `seconds`, or one of relMSE `error`, whichever comes first.
+
+    techniques: None: choose among all. The renderer's settings that are not at their defaults stay; those of the chosen
+    candidate are left in it, and its buffers `show` and `standard_error` hold the picture. `progress` receives the
+    fraction done and the current step. `stop` is asked between frames. Raises GiError without a time and an error.
+    """
+    if seconds is None and error is None:
+        raise GiError("a budget needs a time, an error, or both")
+    budget = _Budget(renderer, seconds, error, candidates(renderer.settings, techniques), clock)
+    if progress is not None:
+        budget.report = progress
+    budget.probe()
+    return budget.refine((*dict.fromkeys((*show, *SHOW)),), stop or (lambda: False))
+
+
+class _Budget:
+    """The state of one call of `render_within`: what is left of the time, and what is known of the candidates."""
+
+    def __init__(
+        self,
+        renderer: Renderer,
+        seconds: float | None,
+        error: float | None,
+        settings: dict[Candidate, Settings],
+        clock: Callable[[], float],
+    ) -> None:
+        self.begun, self.clock = clock(), clock
+        self.renderer, self.seconds, self.error, self.settings = renderer, seconds, error, settings
+        self.report: Report = lambda fraction, what: None
+        self.pixels = renderer.size[0] * renderer.size[1]
+        self.probe_seconds = 0.0
+        self.read_seconds = READ_SECONDS
+        self.certificate: Certificate | None = None
+        self.cache = FrontCache(renderer)
+        self.known = {c: f for c, f in self.cache.load().items() if c in settings}
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the call."""
+        return self.clock() - self.begun
+
+    @property
+    def left(self) -> float | None:
+        """Seconds that frames may still take; None: any number."""
+        return None if self.seconds is None else self.seconds - self.elapsed - self.read_seconds
+
+    def choices(self) -> dict[Candidate, Choice]:
+        """Return what each candidate is expected to reach from now on."""
+        warm, left, figures = rendered(self.renderer), self.left, expected(self.settings, self.known)
+        return {c: within(c, figures[c], self.pixels, left, self.error, is_warm=c in warm) for c in self.settings}
+
+    def best(self, choices: Iterable[Choice]) -> Choice:
+        """Return the best of some choices."""
+        return best(choices, self.left, self.error)
+
+    # Probing.
+
+    def probe(self) -> None:
+        """Measure candidates, the most promising first, as long as that takes a small share of the time."""
+        renderer, size = self.renderer, self.renderer.size
+        probe = Probe(renderer, self.clock)
+        try:
+            while (candidate := self._worth_probing()) is not None:
+                # Leave the time to the picture if this probe would take more than its share.
+                figures = expected(self.settings, self.known)[candidate]
+                cost = probe_seconds(figures, size, is_warm=candidate in rendered(renderer))
+                allowed = PROBE_SHARE * self._whole_seconds()
+                if self.elapsed + cost > allowed * (1.0 if self.probe_seconds else 1.0 - TRUTH_SHARE):
+                    break
+                self.report(min(self.elapsed * PROBE_SHARE / allowed, 1.0), f"measure {candidate}")
+                truth = TRUTH_SHARE * allowed
+                self.known[candidate] = probe.measure(candidate, self.settings[candidate], figures, truth)
+                self.probe_seconds = self.elapsed
+        except BaseException:
+            # The renderer holds a picture of another size.
+            renderer.size = size
+            renderer.forget()
+            raise
+        renderer.size = size
+
+    def _whole_seconds(self) -> float:
+        """Return the seconds of the whole: given, or expected to reach the error."""
+        if self.seconds is not None:
+            return self.seconds
+        return self.elapsed + self.best(self.choices().values()).seconds
+
+    def _worth_probing(self) -> Candidate | None:
+        """Return the most promising candidate that was not measured; None if it could not beat those that were."""
+        choices = self.choices()
+        measured = [choice for c, choice in choices.items() if c in self.known and self.known[c].measured]
+        others = [choice for choice in choices.values() if choice not in measured]
+        if not others or len(choices) == 1:
+            return None
+        promising = self.best(others)
+        hopeful = promising._replace(relmse=promising.relmse / OPTIMISM)
+        if measured and self.best([*measured, hopeful]) is not hopeful:
+            return None
+        return promising.candidate
+
+    # Refining.
+
+    def refine(self, show: tuple[str, ...], stop: Callable[[], bool]) -> Outcome:
+        """Render frames of the best candidate until the time or the error is met."""
+        switches, reason = 0, ""
+        picture = self._start(self.best(self.choices().values()).candidate, show)
+        while not reason:
+            if stop():
+                reason = "stopped by the caller"
+            elif picture.frames and self.left is not None and self._is_late(picture):
+                reason = "the time is over"
+            elif not picture.step(self.progress_of(picture)):
+                reason = "more frames would change nothing"
+            elif self.error is not None and picture.is_check_due():
+                reason = self._check(picture, self.error)
+            if not reason and switches < MOST_SWITCHES and picture.is_review_due():
+                # Go over to another candidate if this one turns out to be slower, or to err more, than expected.
+                rival = self._rival(picture)
+                if rival is not None:
+                    picture, switches = self._start(rival, show), switches + 1
+        self._learn(picture, with_noise=True)
+        self.cache.store(self.known)
+        return Outcome(
+            settings=picture.settings,
+            candidate=picture.candidate,
+            frames=picture.frames,
+            seconds=self.elapsed,
+            estimated_relmse=self.known[picture.candidate].relmse(picture.frames),
+            certificate=self.certificate,
+            reason=reason,
+            probe_seconds=self.probe_seconds,
+            table=self._table(picture.candidate),
+        )
+
+    def _start(self, candidate: Candidate, show: tuple[str, ...]) -> FrameSeries:
+        figures = expected(self.settings, self.known)[candidate]
+        return FrameSeries(self.renderer, self.clock, candidate, self.settings[candidate], figures, self.seconds, show)
+
+    def _learn(self, picture: FrameSeries, *, with_noise: bool = False) -> None:
+        """Take the figures of a picture's frames so far; the noise only if asked, since it is read back."""
+        before = self.clock()
+        self.known[picture.candidate] = picture.learn(with_noise=with_noise)
+        if with_noise:
+            self.read_seconds = self.clock() - before
+
+    def progress_of(self, picture: FrameSeries) -> Callable[[float], None]:
+        """Return a function that reports the progress of a picture."""
+
+        def report(_: float) -> None:
+            if self.seconds is not None:
+                share = self.elapsed / self.seconds
+            else:
+                share = picture.frames / (picture.frames + self.choices()[picture.candidate].frames)
+            self.report(min(share, 1.0), picture.words)
+
+        return report
+
+    def _is_late(self, picture: FrameSeries) -> bool:
+        """Return whether another frame would end too late."""
+        assert self.seconds is not None and self.left is not None
+        step = picture.step_seconds
+        return step > self.left + min(OVERSHOOT * self.seconds, step / 2)
+
+    def _rival(self, picture: FrameSeries) -> Candidate | None:
+        """Return a candidate that is worth starting over for; None if there is none."""
+        self._learn(picture, with_noise=True)
+        choices = self.choices()
+        # The frames so far count for the current candidate, and nothing has to be started again.
+        own = choices.pop(picture.candidate)
+        more = own.frames + picture.frames
+        own = own._replace(relmse=self.known[picture.candidate].relmse(more))
+        if not choices:
+            return None
+        other = self.best(choices.values())
+        if self.error is not None and self.seconds is None:
+            better = other.seconds < WORTH_SWITCHING * own.seconds
+        else:
+            better = other.relmse < WORTH_SWITCHING * own.relmse and self.best((own, other)) is other
+        return other.candidate if better else None
+
+    def _check(self, picture: FrameSeries, error: float) -> str:
+        """Return why the picture is done if its error is met, as a certificate confirms; else an empty text."""
+        self._learn(picture, with_noise=True)
+        figures = self.known[picture.candidate]
+        if figures.relmse(picture.frames) > CONFIDENCE * error and figures.noise / picture.frames > error / 10:
+            return ""
+        # The certificate decides; if it disagrees, it tells the floor.
+        self.certificate = certify(self.renderer)
+        found = self.certificate.relmse
+        if found.value <= error:
+            return f"relMSE {error:g} is reached"
+        floor = max(found.value - figures.noise / picture.frames, figures.floor)
+        self.known[picture.candidate] = replace(figures, floor=floor, measured=True)
+
+        return ""
+
+    def _table(self, chosen: Candidate) -> Table:
+        """Return what each candidate was expected to reach in the whole time."""
+        figures, rows = expected(self.settings, self.known), []
+        for c, f in figures.items():
+            reached = within(c, f, self.pixels, self.seconds, self.error, is_warm=True)
+            rows.append(
+                (
+                    f"{'> ' if c == chosen else ''}{c}",
+                    f"{1e3 * f.frame_seconds(self.pixels):.1f}",
+                    str(reached.frames),
+                    f"{reached.relmse:.2g}",
+                    "measured" if f.measured else "expected",
+                )
+            )
+        rows.sort(key=lambda row: float(row[3]))
+        head = ("candidate", "ms a frame", "frames", "relMSE", "figures")
+        return Table("\n".join("".join(f"{cell:<22}" for cell in row).rstrip() for row in (head, *rows)), head, rows)
