@@ -159,8 +159,10 @@ class GpuFrame:
             if first if samples else self.index <= 0:
                 self.finished = 0
             raise
+        runs = [p.state.settle_index + 1 for p in self.graph.order if p.settle]
         if ran and samples:
-            self.finished = samples_of(settings, max(p.state.settle_index + 1 for p in self.graph.order if p.settle))
+            # Buffers of the surfaces alone are complete after one run.
+            self.finished = samples_of(settings, max(runs)) if runs else settings.spp
         elif ran:
             self.finished = max(self.index + 1, 0)
         return ran
