@@ -25,6 +25,7 @@ from ..scene.player import find_animation
 from ..scene.pose import Pose
 from ..scene.scene import Scene
 from ..settings import QUALITIES, apply_quality, assign, validate
+from .attribute import attribute_scenes, prepare
 from .common import LISTS, prepare_scene, print_settings, time_of, warn_of_cpu
 from .messages import Messages
 
@@ -49,6 +50,8 @@ def bench(arguments: Namespace) -> int:
     say = Messages(arguments.verbose, arguments.quiet)
 
     # Check the arguments before any slow step.
+    if arguments.attribute:
+        prepare(arguments)
     candidates = candidates_from(arguments)
     check_outputs(arguments)
     scenes = list(dict.fromkeys(arguments.scene))
@@ -63,6 +66,9 @@ def bench(arguments: Namespace) -> int:
         say.warning(f"{arguments.compare} was {difference}")
 
     # Measure, write the files, print the tables.
+    if arguments.attribute:
+        attribute_scenes(arguments, here, candidates, say, _print_table)
+        return 0
     reports = [bench_scene(arguments, name, size, candidates, say) for name in scenes]
     report = Report(here, arguments.frames, WARM_UP_FRAMES, reports)
     if arguments.json is not None:

@@ -50,6 +50,11 @@ def add_bench_arguments(parser: ArgumentParser) -> None:
     add("--sweep", action="append", default=[], metavar="NAME=A,B", help="measure every value of a setting, repeatable")
     add("--frames", type=int, default=20, metavar="N", help="frames measured in each case, default 20")
     add("--moving", action="store_true", help="measure flicker, lag and ghosts of moving pictures, too")
+    add(
+        "--attribute",
+        action="store_true",
+        help="measure instead what the error is due to, and which setting to raise; default 160x90, many-light",
+    )
     add("--truth", default="path", metavar="FILE", help="an .npz or .exr with layers; path, the default, renders it")
     add("--truth-spp", type=int, default=256, metavar="N", help="samples per pixel of --truth path, default 256")
     add("--adapter", metavar="NAME", help=ADAPTER_HELP)

@@ -6,6 +6,7 @@ The techniques for indirect light start with the same stages: `declare_base`, th
 from __future__ import annotations
 
 from ...gpu.graph import Graph
+from ..shared.stage import BOUNCES, DIRECT
 from ..shared.technique import Light, Technique
 from .base import declare_base
 from .direct import declare_direct
@@ -21,6 +22,7 @@ TECHNIQUE = Technique(
     occludes_sky=False,
     options=DeferredOptions,
     inputs=deferred_inputs,
+    stages=(DIRECT, BOUNCES),
 )
 
 

@@ -12,6 +12,7 @@ from ..deferred.base import Base, declare_base
 from ..deferred.direct import declare_direct
 from ..deferred.sky import declare_sky
 from ..deferred.transmission import with_transmission
+from ..shared.stage import DIRECT, Stage
 from ..shared.technique import Light, Technique
 from .compensation import declare_compensation
 from .denoise import History, declare_denoise
@@ -39,12 +40,37 @@ POINTS = 1 << 17  # on all surfaces, for imperfect shadow maps; tools/README.md,
 NO_RSM = "there is no reflective shadow map: it needs a point, spot or directional light, and bounces"
 NO_ISM = "there are no imperfect shadow maps; they need gather.visibility=ism and light that is reflected"
 
+STAGES = (
+    DIRECT,
+    Stage(
+        "visibility",
+        exact=("gather.visibility=exact",),
+        cheaper=("gather.visibility=sampled", "gather.rays=4"),
+        factors={"gather.rays": 4.0},
+        values=("gather.visibility=sampled",),
+    ),
+    Stage("choice of lights", "mean", factors={"vpl.count": 4.0, "vpl.paths": 4.0, "gather.interleave": 0.5}),
+    Stage(
+        "reconstruction",
+        exact=("denoise.radius=1", "denoise.levels=0"),
+        values=("denoise.levels=1", "denoise.levels=0"),
+    ),
+    Stage("resolution", exact=("gather.scale=full",), unless=("gather.scale=moving",), values=("gather.scale=full",)),
+    Stage(
+        "bound of near lights",
+        exact=("gather.compensation=true",),
+        unless=("gather.clamping=none",),
+        values=("gather.compensation=true",),
+    ),
+)
+
 TECHNIQUE = Technique(
     sentence="virtual point lights, with shadow rays or imperfect shadow maps",
     bounces=None,
     is_random=True,
     options=ManyLightOptions,
     inputs=many_light_inputs,
+    stages=STAGES,
     views={
         "rsm/position": NO_RSM,
         "rsm/normal": NO_RSM,

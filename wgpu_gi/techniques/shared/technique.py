@@ -16,6 +16,7 @@ from ...gpu.handles import Buffer, Texture
 from ...scene.scene import Scene
 from ...upload.scene_upload import SceneUpload
 from .scene_inputs import SceneInputs
+from .stage import Stage
 
 T = TypeVar("T")
 
@@ -99,6 +100,8 @@ class Technique:
     warm_up: returns the number of frames before the first one that a still picture averages.
     refine: plans more runs for a picture that lacks samples after all its runs; returns whether it did.
     refined: the buffers that these runs improve.
+    stages: what its error may be due to, in the order in which `measure/attribute.py` exchanges them.
+    found: returns the number of bounces of indirect light that its settings find, None for all; by default `bounces`.
     """
 
     sentence: str
@@ -115,6 +118,14 @@ class Technique:
     warm_up: Callable[[Any], int] = _no_warm_up
     refine: Callable[[Graph, Kept, Any], bool] | None = None
     refined: frozenset[str] = frozenset()
+    stages: tuple[Stage, ...] = ()
+    found: Callable[[Any], int | None] | None = None
+
+    def bounces_found(self, settings: Any) -> int | None:
+        """Return the number of bounces of indirect light in a picture, None for all."""
+        found: int | None = self.found(settings) if self.found is not None else self.bounces
+        counts = [count for count in (found, settings.bounces) if count is not None]
+        return min(counts) if counts else None
 
     @property
     def sections(self) -> frozenset[str]:

@@ -6,10 +6,13 @@ settings (`ssdo`), so both differ only by directional light.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ...gpu.graph import Graph
 from ..deferred.base import declare_base
 from ..deferred.direct import declare_direct
 from ..deferred.transmission import with_transmission
+from ..shared.stage import BOUNCES, DIRECT, DIRECT_FACTORS
 from ..shared.technique import Light, Technique
 from ..ssdo.inputs import SsdoInputs
 from ..ssdo.occlusion import History, declare_occlusion
@@ -24,6 +27,7 @@ TECHNIQUE = Technique(
     screen_space=True,
     options=OcclusionOptions,
     inputs=occlusion_inputs,
+    stages=(replace(DIRECT, factors=DIRECT_FACTORS | {"ssdo.directions": 4.0}), BOUNCES),
 )
 
 

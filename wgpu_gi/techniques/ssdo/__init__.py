@@ -6,16 +6,34 @@ Ritschel et al. 2009, "Approximating Dynamic Global Illumination in Image Space"
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ...gpu.graph import Graph
 from ..deferred.base import declare_base
 from ..deferred.direct import declare_direct
 from ..deferred.transmission import with_transmission
+from ..shared.stage import BOUNCES, DIRECT, DIRECT_FACTORS, Stage
 from ..shared.technique import Light, Technique
 from .bounce import declare_bounce
 from .inputs import SsdoInputs
 from .occlusion import History, declare_occlusion
 from .sources import declare_sources
 from .update import SsdoOptions, ssdo_inputs
+
+# Directions that leave so small a radius are undecided, so rays decide all of them.
+ALL_BY_RAYS = ("ssdo.radius=0.01", "ssdo.undecided=rays")
+STAGES = (
+    replace(DIRECT, factors=DIRECT_FACTORS | {"ssdo.directions": 4.0}),
+    BOUNCES,
+    Stage("visibility", exact=ALL_BY_RAYS, factors={"ssdo.steps": 2.0, "ssdo.layers": 2.0}, values=ALL_BY_RAYS),
+    Stage("sampling of directions", "mean", factors={"ssdo.directions": 4.0}),
+    Stage(
+        "reconstruction",
+        exact=("ssdo.blur=false", "denoise.levels=0"),
+        values=("denoise.levels=1", "denoise.levels=0", "ssdo.blur=false"),
+    ),
+    Stage("resolution", exact=("ssdo.half_resolution=false",), values=("ssdo.half_resolution=false",)),
+)
 
 TECHNIQUE = Technique(
     sentence="directional occlusion and one bounce in screen space",
@@ -25,6 +43,8 @@ TECHNIQUE = Technique(
     screen_space=True,
     options=SsdoOptions,
     inputs=ssdo_inputs,
+    stages=STAGES,
+    found=lambda settings: int(settings.ssdo.bounce),
 )
 
 
