@@ -7,8 +7,9 @@ import os
 
 import pytest
 
+import wgpu_gi as gi
 from wgpu_gi.__main__ import main
-from wgpu_gi.measure import moving_bench, moving_play
+from wgpu_gi.measure import moving_bench, moving_play, survey
 from wgpu_gi.measure.bench_report import load_json
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
@@ -117,3 +118,22 @@ def test_an_animation_is_measured_against_path_traced_poses(capsys, monkeypatch)
     assert first.relmse_full == pytest.approx(last.relmse_full, rel=0.05)
     assert -0.9 < first.bias_full < -0.1 and first.bias_indirect == pytest.approx(-1.0)
     assert first.ghost_full == pytest.approx(last.ghost_full, rel=0.05)
+
+
+@pytest.mark.slow
+def test_survey_measures_every_technique(monkeypatch):
+    monkeypatch.setattr(survey, "PATH_SECONDS", 0.3)
+    monkeypatch.setattr(survey, "TRUTH_SECONDS", 1.0)
+    scene = gi.load("cornell-point")
+    done = []
+    found = survey.survey_scene(
+        "box", scene, scene.cameras[0], size=(32, 18), progress=lambda what, fraction: done.append(fraction)
+    )
+    assert {p.gi for p in found.points} - {"path, denoised"} == set(TECHNIQUES)
+    assert {p.quality for p in found.points if p.gi == "many-light"} == {"low", "medium"}
+    assert all(p.ms > 0 for p in found.points) and not found.left_out
+    assert done == sorted(done) and done[-1] == 1.0
+    best = {gi: min(p.relmse for p in found.points if p.gi == gi) for gi in TECHNIQUES}
+    assert best["many-light"] < 0.1 * best["none"]
+    traced = [p.relmse for p in found.points if p.gi == "path"]
+    assert traced[-1] < traced[0]

@@ -15,6 +15,7 @@ from wgpu_gi.measure.bench import Candidate, layer_errors, measure_case, measure
 from wgpu_gi.measure.results import CASES, Stats
 from wgpu_gi.measure.truth import LAYERS, Truth
 from wgpu_gi.options import Settings
+from wgpu_gi.techniques.reference import FEATURES
 
 SIZE = (4, 2)
 FRAMES = 10
@@ -61,7 +62,7 @@ class FakeRenderer:
         return bool(ran)
 
     def read_back(self, name):
-        value = dict(zip(LAYERS.values(), self.values, strict=True))[name]
+        value = (dict(zip(LAYERS.values(), self.values, strict=True)) | dict.fromkeys(FEATURES, 0.5))[name]
         if self.settings.gi == "path":
             value *= 1 + 1 / self.settings.spp
         return np.full((SIZE[1], SIZE[0], 3), value, np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from dataclasses import replace
 
@@ -11,7 +12,10 @@ from unit.bench_data import MACHINE, measurement, report, scene_report
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.cli import bench as cli_bench
+from wgpu_gi.cli import bench_survey
 from wgpu_gi.measure.bench_report import load_json, save_json
+from wgpu_gi.measure.ranking import Point
+from wgpu_gi.measure.survey import Survey
 from wgpu_gi.pictures.image import save_image
 
 
@@ -32,8 +36,8 @@ def stand_ins(monkeypatch, tmp_path):
     return calls
 
 
-def test_defaults(stand_ins, capsys):
-    assert main(["bench"]) == 0
+def test_defaults_beside_a_choice(stand_ins, capsys):
+    assert main(["bench", "--truth-spp", "256"]) == 0
     ((scene, camera, size, candidates, _, options),) = stand_ins
     assert scene.name == "cornell"
     assert camera is scene.cameras[0]
@@ -44,7 +48,65 @@ def test_defaults(stand_ins, capsys):
     printed = capsys.readouterr().out
     assert "cornell, 640x360" in printed
     assert "on Fake 1" in printed
+    assert "cornell, 640x360: pictures by time, full image, truth all bounces" in printed
     assert not os.listdir()
+
+
+@pytest.fixture
+def surveyed(monkeypatch):
+    """Return the calls of `survey_scene`, each with made-up points as its result."""
+    calls = []
+
+    def survey_scene(name, scene, camera, **options):
+        calls.append((name, scene, camera, options))
+        points = [Point("none", "low", "1 frame", 120.0, 0.3, -0.2), Point("path", "", "8 spp", 4000.0, 0.04, 0.0)]
+        return Survey(name, (160, 90), "path tracer, 64 spp", 0.001, points, ["ssil, medium"])
+
+    monkeypatch.setattr(bench_survey, "survey_scene", survey_scene)
+    monkeypatch.setattr(bench_survey, "machine", lambda adapter: MACHINE)
+    return calls
+
+
+def test_scenes_alone_are_surveyed(surveyed, stand_ins, capsys):
+    pytest.importorskip("matplotlib")
+    assert main(["bench", "cornell", "corridor", "--light", "point 0,1,0 3", "--diffuse"]) == 0
+    assert [name for name, *_ in surveyed] == ["cornell", "corridor"] and not stand_ins
+    for _, scene, camera, options in surveyed:
+        assert len(scene.lights) >= 1 and camera is scene.cameras[0] and options["diffuse"]
+    printed = capsys.readouterr()
+    assert printed.out.count("best within 1 s") == 2
+    assert "note: cornell: no picture within 100 ms" in printed.err
+    assert "note: corridor: no time for ssil, medium" in printed.err
+    assert "on Fake 1, 4 cores" in printed.out
+    assert os.listdir() == ["bench.png"]
+
+
+def test_survey_checks_the_plot_first(surveyed, capsys):
+    assert main(["bench", "--plot", "bench.txt"]) == 2
+    assert "ends in .png or .svg or .pdf" in capsys.readouterr().err
+    assert not surveyed
+
+
+def test_survey_without_matplotlib_says_what_is_missing(surveyed, monkeypatch, capsys):
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name: None if name in ("matplotlib", "pyoidn") else found(name)
+    )
+    assert main(["bench"]) == 0
+    notes = capsys.readouterr().err
+    assert "pip install matplotlib" in notes and "pip install pyoidn" in notes
+    assert not os.listdir()
+
+
+def test_bench_and_render_list_the_same_techniques(capsys, stand_ins):
+    printed = []
+    for command in ("bench", "render"):
+        assert main([command, "--gi", "help"]) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1]
+    assert [line.split()[0] for line in printed[0].splitlines()] == list(cli_bench.TECHNIQUES)
+    assert main(["bench", "--gi", ",".join(cli_bench.TECHNIQUES)]) == 0
+    assert [c.gi for c in stand_ins[0][3]] == list(cli_bench.TECHNIQUES)
 
 
 def test_arguments_reach_the_renderer(stand_ins):

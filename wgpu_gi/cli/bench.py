@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from argparse import Namespace
 from collections.abc import Callable, Collection
 from functools import partial
 from itertools import product
-from pathlib import Path
-
-from rich.console import Console
-from rich.table import Table
 
 from ..camera import Camera
 from ..errors import GiError
@@ -20,16 +15,17 @@ from ..measure.plot import PLOT_FORMATS, require_matplotlib, save_plot
 from ..measure.results import PRESET, Report, SceneReport
 from ..measure.truth import Progress, Truth, truth_by_path, truth_from_file
 from ..options import TECHNIQUES, Settings, check_size
-from ..pictures.atomic_file import check_writable
-from ..scene.player import find_animation
-from ..scene.pose import Pose
 from ..scene.scene import Scene
 from ..settings import QUALITIES, apply_quality, assign, validate
 from .attribute import attribute_scenes, prepare
-from .common import LISTS, prepare_scene, print_settings, time_of, warn_of_cpu
+from .bench_parts import check_suffix, print_table, shown_scene
+from .common import LISTS, print_settings, print_techniques, warn_of_cpu
 from .messages import Messages
 
 DEFAULT_SIZE = (640, 360)
+# Without any of these, a survey measures all techniques at a small size; with one, the others have these values.
+MEASURED = {"quality": "medium", "frames": 20, "truth": "path", "truth_spp": 256}
+CHOICES = (*MEASURED, "gi", "set", "sweep", "moving", "attribute", "size", "json", "compare")
 # Settings that --set and --sweep refuse, with the reason or the flag to use instead.
 OWN_SETTINGS = {
     "gi": "use --gi",
@@ -38,7 +34,6 @@ OWN_SETTINGS = {
     "camera.jitter": "pictures and truth are sampled at the pixel centres",
     "camera.frames": "pictures are sampled at the pixel centres, so there is nothing to average",
 }
-TABLE_WIDTH = 140  # characters, if the output is no terminal
 MOST_FRAMES, MOST_SPP = 100_000, 10_000_000
 
 
@@ -47,7 +42,18 @@ def bench(arguments: Namespace) -> int:
     if not set(LISTS).isdisjoint(arguments.set):
         print_settings(Settings(), everything=True)
         return 0
+    if arguments.gi == "help":
+        print_techniques()
+        return 0
     say = Messages(arguments.verbose, arguments.quiet)
+    choices = [getattr(arguments, name) for name in CHOICES]
+    if all(choice is None or choice is False or choice == [] for choice in choices):
+        from .bench_survey import survey
+
+        return survey(arguments, say)
+    for name, value in MEASURED.items():
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, value)
 
     # Check the arguments before any slow step.
     if arguments.attribute:
@@ -67,7 +73,7 @@ def bench(arguments: Namespace) -> int:
 
     # Measure, write the files, print the tables.
     if arguments.attribute:
-        attribute_scenes(arguments, here, candidates, say, _print_table)
+        attribute_scenes(arguments, here, candidates, say, print_table)
         return 0
     reports = [bench_scene(arguments, name, size, candidates, say) for name in scenes]
     report = Report(here, arguments.frames, WARM_UP_FRAMES, reports)
@@ -130,9 +136,9 @@ def check_outputs(arguments: Namespace) -> None:
         if not least <= number <= most:
             raise GiError(f"{flag} must lie between {least} and {most}, not {number}")
     if arguments.json is not None:
-        _check_suffix("--json", arguments.json, (".json",))
+        check_suffix("--json", arguments.json, (".json",))
     if arguments.plot is not None:
-        _check_suffix("--plot", arguments.plot, PLOT_FORMATS)
+        check_suffix("--plot", arguments.plot, PLOT_FORMATS)
         require_matplotlib()
 
 
@@ -158,11 +164,7 @@ def bench_scene(
     arguments: Namespace, name: str, size: tuple[int, int], candidates: list[Candidate], say: Messages
 ) -> SceneReport:
     """Load and measure one scene."""
-    scene, camera = prepare_scene(arguments, name, say)
-    time = time_of(arguments, name, scene)
-    scene, camera = Pose().at(scene, camera, time, arguments.animation)
-    if time is not None:
-        name = f"{name}, {find_animation(scene, arguments.animation).name or 'animation'} at {time:g} s"
+    name, scene, camera = shown_scene(arguments, name, say)
     # All techniques are compared with the same path tracer.
     visible_only = candidates[0].settings.path.visible_only
     with say.progress(name) as bar:
@@ -231,7 +233,7 @@ def truth_source(
 def print_report(report: Report) -> None:
     """Print all tables."""
     for title, table in tables(report):
-        _print_table(title, table)
+        print_table(title, table)
     here = report.machine
     print(f"{report.frames} frames each, on {here['adapter']}, {here['driver']}, {here['cores']} cores")
 
@@ -241,16 +243,9 @@ def print_ratios(old: Report, new: Report, old_name: str) -> None:
     rows = ratios(old, new)
     if rows:
         print()
-        _print_table(f"now / {old_name}: below 1 is better", ratio_table(rows))
+        print_table(f"now / {old_name}: below 1 is better", ratio_table(rows))
     else:
         print(f"{old_name} holds nothing with the same scene, size, settings and technique")
-
-
-def _print_table(title: str, table: Table) -> None:
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else TABLE_WIDTH)
-    console.print(title, style="bold", markup=False, soft_wrap=True)
-    console.print(table)
-    console.print()
 
 
 def _swept(text: str) -> list[str]:
@@ -266,9 +261,3 @@ def _split(flag: str, text: str) -> list[str]:
     if not names:
         raise GiError(f"{flag} takes names with commas between, not {text!r}")
     return list(dict.fromkeys(names))
-
-
-def _check_suffix(flag: str, path: str, suffixes: tuple[str, ...]) -> None:
-    if Path(path).suffix.lower() not in suffixes:
-        raise GiError(f"{flag} takes a file name that ends in {' or '.join(suffixes)}, not {path!r}")
-    check_writable(path)

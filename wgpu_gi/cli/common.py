@@ -43,12 +43,17 @@ LISTS = ("help", "help=all")  # what --set takes in place of a setting
 def list_names(arguments: Namespace) -> bool:
     """Print the techniques or the settings if the arguments ask for a list; return whether they do."""
     if arguments.gi == "help":
-        print("\n".join(f"{name:<12} {technique.sentence}" for name, technique in TECHNIQUES.items()))
+        print_techniques()
         return True
     if set(LISTS).isdisjoint(arguments.set):
         return False
     print_settings(settings_from(arguments), everything="help=all" in arguments.set)
     return True
+
+
+def print_techniques() -> None:
+    """Print the techniques, a sentence each."""
+    print("\n".join(f"{name:<12} {technique.sentence}" for name, technique in TECHNIQUES.items()))
 
 
 def print_settings(settings: Settings, everything: bool = False) -> None:

@@ -29,7 +29,10 @@ def add_bench_arguments(parser: ArgumentParser) -> None:
         "scene", nargs="*", default=["cornell"], metavar="SCENE", help="files or built-in scenes, default cornell"
     )
     scene.add_argument(
-        "--size", type=parse_size, metavar="WxH", help="pixels, default 640x360 or that of the --truth file"
+        "--size",
+        type=parse_size,
+        metavar="WxH",
+        help="pixels, default 640x360 or that of the --truth file",
     )
     scene.add_argument("--camera", metavar="CAMERA", help=CAMERA_HELP)
     add_light_arguments(scene)
@@ -38,8 +41,8 @@ def add_bench_arguments(parser: ArgumentParser) -> None:
     # Techniques and settings.
     technique = parser.add_argument_group("what to measure")
     add = technique.add_argument
-    add("--gi", metavar="A,B,C", help="techniques, default all; path is always measured, as the reference")
-    add("--quality", default="medium", metavar="A,B,C", help="some of low,medium,high; default medium")
+    add("--gi", metavar="A,B,C", help="techniques, default all ('help' lists them); path is always measured, too")
+    add("--quality", metavar="A,B,C", help="some of low,medium,high; default medium")
     add(
         "--set",
         action="append",
@@ -48,22 +51,22 @@ def add_bench_arguments(parser: ArgumentParser) -> None:
         help="change a setting, repeatable; 'help' lists them",
     )
     add("--sweep", action="append", default=[], metavar="NAME=A,B", help="measure every value of a setting, repeatable")
-    add("--frames", type=int, default=20, metavar="N", help="frames measured in each case, default 20")
+    add("--frames", type=int, metavar="N", help="frames measured in each case, default 20")
     add("--moving", action="store_true", help="measure flicker, lag and ghosts of moving pictures, too")
     add(
         "--attribute",
         action="store_true",
         help="measure instead what the error is due to, and which setting to raise; default 160x90, many-light",
     )
-    add("--truth", default="path", metavar="FILE", help="an .npz or .exr with layers; path, the default, renders it")
-    add("--truth-spp", type=int, default=256, metavar="N", help="samples per pixel of --truth path, default 256")
+    add("--truth", metavar="FILE", help="an .npz or .exr with layers; path, the default, renders it")
+    add("--truth-spp", type=int, metavar="N", help="samples per pixel of --truth path, default 256")
     add("--adapter", metavar="NAME", help=ADAPTER_HELP)
 
     # Reports.
     output = parser.add_argument_group("output")
     add = output.add_argument
     add("--json", metavar="OUT", help="write all numbers to this .json")
-    add("--plot", metavar="OUT", help="plot error against time to this .png, .svg or .pdf")
+    add("--plot", metavar="OUT", help="plot error against time to this .png, .svg or .pdf; a survey: bench.png")
     add("--compare", metavar="OLD", help="print the ratios to this .json of an earlier run")
 
 

@@ -19,6 +19,7 @@ from ..camera import Camera
 from ..errors import GiError
 from ..gpu.device import open_device
 from ..options import TECHNIQUES, Settings, picture_count
+from ..pictures.denoise import has_denoiser
 from ..renderer import Renderer
 from ..scene.scene import Scene
 from ..techniques.reference import PathSettings
@@ -28,6 +29,7 @@ from .metrics import Errors, measure
 from .moving_bench import measure_moving
 from .moving_play import measure_played
 from .results import CASES, Case, Measurement, PathPoint, Reference, Stats, title_of
+from .smoother import Smoother
 from .truth import LAYERS, Progress, Truth
 
 PACKAGES = ("wgpu", "numpy")
@@ -130,10 +132,10 @@ def measure_scene(
 
 def _reference(renderer: Renderer, settings: Settings, truth: Truth, budget_ms: float, report: Progress) -> Reference:
     """Return the noise of a truth, and the path tracer's curve against it."""
-    curve = path_curve(renderer, settings, truth, budget_ms, report)
+    curve, smooth = path_curve(renderer, settings, truth, budget_ms, report)
     own = layer_errors(truth.layers, truth)
     noise = {layer: None if errors is None else errors.floor for layer, errors in own.items()}
-    return Reference(settings.bounces, truth.source, noise, curve)
+    return Reference(settings.bounces, truth.source, noise, curve, smooth)
 
 
 def truth_bounces(settings: Settings) -> int | None:
@@ -240,15 +242,18 @@ def orbit(camera: Camera, radius: float, turns: float) -> Camera:
 
 def path_curve(
     renderer: Renderer, settings: Settings, truth: Truth, budget_ms: float, report: Progress
-) -> list[PathPoint]:
+) -> tuple[list[PathPoint], list[PathPoint]]:
     """Render with 1, 2, 4 ... samples per pixel until a picture takes `budget_ms` or reaches the noise of the truth.
 
-    `settings` give bounces, seed, diffuse and path.visible_only.
+    Return the pictures, and the same after Open Image Denoise (full images; none if it is not installed). `settings`
+    give bounces, seed, diffuse and path.visible_only.
     """
     points: list[PathPoint] = []
+    smooth: list[PathPoint] = []
     timing, device = renderer.graph.timing, renderer.graph.device
     renderer.settings = _path_settings(settings, 1)
     renderer.run(show=tuple(LAYERS.values()), timings=True)  # warm-up: compiles
+    smoother = Smoother(renderer) if has_denoiser() else None
     while True:
         spp = 2 ** len(points)
         # A new seed; with the same one, the renderer would continue from the samples of the last picture.
@@ -259,12 +264,19 @@ def path_curve(
         device.wait()
         wall = (time.perf_counter() - started) * 1e3
         gpu = sum(sum(samples) for samples in timing.samples.values())
-        errors = layer_errors({layer: renderer.read_back(buffer) for layer, buffer in LAYERS.items()}, truth)
+        pictures: dict[str, NDArray[np.float32]] = {
+            layer: renderer.read_back(buffer) for layer, buffer in LAYERS.items()
+        }
+        errors = layer_errors(pictures, truth)
         points.append(PathPoint(spp, gpu, wall, errors))
+        if smoother is not None:
+            pictures["full"], ms = smoother(pictures["full"])
+            alone = dict.fromkeys(LAYERS) | {"full": layer_errors(pictures, truth)["full"]}
+            smooth.append(PathPoint(spp, gpu + ms, wall + ms, alone))
         full = errors["full"]
         finished = full is None or full.relmse < (full.floor or 0.0)
         if len(points) >= PATH_LEAST_POINTS and (gpu >= budget_ms or finished):
-            return points
+            return points, smooth
 
 
 def _path_settings(settings: Settings, spp: int) -> Settings:

@@ -18,6 +18,7 @@ from rich.table import Table
 from ..errors import GiError
 from ..pictures.atomic_file import atomic_file
 from .metrics import Errors
+from .ranking import points_of, ranked, ranking_table
 from .results import (
     CASES,
     Case,
@@ -79,11 +80,15 @@ def _scene(d: Mapping[str, Any]) -> SceneReport:
         for m in d["techniques"]
     ]
     references = [
-        Reference(**{**r, "curve": [PathPoint(**{**p, "errors": _errors(p["errors"])}) for p in r["curve"]]})
+        Reference(**{**r, "curve": _curve(r["curve"]), "denoised": _curve(r.get("denoised", []))})
         for r in d["references"]
     ]
     width, height = d["size"]
     return SceneReport(**{**d, "size": (width, height), "techniques": techniques, "references": references})
+
+
+def _curve(points: list[Mapping[str, Any]]) -> list[PathPoint]:
+    return [PathPoint(**{**p, "errors": _errors(p["errors"])}) for p in points]
 
 
 def _errors(d: Mapping[str, Any]) -> dict[str, Errors | None]:
@@ -103,7 +108,7 @@ def _case(d: Mapping[str, Any]) -> Case:
 
 
 def tables(report: Report) -> list[tuple[str, Table]]:
-    """Return title and table: for each scene the errors, the times of each technique, and the path tracer."""
+    """Return title and table: for each scene errors, times of each technique, the path tracer, a ranking."""
     found = []
     for scene in report.scenes:
         found.append(_error_table(scene))
@@ -113,6 +118,7 @@ def tables(report: Report) -> list[tuple[str, Table]]:
             found.append(_played_table(scene))
         found += [_time_table(scene, measurement) for measurement in scene.techniques]
         found += [_path_table(scene, reference) for reference in scene.references]
+        found += [_ranking(scene, reference) for reference in scene.references]
     return found
 
 
@@ -188,10 +194,17 @@ def _path_table(scene: SceneReport, reference: Reference) -> tuple[str, Table]:
     table = _table()
     for heading in ("spp", "GPU ms", "wall ms", "relMSE full", "relMSE indirect"):
         table.add_column(heading, justify="right")
-    for p in reference.curve:
-        errors = [_error_cells(p.errors[layer])[0] for layer in ("full", "indirect")]
-        table.add_row(str(p.spp), _number(p.gpu_ms), _number(p.wall_ms), *errors)
+    for curve, title in ((reference.curve, ""), (reference.denoised, ", denoised")):
+        for p in curve:
+            errors = [_error_cells(p.errors[layer])[0] for layer in ("full", "indirect")]
+            table.add_row(f"{p.spp}{title}", _number(p.gpu_ms), _number(p.wall_ms), *errors)
     return f"{_title(scene)}: the path tracer, {bounces_text(reference.bounces)}", table
+
+
+def _ranking(scene: SceneReport, reference: Reference) -> tuple[str, Table]:
+    noise = reference.noise["full"] or 0.0
+    table = ranking_table(ranked(points_of(scene, reference), noise), noise)
+    return f"{_title(scene)}: pictures by time, full image, truth {bounces_text(reference.bounces)}", table
 
 
 def _table(*columns: str) -> Table:

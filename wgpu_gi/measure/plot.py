@@ -84,13 +84,15 @@ def _draw_panel(panel: Any, scene: SceneReport, layer: str, colors: dict[str, st
 def _draw_reference(panel: Any, reference: Reference, layer: str, style: str) -> None:
     """Draw the curve of the path tracer, with its samples per pixel at both ends, and the noise of the truth."""
     bounces = bounces_text(reference.bounces)
-    errors = ((p, p.errors[layer]) for p in reference.curve)
-    points = [(p.spp, p.gpu_ms, e.relmse) for p, e in errors if e is not None and e.relmse > 0 and p.gpu_ms > 0]
-    if points:
-        _, x, y = zip(*points, strict=True)
-        panel.plot(x, y, f"k{style}", marker=".", label=f"path tracer, {bounces}")
-        for spp, ms, error in (points[0], points[-1]):
-            _annotate(panel, f"{spp} spp", ms, error, "black")
+    curves = (("", "black", reference.curve), (" + denoiser", "0.45", reference.denoised))
+    for name, color, curve in curves:
+        errors = ((p, p.errors[layer]) for p in curve)
+        points = [(p.spp, p.gpu_ms, e.relmse) for p, e in errors if e is not None and e.relmse > 0 and p.gpu_ms > 0]
+        if points:
+            _, x, y = zip(*points, strict=True)
+            panel.plot(x, y, color=color, linestyle=style, marker=".", label=f"path tracer{name}, {bounces}")
+            for spp, ms, error in (points[0], points[-1]):
+                _annotate(panel, f"{spp} spp{name}", ms, error, color)
     noise = reference.noise[layer]
     if noise:
         panel.axhline(noise, color="0.55", linestyle=style, linewidth=1, label=f"noise of the truth, {bounces}")

@@ -109,12 +109,16 @@ class PathPoint:
 
 @dataclass(frozen=True)
 class Reference:
-    """A truth, with its noise as relMSE by layer, and the path tracer's curve against it."""
+    """A truth, with its noise as relMSE by layer, and the path tracer's curve against it.
+
+    `denoised` is the curve of the same pictures after Open Image Denoise, full images alone; empty without the package.
+    """
 
     bounces: int | None
     truth: str
     noise: dict[str, float | None]
     curve: list[PathPoint]
+    denoised: list[PathPoint] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

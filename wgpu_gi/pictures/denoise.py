@@ -7,6 +7,7 @@ twice the light gives exactly twice the picture.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,11 @@ from numpy.typing import NDArray
 from ..errors import GiError
 
 PACKAGE = "pyoidn"
+
+
+def has_denoiser() -> bool:
+    """Return whether Open Image Denoise is installed."""
+    return importlib.util.find_spec(PACKAGE) is not None
 
 
 def require_denoiser() -> Any:
