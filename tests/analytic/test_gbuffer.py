@@ -14,7 +14,6 @@ from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
 from wgpu_gi.gpu.device import open_device
 from wgpu_gi.gpu.graph import Graph
-from wgpu_gi.options import picture_count
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
 from wgpu_gi.scene.built_in.shapes import grid, quad, sphere
 from wgpu_gi.scene.scene import Image, Instance, Material, Scene, Texture
@@ -469,7 +468,7 @@ def test_motion_of_a_camera_is_the_reprojection(jitter):
     renderer.camera = Camera.look_at((0.8, 2.0, 5.5), (0.1, 1.0, 0), yfov_deg=50)
     renderer.step(show=("motion",))
     motion, g = renderer.read_back("motion"), read_surfaces(renderer.graph)
-    offset = pixel_offset(0, picture_count(renderer.settings, renderer.scene) if jitter else 1)
+    offset = pixel_offset(0, renderer.settings.seed) if jitter else (0.5, 0.5)
     position = renderer.camera.position + rays(renderer.camera, SIZE, offset) * g.distance[..., None]
     now, _ = place_of(renderer.camera, SIZE, position)
     then, distance = place_of(before, SIZE, position)

@@ -14,6 +14,7 @@ from wgpu_gi.__main__ import main
 from wgpu_gi.buffers import BUFFERS, buffers_of
 from wgpu_gi.camera import Camera
 from wgpu_gi.errors import GiError
+from wgpu_gi.measure.wgsl_evaluator import Evaluator
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
 from wgpu_gi.renderer import CameraSettings, Renderer, Settings
@@ -23,7 +24,7 @@ from wgpu_gi.techniques.deferred import direct as direct_module
 from wgpu_gi.techniques.deferred import update as update_module
 from wgpu_gi.techniques.deferred.shadow_views import ShadowSettings
 from wgpu_gi.techniques.deferred.update import DeferredState
-from wgpu_gi.techniques.shared.sampling import pixel_offset
+from wgpu_gi.techniques.shared.sampling import PIXEL_SEED, pixel_offset
 from wgpu_gi.upload.scene_upload import SceneUpload
 
 SIZE = (48, 27)
@@ -337,8 +338,9 @@ def test_jittered_frames_are_averaged(monkeypatch):
     means = {name: renderer.read_back(name) for name in layers}
     sums = dict.fromkeys(layers, 0.0)
     for frame in range(5):
-        monkeypatch.setattr(update_module, "pixel_offset", lambda *_, frame=frame: pixel_offset(frame, 5))
-        single = completed(scene, show=layers, direct=maps)
+        monkeypatch.setattr(update_module, "pixel_offset", lambda *_, frame=frame: pixel_offset(frame, 0))
+        single = Renderer(scene, size=SIZE, settings=chosen)
+        single.step(show=layers)
         for name in layers:
             sums[name] = sums[name] + single.read_back(name).astype(np.float64) / 5
     for name in layers:
@@ -364,15 +366,21 @@ def test_accumulation_restarts_after_a_change():
     assert "shadow/opaque" not in renderer.graph.last_run
 
 
-@pytest.mark.parametrize("frames", [1, 2, 3, 4, 5, 16, 64, 100, 1000])
-def test_jitter_offsets_are_stratified(frames):
-    """Of n offsets, one lies in each of n rows and n columns of the pixel, and about n / 4 in each quarter."""
-    offsets = np.array([pixel_offset(k, frames) for k in range(frames)])
-    for axis in offsets.T:
-        assert np.allclose(np.sort(axis), (np.arange(frames) + 0.5) / frames)
-    if frames >= 16:
-        found = np.histogram2d(*offsets.T, bins=2, range=[[0, 1], [0, 1]])[0] / frames
-        assert found.min() > 0.18 and found.max() < 0.32
+@pytest.mark.parametrize(("first", "frames"), [(0, 2), (0, 16), (16, 16), (96, 32), (0, 1024)])
+def test_jitter_offsets_are_stratified(first, frames):
+    """Of an aligned block of n = 2^k offsets, one lies in each box of area 1 / n with sides that are powers of 2."""
+    offsets = np.array([pixel_offset(k, 5) for k in range(first, first + frames)])
+    for columns in 2 ** np.arange(frames.bit_length()):
+        boxes = np.histogram2d(*offsets.T, bins=(columns, frames // columns), range=[[0, 1], [0, 1]])[0]
+        assert (boxes == 1).all(), columns
+
+
+def test_jitter_offsets_are_those_of_the_shader(tmp_path):
+    evaluate = Evaluator(tmp_path)
+    for seed in (0, 7, 2**32 - 1):
+        expression = f"sobol_2d(i, hash({seed}u ^ {PIXEL_SEED}u))"
+        points = evaluate("common/random.wgsl", expression, "vec2f", count=100)
+        assert np.allclose(points, [pixel_offset(k, seed) for k in range(100)], rtol=0, atol=1e-6)
 
 
 def test_averaged_edges_are_antialiased():

@@ -125,8 +125,10 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
     )
     if shot.moving is not None:
         offset = moving_offset(shot.moving)
+    elif settings.camera.jitter and shot.frames > 1:
+        offset = pixel_offset(max(shot.frame, 0), settings.seed)
     else:
-        offset = pixel_offset(max(shot.frame, 0), shot.frames if settings.camera.jitter else 1)
+        offset = 0.5, 0.5
     # The frames so far share the pixel.
     footprint = sample_footprint(settings.camera, max(shot.frame, 0) + 1)
     anisotropy = settings.camera.anisotropy

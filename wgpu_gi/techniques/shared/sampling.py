@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
 
 from ...records import KnownAttributes
 from ...settings import setting
-from ...upload.surface_samples import GOLDEN, R2
 
 OPEN_FRAMES = 65536  # frames of a still picture that may end after any of them
 
 # Uniforms of a pass whose random numbers stand still while anything moves (`wgsl/scene/sequence.wgsl`).
 STILL_SEQUENCE = {"sequence": "still_sequence"}
+PIXEL_SEED = 0x9E3779B9  # sets the points in the pixel apart from all other random numbers
+# Steps of the multiplication by Pascal's triangle modulo 2: shifts, and the bits that they apply to.
+PASCAL = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
+MASK = 0xFFFFFFFF
 
 
 @dataclass(repr=False, slots=True)
@@ -56,27 +58,31 @@ def sample_footprint(settings: CameraSettings, samples: int = 1) -> float:
     return settings.footprint / math.sqrt(samples) if settings.jitter else 0.0
 
 
-def pixel_offset(frame: int, frames: int) -> tuple[float, float]:
-    """Return the point of each pixel's unit square that a jittered frame samples, for `frames` frames in all.
+def pixel_offset(frame: int, seed: int) -> tuple[float, float]:
+    """Return the point of each pixel's unit square that a frame of a jittered still picture samples.
 
-    The points are a rank-1 lattice: every row and column of the square has one point, their mean is exactly the centre,
-    and consecutive frames are far apart. With OPEN_FRAMES they are Halton's, of which any number is even.
+    Owen-scrambled Sobol points, by `sobol_2d` of `wgsl/common/random.wgsl`: the mean over any number of frames is even,
+    and so is that over each aligned block of 2^k frames, which `standard_error` is estimated from. The coverage by
+    edges of any direction is off by 0.104, 0.061, 0.029 and 0.013 (RMS) in the mean over 4, 8, 24 and 64 frames; with
+    rank-1 lattices by 0.120, 0.062, 0.032 and 0.013, with Halton's sequence by 0.142, 0.071, 0.036 and 0.017.
     """
-    if frames == OPEN_FRAMES:
-        return moving_offset(frame)
-    index = (frame * _coprime(frames, R2[0]) + frames // 2) % frames
-    other = (index * _coprime(frames, GOLDEN)) % frames
-    return (index + 0.5) / frames, (other + 0.5) / frames
+    key = _hash(seed ^ PIXEL_SEED)
+    # Shuffle the points, then take the van der Corput sequence, and the one by Pascal's triangle modulo 2.
+    order = _owen_scramble(_reversed_bits(frame), _hash(key))
+    x, y = _reversed_bits(order), _reversed_bits(order)
+    for shift, mask in PASCAL:
+        y ^= (y >> shift) & mask
+    keys = key ^ 0x68BC21EB, key ^ 0x02E5BE93
+    first, second = (_reversed_bits(_owen_scramble(v, _hash(k))) / 2**32 for v, k in zip((x, y), keys, strict=True))
+    return first, second
 
 
 def moving_offset(frame: int) -> tuple[float, float]:
-    """Return the point of each pixel's unit square that a frame of a moving or open-ended picture samples.
+    """Return the point of each pixel's unit square that a frame of a moving picture samples.
 
     Halton's sequence in bases 2 and 3: any consecutive frames are spread evenly, and more frames more evenly. The
     coverage by edges of any direction is off by 0.05 (RMS) in an exponential mean over 8 frames; with a lattice of 8
-    points it is off by 0.07, with the sequence of the golden ratio's kind (R2) by 0.06. In the plain mean of the first
-    8, 24, 64 and 256 frames: 0.068, 0.035, 0.016, 0.0056; R2 0.090, 0.050, 0.021, 0.0053; lattices of so many points
-    0.056, 0.035, 0.013, 0.0044.
+    points it is off by 0.07, with the sequence of the golden ratio's kind (R2) by 0.06.
     """
     return _radical_inverse(frame + 1, 2), _radical_inverse(frame + 1, 3)
 
@@ -90,7 +96,20 @@ def _radical_inverse(number: int, base: int) -> float:
     return found
 
 
-@cache
-def _coprime(count: int, share: float) -> int:
-    """Return the number coprime to `count` that is nearest to `share` times `count`."""
-    return min(range(1, count + 1), key=lambda k: (math.gcd(k, count) > 1, abs(k - share * count)))
+def _hash(value: int) -> int:
+    """Return the 32-bit hash of `wgsl/common/random.wgsl`."""
+    state = (value * 747796405 + 2891336453) & MASK
+    word = (((state >> ((state >> 28) + 4)) ^ state) * 277803737) & MASK
+    return (word >> 22) ^ word
+
+
+def _owen_scramble(reversed_bits: int, seed: int) -> int:
+    """Return the 32 bits of `laine_karras` in `wgsl/common/random.wgsl`."""
+    x = reversed_bits ^ (reversed_bits * 0x3D20ADEA & MASK)
+    x = (x + seed) * ((seed >> 16) | 1) & MASK
+    x ^= x * 0x05526C56 & MASK
+    return x ^ (x * 0x53A22864 & MASK)
+
+
+def _reversed_bits(value: int) -> int:
+    return int(f"{value:032b}"[::-1], 2)
