@@ -78,18 +78,26 @@ def declare_mean(graph: Graph, name: str, layer: Buffer) -> Buffer:
 def declare_standard_error(graph: Graph, radiance: Buffer) -> Buffer:
     """Declare the standard error of the mean of radiance over the frames of a still picture so far, W/(m2 sr)."""
     width = graph.size[0]
-    state = {
-        name: graph.buffer(f"mean/{name}", dtype=FOUR_FLOATS, count=radiance.count, width=width, nonnegative=True)
-        for name in ("centre", "deviation", "standard_error")
-    }
+    centre, half_mean, spread, coarser_spread, error = (
+        graph.buffer(MEANS + name, dtype=FOUR_FLOATS, count=radiance.count, width=width, nonnegative=True)
+        for name in ("centre", "half_mean", "spread", "coarser_spread", "standard_error")
+    )
+    spreads = {"centre": centre, "spread": spread, "coarser_spread": coarser_spread}
+    graph.compute(
+        MEANS + "halves",
+        "shared/composite/halves.wgsl",
+        over=graph.size,
+        reads={"current": radiance},
+        writes={"half_mean": half_mean, **spreads},
+    )
     graph.compute(
         MEANS + "standard_error",
         "shared/composite/standard_error.wgsl",
         over=graph.size,
-        reads={"current": radiance},
-        writes=state,
+        reads=spreads,
+        writes={"standard_error": error},
     )
-    return state["standard_error"]
+    return error
 
 
 def declare_display(graph: Graph, radiance: Buffer, exposure: float) -> Texture:
