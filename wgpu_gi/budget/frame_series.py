@@ -36,18 +36,18 @@ class FrameSeries:
     ) -> None:
         """Give the renderer the settings. figures: what is expected of the candidate. seconds: of the whole budget."""
         self.candidate, self.settings, self.frames = candidate, settings, 0
-        self._renderer, self._clock, self._figures, self._show = renderer, clock, figures, show
+        self._renderer, self._clock, self._show = renderer, clock, show
         self._pixels = renderer.size[0] * renderer.size[1]
         self._was_warm = candidate in rendered(renderer)
         self._ahead = technique_of(candidate.gi).warm_up(settings)
-        self._first, self._seconds = 0.0, [figures.frame_seconds(self._pixels)]
-        self._check_at = 1.0
+        self._steps, self._first = 0, 0.0
+        self._seconds = [figures.frame_seconds(self._pixels)]
+        self._check_at, self._review_at = 1.0, REVIEWED
         self._per_step = 1
         if averages_samples(candidate):
             wanted = RUN_SECONDS if seconds is None else min(RUN_SECONDS, RUN_SHARE * seconds)
             self._per_step = min(max(int(wanted / self._seconds[0]), 1), MOST_PER_RUN)
             settings.path.samples_per_run = self._per_step
-        self._review_at = REVIEWED * self._per_step
         renderer.settings = settings
 
     @property
@@ -62,9 +62,9 @@ class FrameSeries:
 
     def is_review_due(self) -> bool:
         """Return whether the first steps are done, or twice as many as at the last review."""
-        if self.frames < self._review_at:
+        if self._steps < self._review_at:
             return False
-        self._review_at = 2 * self.frames
+        self._review_at = 2 * self._steps
         return True
 
     def is_check_due(self) -> bool:
@@ -77,31 +77,38 @@ class FrameSeries:
     def step(self, report: Callable[[float], None]) -> bool:
         """Render a frame, or samples; return whether there was one to render. The first comes after a warm-up."""
         begun = self._clock()
-        for _ in range(1 if self.frames else self._ahead + 1):
+        for _ in range(1 if self._steps else self._ahead + 1):
             more, seconds = run_frame(self._renderer, self._clock, self._show, report)
             if not more:
                 return False
-        if self.frames:
-            self._seconds = [*self._seconds[-RECENT:], seconds / self._per_step] if self._first else [seconds]
+        if self._steps:
+            recent = self._seconds[-RECENT:] if self._steps > 1 else []
+            self._seconds = [*recent, seconds / self._per_step]
         else:
             self._first = self._clock() - begun
             rendered(self._renderer).add(self.candidate)
-        self.frames += self._per_step
+        self._steps += 1
+        # A picture of the same settings goes on.
+        self.frames = self._renderer.finished
         return True
 
-    def learn(self, *, with_noise: bool) -> Figures:
-        """Return the candidate's figures by the frames so far; the noise only if asked, since it is read back."""
-        figures, frame = self._figures, float(np.median(self._seconds[-RECENT:]))
+    def review(self) -> None:
+        """Make a review due."""
+        self._review_at = 0
+
+    def learn(self, figures: Figures) -> Figures:
+        """Return the candidate's figures, corrected by the frames so far: their time and, from two on, their noise."""
+        frame = float(np.median(self._seconds[-RECENT:]))
         scale = frame / max(figures.frame_seconds(self._pixels), 1e-9)
         start = max(self._first - frame * self._per_step, 0.0)
         figures = replace(
             figures,
-            cold=figures.cold if self._was_warm else start,
-            warm=start if self._was_warm else figures.warm,
+            cold=figures.cold if self._was_warm or not self._steps else start,
+            warm=start if self._was_warm and self._steps else figures.warm,
             fixed=figures.fixed * scale,
             per_pixel=figures.per_pixel * scale,
         )
-        if with_noise and self.frames:
+        if self.frames > 1:
             picture = self._renderer.read_back("radiance")
             noise = expected_relmse(picture, self._renderer.read_back("standard_error")) * self.frames
             figures = replace(figures, noise=max(noise, LEAST_NOISE) if math.isfinite(noise) else figures.noise)

@@ -18,7 +18,7 @@ from ..pictures.tables import Table
 from ..renderer import Renderer
 from .certificate import Certificate, certify
 from .frame_series import FrameSeries, words_of
-from .front import Candidate, Choice, best, candidates, expected, within
+from .front import LEAST_FLOOR, Candidate, Choice, best, candidates, expected, within
 from .front_cache import FrontCache
 from .probe import SHOW, Probe, probe_seconds, rendered
 
@@ -31,7 +31,8 @@ OVERSHOOT = 0.05  # share of the time by which the last frame may be late
 WORTH_SWITCHING = 0.6
 MOST_SWITCHES = 2
 CONFIDENCE = 0.9  # share of the error at which the estimate counts as below it
-READ_SECONDS = 0.005  # of a read-back, until one was measured
+NOISE_LEFT = 0.1  # share of the error at which the noise cannot be why the estimate is above it: the floor is checked
+READ_SECONDS, CERTIFY_SECONDS = 0.005, 1.0  # of a read-back and of a certificate, until one was measured
 
 Report = Callable[[float, str], None]
 
@@ -107,6 +108,7 @@ class _Budget:
         self.probe_seconds = 0.0
         self.read_seconds = READ_SECONDS
         self.certificate: Certificate | None = None
+        self.certificate_seconds = CERTIFY_SECONDS
         self.cache = FrontCache(renderer)
         self.known = {c: f for c, f in self.cache.load().items() if c in settings}
 
@@ -193,7 +195,7 @@ class _Budget:
                 rival = self._rival(picture)
                 if rival is not None:
                     picture, switches = self._start(rival, show), switches + 1
-        self._learn(picture, with_noise=True)
+        self._learn(picture)
         self.cache.store(self.known)
         return Outcome(
             settings=picture.settings,
@@ -211,12 +213,11 @@ class _Budget:
         figures = expected(self.settings, self.known)[candidate]
         return FrameSeries(self.renderer, self.clock, candidate, self.settings[candidate], figures, self.seconds, show)
 
-    def _learn(self, picture: FrameSeries, *, with_noise: bool = False) -> None:
-        """Take the figures of a picture's frames so far; the noise only if asked, since it is read back."""
-        before = self.clock()
-        self.known[picture.candidate] = picture.learn(with_noise=with_noise)
-        if with_noise:
-            self.read_seconds = self.clock() - before
+    def _learn(self, picture: FrameSeries) -> None:
+        """Take the figures of a picture's frames so far."""
+        before, c = self.clock(), picture.candidate
+        self.known[c] = picture.learn(expected(self.settings, self.known)[c])
+        self.read_seconds = self.clock() - before
 
     def progress_of(self, picture: FrameSeries) -> Callable[[float], None]:
         """Return a function that reports the progress of a picture."""
@@ -238,35 +239,40 @@ class _Budget:
 
     def _rival(self, picture: FrameSeries) -> Candidate | None:
         """Return a candidate that is worth starting over for; None if there is none."""
-        self._learn(picture, with_noise=True)
-        choices = self.choices()
-        # The frames so far count for the current candidate, and nothing has to be started again.
+        self._learn(picture)
+        choices, figures = self.choices(), self.known[picture.candidate]
         own = choices.pop(picture.candidate)
-        more = own.frames + picture.frames
-        own = own._replace(relmse=self.known[picture.candidate].relmse(more))
         if not choices:
             return None
         other = self.best(choices.values())
-        if self.error is not None and self.seconds is None:
-            better = other.seconds < WORTH_SWITCHING * own.seconds
+        if self.error is not None and other.relmse <= self.error:
+            # What the current candidate still needs, infinitely much if it cannot reach the error.
+            needed = own.seconds - picture.frames * figures.frame_seconds(self.pixels)
+            better = other.seconds < WORTH_SWITCHING * needed
         else:
-            better = other.relmse < WORTH_SWITCHING * own.relmse and self.best((own, other)) is other
+            better = other.relmse < WORTH_SWITCHING * figures.relmse(own.frames + picture.frames)
+        # Another one must be in time.
+        better &= self.left is None or other.seconds <= self.left
         return other.candidate if better else None
 
     def _check(self, picture: FrameSeries, error: float) -> str:
         """Return why the picture is done if its error is met, as a certificate confirms; else an empty text."""
-        self._learn(picture, with_noise=True)
+        self._learn(picture)
         figures = self.known[picture.candidate]
-        if figures.relmse(picture.frames) > CONFIDENCE * error and figures.noise / picture.frames > error / 10:
+        noise = figures.noise / picture.frames
+        if figures.floor + noise > CONFIDENCE * error and noise > NOISE_LEFT * error:
+            return ""
+        if self.left is not None and self.left < self.certificate_seconds:
             return ""
         # The certificate decides; if it disagrees, it tells the floor.
+        before = self.clock()
         self.certificate = certify(self.renderer)
-        found = self.certificate.relmse
-        if found.value <= error:
+        self.certificate_seconds = self.clock() - before
+        found = self.certificate.relmse.value
+        if found <= error:
             return f"relMSE {error:g} is reached"
-        floor = max(found.value - figures.noise / picture.frames, figures.floor)
-        self.known[picture.candidate] = replace(figures, floor=floor, measured=True)
-
+        self.known[picture.candidate] = replace(figures, floor=max(found - noise, LEAST_FLOOR), measured=True)
+        picture.review()
         return ""
 
     def _table(self, chosen: Candidate) -> Table:
