@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 import wgpu_gi as gi
+from wgpu_gi.__main__ import main
 from wgpu_gi.budget.certificate import certify
 from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import Renderer
@@ -94,3 +95,15 @@ def test_wrong_pixels_get_a_sentence():
         for count in (0, 1, -3, 2.5, float("nan"), "many"):
             with pytest.raises(gi.GiError, match="certify must be"):
                 certify(renderer, count)
+
+
+def test_command_prints_and_stores_a_certificate(tmp_path, capsys):
+    file = str(tmp_path / "p.exr")
+    assert main(["render", "cornell", "--gi", "none", "--size", "16x9", "-q", "-o", file, "--certify", "20"]) == 0
+    with OpenEXR.File(file, header_only=True) as picture:
+        assert picture.header()["certificate.pixels"] == "20"
+    assert main(["render", "cornell", "--gi", "none", "--size", "16x9", "-o", file, "--certify"]) == 0
+    assert "relMSE" in capsys.readouterr().out
+    for wrong in (["--certify", "1"], ["--certify", "--show", "depth"], ["--certify", "--frames", "0:2"]):
+        assert main(["render", "cornell", *wrong]) == 2
+        assert "--certify" in capsys.readouterr().err

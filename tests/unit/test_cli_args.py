@@ -14,10 +14,10 @@ import PIL.Image
 import pytest
 
 from wgpu_gi.__main__ import main
+from wgpu_gi.cli import certificates
 from wgpu_gi.cli import common as cli_common
 from wgpu_gi.cli import info as cli_info
 from wgpu_gi.cli import messages as cli_messages
-from wgpu_gi.cli import render as cli_render
 from wgpu_gi.cli.interrupt import handled, held, interruptible
 from wgpu_gi.cli.messages import Messages
 from wgpu_gi.errors import GiError
@@ -218,7 +218,7 @@ def test_interrupted_picture_is_saved(arguments, words, certified, monkeypatch, 
             raise KeyboardInterrupt
         return SimpleNamespace(sentence=lambda: "relMSE 1", texts=lambda: {"certificate": "relMSE 1"})
 
-    monkeypatch.setattr(cli_render, "certify", certify)
+    monkeypatch.setattr(certificates, "certify", certify)
     monkeypatch.setattr(FakeRenderer, "interrupt", KeyboardInterrupt)
     monkeypatch.setattr(FakeRenderer, "before_interrupt", 7)
     assert main(["render", "--size", "8x8", *arguments.split()]) == 130

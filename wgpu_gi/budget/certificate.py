@@ -19,7 +19,7 @@ from ..errors import GiError
 from ..pixel_tracer import PixelTruth
 from ..renderer import Renderer
 from ..scene.rules import is_whole, shown
-from .intervals import Draw, Estimate, Interval, bias_interval, draw_pixels, error_interval, estimate, jackknife
+from .intervals import Draw, Estimate, Interval, bias_interval, draw_pixels, error_interval, error_mean, truth_mean
 
 PIXELS = 200  # of a certificate, unless told otherwise
 MOST_PIXELS = 1_000_000
@@ -60,12 +60,12 @@ class Certificate:
         return {"certificate": sentence, **numbers, **counts}
 
 
-def check_pixels(pixels: Any) -> int:
-    """Return the number of pixels of a certificate; True is PIXELS. Raises GiError for other values."""
+def check_pixels(pixels: Any, name: str = "certify") -> int:
+    """Return the number of pixels of a certificate; True is PIXELS. Raises GiError for wrong values of `name`."""
     if pixels is True:
         return PIXELS
     if not is_whole(pixels) or not 2 <= pixels <= MOST_PIXELS:
-        raise GiError(f"certify must be a whole number of pixels from 2 to {MOST_PIXELS}, not {shown(pixels)}")
+        raise GiError(f"{name} must be a whole number of pixels from 2 to {MOST_PIXELS}, not {shown(pixels)}")
     return int(pixels)
 
 
@@ -91,46 +91,53 @@ def certify(
     draw = draw_pixels(picture, count, seed)
     drawn = picture[draw.pixels[:, 1], draw.pixels[:, 0]]
     # Trace, and double the number of paths while their noise widens the intervals.
-    truth: PixelTruth | None = None
-    rounds = REPLICATES
+    truth = _traced(renderer, draw, seed, None, progress)
     while True:
-        part = renderer.trace_pixels(
-            draw.pixels, rounds * PATHS, seed=_round_seed(seed, truth), replicates=rounds, progress=progress
-        )
-        truth = part if truth is None else truth.joined(part)
-        difference, error = estimates(draw, drawn, truth, float(picture.mean()))
-        rounds = truth.replicates.shape[1]
-        if rounds * 2 > MOST_REPLICATES or _is_known(difference, error, float(picture.mean())):
+        brightness, error = estimates(draw, drawn, truth, float(picture.mean()))
+        if 2 * truth.replicates.shape[1] > MOST_REPLICATES or _is_known(brightness, error):
             break
+        truth = _traced(renderer, draw, seed, truth, progress)
     return Certificate(
         error_interval(error),
-        bias_interval(float(picture.mean()), difference),
+        bias_interval(float(picture.mean()), brightness),
         len(draw.pixels),
         truth.spp,
         time.perf_counter() - start,
     )
 
 
-def _is_known(difference: Estimate, error: Estimate, mean: float) -> bool:
+def _is_known(brightness: Estimate, error: Estimate) -> bool:
     """Return whether the tracer's noise hardly widens the intervals, or does not matter."""
-    limits = (difference, NEGLIGIBLE["bias"] * mean), (error, NEGLIGIBLE["relmse"])
-    return all(e.noise <= max(NOISE_SHARE * e.variance, least**2) for e, least in limits)
+    limits = (brightness, NEGLIGIBLE["bias"] * brightness.value), (error, NEGLIGIBLE["relmse"])
+    return all(e.noise <= max(NOISE_SHARE * e.error**2, least**2) for e, least in limits)
 
 
-def _round_seed(seed: int, before: PixelTruth | None) -> int:
-    """Return the seed of the next round of replicates."""
-    return (seed << 20) + (0 if before is None else before.replicates.shape[1])
+def _traced(
+    renderer: Renderer, draw: Draw, seed: int, before: PixelTruth | None, progress: Callable[[float], None] | None
+) -> PixelTruth:
+    """Return the truth with twice the replicates of `before`, or the first ones."""
+    known = 0 if before is None else before.replicates.shape[1]
+    count = known or REPLICATES
+
+    def part_done(fraction: float) -> None:
+        if progress is not None:
+            progress((known + count * fraction) / (known + count))
+
+    # Each round has other random numbers.
+    part = renderer.trace_pixels(
+        draw.pixels, count * PATHS, seed=(seed << 20) + known, replicates=count, progress=part_done
+    )
+    return part if before is None else before.joined(part)
 
 
 def estimates(draw: Draw, drawn: NDArray[np.float64], truth: PixelTruth, mean: float) -> tuple[Estimate, Estimate]:
-    """Return mean(x - t) and relMSE of a picture of this `mean`, `drawn` (n, 3) at the drawn pixels.
+    """Return the mean of the truth, and relMSE of a picture of this `mean`, `drawn` (n, 3) at the drawn pixels.
 
     Raises GiError if the truth is black.
     """
     grey = truth.replicates.mean(-1)
-    difference = estimate(draw, drawn.mean(-1) - grey.mean(1), grey.var(1, ddof=1) / grey.shape[1])
-    brightness = mean - difference.value
-    if not brightness > 0 or not truth.replicates.any():
+    noise = grey.var(1, ddof=1) / grey.shape[1]
+    brightness, deviations = truth_mean(draw, drawn.mean(-1), grey.mean(1), noise, mean)
+    if not brightness.value > 0:
         raise GiError("the truth is black at all pixels that were traced, so the picture has no relative error")
-    values, noise = jackknife(drawn, truth.replicates, 0.01 * brightness**2)
-    return difference, estimate(draw, values, noise)
+    return brightness, error_mean(draw, drawn, truth.replicates, brightness.value, deviations)

@@ -17,6 +17,13 @@ def parse_size(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
+def parse_pixels(text: str) -> int:
+    """Parse a number of pixels."""
+    if re.fullmatch(r"-?\d{1,9}", text) is None:
+        raise ArgumentTypeError(f"a number of pixels, such as 200, not {text!r}; write the scene before it")
+    return int(text)
+
+
 def parse_frames(text: str) -> range:
     """Parse text such as 0:240 or 0:240:2 as frame numbers."""
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})(?::([1-9]\d{0,8}))?", text)

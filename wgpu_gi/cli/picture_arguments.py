@@ -12,6 +12,7 @@ from .argument_types import (
     parse_frames,
     parse_length,
     parse_memory,
+    parse_pixels,
     parse_shard,
     parse_size,
     parse_time,
@@ -123,6 +124,14 @@ def add_render_arguments(parser: ArgumentParser) -> None:
         help=".png .jpg .webp .exr .hdr .npy .npz, with --frames .mp4; default out.png",
     )
     add("--denoise", action="store_true", help="with --gi path: smooth noise with Open Image Denoise (extra denoise)")
+    add(
+        "--certify",
+        nargs="?",
+        const=True,
+        type=parse_pixels,
+        metavar="N",
+        help="path trace N random pixels, default 200: state relMSE and bias of the picture with 95 %% intervals",
+    )
     add("--transparent", action="store_true", help="leave the environment out of the background; the file gets alpha")
     add(
         "--show",

@@ -6,7 +6,7 @@ import time
 from argparse import Namespace
 from typing import Any
 
-from ..budget.certificate import certify
+from ..budget.certificate import PIXELS
 from ..buffers import buffers_of, views_of
 from ..errors import GiError
 from ..options import Settings, check_size, picture_count
@@ -14,6 +14,7 @@ from ..pictures.exposure import exposure_text
 from ..pictures.image import check_output, save_image
 from ..renderer import Renderer
 from ..rendering import check_denoise, read_pictures, with_alpha
+from .certificates import certificate_texts, pixels_of
 from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, rendering, settings_from
 from .interrupt import INTERRUPTED, handled, held
 from .messages import Messages
@@ -31,6 +32,7 @@ def render(arguments: Namespace) -> int:
     shown = checked_buffers(arguments.show or ["radiance"], settings.gi)
     check_size(arguments.size)
     check_denoise(arguments.denoise, shown if arguments.frames is None else ["radiance"], settings.gi)
+    pixels = pixels_of(arguments, shown)
     say = Messages(arguments.verbose, arguments.quiet)
     if arguments.frames is not None:
         from .frames import render_frames
@@ -54,7 +56,9 @@ def render(arguments: Namespace) -> int:
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
     if interrupted:
         metadata["interrupted"] = content
-        metadata |= {} if interrupted > 1 else _certificate(renderer, say, content)
+        say.note(f"interrupted after {content}; measuring its error, which Ctrl-C skips")
+    if (pixels or interrupted) and interrupted < 2:
+        metadata |= certificate_texts(renderer, pixels or PIXELS, layers.get("radiance"), say)
     exposure = exposure_for(arguments.output, settings, shown[0], layers[shown[0]])
     told = ""
     if exposure is not None:
@@ -87,22 +91,6 @@ def _run(renderer: Renderer, say: Messages, options: dict[str, Any]) -> int:
             raise
         return max(handled(), 1)
     return 0
-
-
-def _certificate(renderer: Renderer, say: Messages, content: str) -> dict[str, str]:
-    """Certify an interrupted picture; return the texts for its file. A second Ctrl-C skips that."""
-    say.note(f"interrupted after {content}; measuring its error, which Ctrl-C skips")
-    try:
-        with say.progress("certifying") as report:
-            certificate = certify(renderer, progress=report)
-    except KeyboardInterrupt:
-        handled()
-        return {}
-    except GiError as error:
-        say.note(f"no certificate: {error}")
-        return {}
-    say.result(certificate.sentence())
-    return certificate.texts()
 
 
 def _content(renderer: Renderer, settings: Settings) -> str:
