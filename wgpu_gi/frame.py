@@ -6,11 +6,12 @@ from typing import Any
 
 from .buffers import Source
 from .gpu.graph import Graph
-from .options import Settings
+from .options import Settings, technique_of
 from .techniques.deferred import declare_direct_light
 from .techniques.many_light import declare_many_light
 from .techniques.reference import declare_primary, declare_reference
 from .techniques.shared.antialias import declare_antialias
+from .techniques.shared.bounds import MOVES, scattered_more
 from .techniques.shared.composite import (
     declare_display,
     declare_mean,
@@ -50,6 +51,7 @@ def declare_frame(
             light = declare_ssil(graph, settings, scene)
         case _:
             raise AssertionError(settings.gi)
+    _skip_further_bounces(graph, settings, scene)
     # Glass in front of what a pixel shows tints it, after all filters.
     light = declare_tinted(graph, light)
     # Radiance is the sum of the layers, anti-aliased over moving frames; a still picture is the mean of its frames.
@@ -57,7 +59,7 @@ def declare_frame(
     if aliased is None:
         radiance = declare_antialias(graph, settings.camera.antialias, radiance, light)
     elif aliased:
-        graph.skip("antialias", aliased)
+        graph.skip("antialias", aliased, MOVES)
     layers = {"radiance": radiance, "direct": light.direct, "indirect": light.indirect, "emission": light.emission}
     # Its noise: zero, or estimated from the frames, or of a single frame unknown, for which radiance itself stands.
     error = None if exact else light.standard_error or radiance
@@ -80,3 +82,12 @@ def declare_frame(
         "position": Source(primary.position),
         "instance": Source(primary.position, 3, 1),
     }
+
+
+def _skip_further_bounces(graph: Graph, settings: Settings, scene: Any) -> None:
+    """List the bounces that are not in the picture, and the light that they could add at most."""
+    found = technique_of(settings.gi).bounces_found(settings)
+    if found is not None:
+        number = f"{found} bounce{'s' * (found != 1)}" if found else "no indirect light"
+        reason = f"bounces is {found}" if found == settings.bounces else f"{settings.gi} finds {number}"
+        graph.skip("bounces/further", reason, scattered_more(scene, found + 1))

@@ -414,6 +414,7 @@ def status(renderer):
     rows = dict(line.split()[:2] for line in renderer.plan().splitlines()[1:])
     assert rows.pop("deform") == "culled"  # nothing is skinned or morphed
     del rows["composite/display"]  # not requested
+    assert rows.pop("bounces/further") == "culled"  # the settings limit them
     return rows
 
 

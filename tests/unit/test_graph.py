@@ -946,16 +946,20 @@ def test_plan_as_text(graph):
 
 def test_plan_says_what_the_scene_has_none_of(graph):
     graph.begin((8, 8))
-    graph.skip("shadow/maps", "no light that casts shadows")
+    graph.skip("shadow/maps", "no light that casts shadows", "nothing")
     a = fill(graph)
-    graph.skip("emitters", "no emissive material")
-    graph.skip("masked", "no alpha-masked material")
+    graph.skip("emitters", "no emissive material", lambda: "at most 3 %")
+    graph.skip("masked", "no alpha-masked material", "nothing")
     b = read(graph, a, "b")
     graph.compile([b])
     assert ran(graph) == ["fill a", "b"]
     assert [r.name for r in graph.plan()] == ["shadow/maps", "fill a", "emitters", "masked", "b"]
     row = state_of(graph, "emitters")
     assert (row.state, row.reason, row.ms, row.bytes) == ("culled", "no emissive material", None, 0)
+    # Bounds that take long are computed on request.
+    assert (row.bound, state_of(graph, "shadow/maps").bound) == ("", "nothing")
+    detailed = table(graph.plan(counts=True)).splitlines()
+    assert detailed[3].endswith("no emissive material; would add at most 3 %")
     reasons = "no light that casts shadows, no emissive material, no alpha-masked material"
     assert table(graph.plan()).splitlines()[0] == f"ran 2, kept 0, culled 3: {reasons}"
     chain(graph)
@@ -1124,8 +1128,8 @@ def test_name_and_life_messages(begun):
     g = begun
     wrong(g, "copy", "two passes have this name", name="fill source", **g.good)
     with pytest.raises(GiError, match="pass 'fill source': two passes have this name"):
-        g.skip("fill source", "no light")
-    g.skip("shadow", "no light")
+        g.skip("fill source", "no light", "nothing")
+    g.skip("shadow", "no light", "nothing")
     wrong(g, "copy", "two passes have this name", name="shadow", **g.good)
     wrong(g, "copy", "it writes nothing", over=8, entry="other", constants={"NEEDED": 1})
     wrong(g, "nowhere", "there is no shader 'nowhere.wgsl'", over=8)
@@ -1139,7 +1143,7 @@ def test_name_and_life_messages(begun):
     g.compile([])
     wrong(g, "sum", "declared outside of begin", over=1, writes={"total": g.total}, params={"gain": 1, "width": 1})
     with pytest.raises(GiError, match="pass 'shadow': skipped outside of begin"):
-        g.skip("shadow", "no light")
+        g.skip("shadow", "no light", "nothing")
 
 
 def test_shared_uniform_messages(begun):

@@ -15,7 +15,7 @@ from .bindings import Over
 from .declare_resources import ResourceDeclarations
 from .handles import Buffer, Shared, Texture, View
 from .passes import Count, Pass, RasterState, Use
-from .schedule import Work
+from .schedule import Skipped, Work
 from .timing import Timing
 from .wgsl.load import ShaderSource, load
 from .wgsl.module import EntryPoint
@@ -28,7 +28,7 @@ class PassDeclarations(ResourceDeclarations):
         super().__init__(device)
         self.shader_root = shader_root
         self.passes: dict[str, Pass] = {}
-        self.planned: dict[str, Pass | Work | str] = {}  # in order of declaration; why it is skipped
+        self.planned: dict[str, Pass | Work | Skipped] = {}  # in order of declaration
         self.timing = Timing(device)
         self.counts: dict[str, Count] = {}  # by the names of passes
         self._declaring = False
@@ -151,10 +151,13 @@ class PassDeclarations(ResourceDeclarations):
         self._check_new_pass(name, f"work {name!r}")
         self.planned[name] = work
 
-    def skip(self, name: str, reason: str) -> None:
-        """Record for the plan why a pass is not declared: "no alpha-masked material"."""
+    def skip(self, name: str, reason: str, bound: str | Callable[[], str]) -> None:
+        """Record for the plan why a pass is not declared: "no alpha-masked material".
+
+        `bound`: what it could add at most, or a function that returns that when a plan is described.
+        """
         self._check_new_pass(name, f"pass {name!r}", "skipped")
-        self.planned[name] = reason
+        self.planned[name] = Skipped(reason, bound)
 
     def count(self, name: str, buffer: Buffer, part: int, whole: int, of: str) -> None:
         """Record for the plan which share of `of`, such as "directions", a pass works on.

@@ -7,15 +7,17 @@ from dataclasses import dataclass
 
 from ..pictures.tables import Table
 from .passes import Pass
-from .schedule import Stale, Work
+from .schedule import Skipped, Stale, Work
 from .timing import Timing
+
+UNSEEN = "nothing to the buffers shown"
 
 
 @dataclass(frozen=True)
 class Row:
     """A pass in the plan: `state` is ran, kept or culled; `bytes` is the size of what it writes.
 
-    `ms` is the median of its measured runs, `p95` their 95th percentile.
+    `ms` is the median of its measured runs, `p95` their 95th percentile. `bound`: what a culled pass could add at most.
     """
 
     name: str
@@ -24,17 +26,25 @@ class Row:
     ms: float | None
     p95: float | None
     bytes: int
+    bound: str = ""
 
 
 def plan(
-    planned: Mapping[str, Pass | Work | str], last_run: Mapping[str, Stale], timing: Timing, shares: Mapping[str, str]
+    planned: Mapping[str, Pass | Work | Skipped],
+    last_run: Mapping[str, Stale],
+    timing: Timing,
+    shares: Mapping[str, str],
+    *,
+    bounds: bool,
 ) -> list[Row]:
     """Describe what each declared pass did in a run, in the order of declaration.
 
-    `planned` maps each name to the pass, the work, or why it was not declared; `last_run` holds why each of them ran;
-    `shares` has texts of `share`.
+    `planned` maps each name to what was declared, or skipped; `last_run` holds why each of them ran;
+    `shares` has texts of `share`. bounds: also compute bounds that take long.
     """
-    return [_row(name, what, last_run.get(name), timing, shares.get(name, "")) for name, what in planned.items()]
+    return [
+        _row(name, what, last_run.get(name), timing, shares.get(name, ""), bounds) for name, what in planned.items()
+    ]
 
 
 def share(part: int, whole: int, of: str) -> str:
@@ -42,14 +52,17 @@ def share(part: int, whole: int, of: str) -> str:
     return f"{part / max(whole, 1):.0%} of {whole:,} {of}".replace("%", " %")
 
 
-def _row(name: str, what: Pass | Work | str, stale: Stale | None, timing: Timing, share_of_work: str) -> Row:
-    if isinstance(what, str):
-        return Row(name, "culled", what, None, None, 0)
+def _row(
+    name: str, what: Pass | Work | Skipped, stale: Stale | None, timing: Timing, share_of_work: str, bounds: bool
+) -> Row:
+    if isinstance(what, Skipped):
+        bound = what.bound if isinstance(what.bound, str) else what.bound() if bounds else ""
+        return Row(name, "culled", what.reason, None, None, 0, bound)
     if isinstance(what, Work):
         state, reason = ("kept", "inputs unchanged") if stale is None else ("ran", stale.reason)
         return Row(name, state, reason, timing.median(name), timing.p95(name), 0)
     if not what.active:
-        return Row(name, "culled", what.culled_because or "the graph is not compiled", None, None, 0)
+        return Row(name, "culled", what.culled_because or "the graph is not compiled", None, None, 0, UNSEEN)
     if stale is not None:
         state, reason = "ran", stale.reason
     else:
@@ -78,6 +91,7 @@ def table(rows: list[Row]) -> Table:
         ms = "" if r.ms is None else f"{r.ms:.2f} ms"
         p95 = "" if r.p95 is None else f"p95 {r.p95:.2f}"
         size = f"{r.bytes / 2**20:.2f} MiB" if r.bytes else ""
-        lines.append(f"{r.name:<{width}}  {r.state:<6} {ms:>11} {p95:>12} {size:>12}  {r.reason}".rstrip())
-        cells.append((r.name, r.state, ms, p95, size, r.reason))
-    return Table("\n".join(lines), ("pass", "state", "time", "", "memory", "why"), cells)
+        adds = f"; would add {r.bound}" if r.bound else ""
+        lines.append(f"{r.name:<{width}}  {r.state:<6} {ms:>11} {p95:>12} {size:>12}  {r.reason}{adds}".rstrip())
+        cells.append((r.name, r.state, ms, p95, size, r.reason, r.bound))
+    return Table("\n".join(lines), ("pass", "state", "time", "", "memory", "why", "would add"), cells)

@@ -167,14 +167,15 @@ class Graph(PassDeclarations):
     def plan(self, ran: Mapping[str, schedule.Stale] | None = None, *, counts: bool = False) -> list[describe.Row]:
         """Return what each pass did in the last run, or in the run whose `last_run` was `ran`.
 
-        `describe.table` prints it. counts: read back which shares passes worked on; waits for the GPU.
+        `describe.table` prints it. counts: read back which shares passes worked on, which waits for the GPU, and
+        compute what skipped passes could add at most.
         """
         shares = {}
         for name, count in self.counts.items():
             if counts and self.passes[name].active:
                 words = transfer.read_words(self.device.gpu, count.buffer, max(count.part, count.whole) + 1)
                 shares[name] = describe.share(int(words[count.part]), int(words[count.whole]), count.of)
-        return describe.plan(self.planned, self.last_run if ran is None else ran, self.timing, shares)
+        return describe.plan(self.planned, self.last_run if ran is None else ran, self.timing, shares, bounds=counts)
 
     def release(self) -> None:
         """Destroy all that the graph allocated, except shared resources. A new declaration may follow."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from ..errors import GiError
@@ -36,6 +37,14 @@ class Work(ABC):
     @abstractmethod
     def run(self) -> None:
         """Run it; `due` is empty afterwards."""
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """Why a pass is not declared, and what it could add at most, or a function that returns that."""
+
+    reason: str
+    bound: str | Callable[[], str]
 
 
 def link(passes: Sequence[Pass], outputs: Iterable[View]) -> None:

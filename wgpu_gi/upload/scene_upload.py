@@ -58,6 +58,7 @@ class SceneUpload:
 
     def __init__(self, device: Device, diffuse: bool = False) -> None:
         self.diffuse = diffuse
+        self.scene = Scene()  # of the last update
         shader = load("scene/lights.wgsl")
         self._dtypes = {name: shader.struct_dtype(struct) for name, struct in STRUCTS.items()}
         self._view_dtype = shader.struct_dtype("View")
@@ -127,6 +128,7 @@ class SceneUpload:
         limits.
         """
         check_scene(scene)
+        self.scene = scene
         self._figures.update(_without_empty(scene).instances)
         self._posed |= self._figures.changed
         scene = self._shown(scene)

@@ -20,6 +20,7 @@ from ...records import KnownAttributes
 from ...scene.scene import Scene
 from ...settings import setting
 from ...upload.light_values import emitted_radiance
+from ..shared.bounds import ELSEWHERE, NOTHING, SAVES
 from ..shared.gbuffer import Gbuffer
 from .emitters import declare_emitters
 from .environment import Ambient
@@ -97,7 +98,8 @@ def declare_direct(
     direct = _declare_mapped(graph, settings, scene, gbuffer, maps, ambient, sky, layers)
     if not scene.emitters.leaves:
         by_maps = settings.emitters == "maps"
-        graph.skip("emitters", "direct.emitters is maps" if by_maps else "nothing emits light")
+        reason = "direct.emitters is maps" if by_maps else "nothing emits light"
+        graph.skip("emitters", reason, ELSEWHERE if by_maps else NOTHING)
         return direct
     return declare_emitters(graph, scene, gbuffer, direct, settings.rays, seed)
 
@@ -157,7 +159,8 @@ def _declare_mapped(
         constants = {**ambient.constants("deferred/direct/edges.wgsl"), **occluded}
         _declare_edges(graph, scene, constants, inputs_of_edges, edge_groups, direct)
     else:
-        graph.skip("direct/edges", "no light casts shadows" if maps is None else "direct.edges is off")
+        reason = "no light casts shadows" if maps is None else "direct.edges is off"
+        graph.skip("direct/edges", reason, NOTHING if maps is None else ELSEWHERE)
     return direct
 
 
@@ -165,7 +168,7 @@ def _declare_tiles(graph: Graph, settings: DirectSettings, lights: DirectInputs,
     """Declare one bit per tile and light: the light can reach the tile. None where lists cost more than they save."""
     if not settings.tiles or lights.bounded < TILED_FROM:
         reason = f"fewer than {TILED_FROM} lights have a cone or a range" if settings.tiles else "direct.tiles is off"
-        graph.skip("direct/tiles", reason)
+        graph.skip("direct/tiles", reason, SAVES)
         return None
     width, height = graph.size
     columns, rows = -(-width // TILE), -(-height // TILE)

@@ -13,6 +13,7 @@ from ...gpu.handles import Handle, Shared
 from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
+from ..shared.bounds import NOTHING, sky_at_most
 from ..shared.scene_inputs import SceneInputs
 
 # Entries of the table of albedos along the view's cosine and the roughness. Bilinear lookups differ by at most 0.4 %
@@ -58,6 +59,8 @@ def declare_environment(
     shines = settings.ambient and scene.features["HAS_ENVIRONMENT"]
     pictured, coated = scene.features["HAS_PICTURED_ENVIRONMENT"], scene.features["HAS_COATS"]
     absent = "there is no environment" if settings.ambient else "environment.ambient is off"
+    # Without an environment there is no light; with environment.ambient off, as much as it could shed.
+    bound = sky_at_most(scene)
     neutral: Shared = graph.neutral("texture_2d")
     reads: dict[str, Handle] = {
         "environment": scene.lights["environment"],
@@ -67,12 +70,14 @@ def declare_environment(
     if coated and (shines or albedo):
         reads["ambient_albedo"] = _declare_albedo(graph)
     else:
-        graph.skip("environment/albedo", absent if coated else "no material is coated")
+        graph.skip("environment/albedo", absent if coated else "no material is coated", bound if coated else NOTHING)
     if shines and pictured:
         reads["ambient_maps"] = _declare_maps(graph, scene.lights["environment"], coated or lobes)
     else:
         for name in ("leaves", "sum", "prefilter"):
-            graph.skip(f"environment/{name}", "the environment is constant" if shines else absent)
+            graph.skip(
+                f"environment/{name}", "the environment is constant" if shines else absent, NOTHING if shines else bound
+            )
     return Ambient(reads, {"HAS_ENVIRONMENT": shines, "HAS_PICTURED_ENVIRONMENT": pictured})
 
 

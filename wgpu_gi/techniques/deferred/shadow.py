@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Handle, Texture
+from ..shared.bounds import NOTHING
 from .inputs import DeferredInputs
 from .shadow_draws import ShadowPart, slot_bits
 
@@ -33,7 +34,7 @@ def shadow_reads(graph: Graph, maps: ShadowMaps | None) -> dict[str, Handle]:
 def declare_shadow_maps(graph: Graph, scene: DeferredInputs) -> ShadowMaps | None:
     """Declare the atlases of all shadow views; return None if there are no views."""
     if not scene.direct.atlas_size:
-        graph.skip("shadow/opaque", "no light casts shadows")
+        graph.skip("shadow/opaque", "no light casts shadows", NOTHING)
         return None
     size = scene.direct.atlas_size
     atlas = graph.texture("shadow/atlas", "depth32float", size=(size, size))
@@ -41,13 +42,13 @@ def declare_shadow_maps(graph: Graph, scene: DeferredInputs) -> ShadowMaps | Non
     if scene.tints_shadows:
         glass = graph.texture("shadow/see_through_atlas", "depth32float", size=(size, size))
     else:
-        graph.skip("shadow/see_through", "no see-through material")
+        graph.skip("shadow/see_through", "no see-through material", NOTHING)
     for part, target in (("opaque", atlas), ("masked", atlas), ("see_through", glass)):
         masked = part != "opaque"
         if target is None:
             continue
         if part == "masked" and not scene.features["HAS_CUT_OUTS"]:
-            graph.skip("shadow/masked", "no alpha-masked material")
+            graph.skip("shadow/masked", "no alpha-masked material", NOTHING)
             continue
         shader = "deferred/shadow/masked.wgsl" if masked else "deferred/shadow/map.wgsl"
         graph.raster(

@@ -12,6 +12,7 @@ import numpy as np
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
+from ..shared.bounds import NOTHING, sky_unoccluded
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import Gbuffer
 from ..shared.sampling import STILL_SEQUENCE
@@ -37,7 +38,8 @@ def declare_sky(
     """
     if not (settings.ambient and settings.rays and scene.features["HAS_ENVIRONMENT"]):
         absent = not scene.features["HAS_ENVIRONMENT"]
-        graph.skip("sky/occlusion", "there is no environment" if absent else "environment.rays is 0 or ambient off")
+        reason = "there is no environment" if absent else "environment.rays is 0 or ambient off"
+        graph.skip("sky/occlusion", reason, NOTHING if absent else sky_unoccluded(scene))
         return None
     base = _declare_share(graph, "sky", settings.rays, scene, gbuffer, ambient, seed, frames, coat=False)
     coat: Handle = graph.neutral("buffer")

@@ -14,6 +14,7 @@ from dataclasses import replace
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...scene.scene import Scene
+from ..shared.bounds import NOTHING
 from ..shared.gbuffer import Gbuffer
 from ..shared.technique import Light
 from .inputs import DeferredInputs
@@ -35,7 +36,7 @@ def with_transmission(
     `bounces`: of the technique's indirect light; 0: surfaces behind glass reflect direct light only.
     """
     if not scene.features["HAS_TRANSMISSION"]:
-        graph.skip("transmission", "no material transmits light")
+        graph.skip("transmission", "no material transmits light", NOTHING)
         return light
     width, height = graph.size
     total = graph.buffer("transmission", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)

@@ -15,6 +15,7 @@ from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Shared
 from ...gpu.wgsl.load import load
+from ..shared.bounds import SAVES
 from ..shared.gbuffer import Gbuffer
 from .vpl import Vpls
 
@@ -36,7 +37,7 @@ def declare_clusters(graph: Graph, culling: str, gbuffer: Gbuffer, vpls: Vpls, i
     """Declare the light lists of all VPLs; `culling` is "none", "tiled" or "clustered"."""
     if culling == "none":
         for name in ("cluster_bounds", "light_lists"):
-            graph.skip(f"gather/{name}", "gather.culling is none")
+            graph.skip(f"gather/{name}", "gather.culling is none", SAVES)
         neutral = graph.neutral("buffer")
         return Clusters({"lists": neutral}, {"CULLED": False})
     # Lay out the clusters and their lists: a word for every 32 VPLs of a class.

@@ -10,6 +10,7 @@ from __future__ import annotations
 from ...gpu.graph import Graph
 from ...gpu.handles import Handle
 from ...gpu.wgsl.load import load
+from ..shared.bounds import NOTHING, scattered_more
 from ..shared.denoise import grid_size
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
@@ -34,7 +35,10 @@ def declare_compensation(
 ) -> None:
     """Declare the pass that adds the bound's loss to the irradiance; `albedo`: reflectance table of coated surfaces."""
     if not gathered.compensated:
-        graph.skip("gather/compensate", "gather.compensation is off, or gather.clamping is none")
+        if gathered.bounded:
+            graph.skip("gather/compensate", "gather.compensation is off", scattered_more(scene, 1))
+        else:
+            graph.skip("gather/compensate", "gather.clamping is none", NOTHING)
         return
     mean_bound = graph.buffer("gather/mean_bound", count=1)
     graph.compute(

@@ -100,7 +100,7 @@ class Gathered:
     normals: packed by the same file. glossy: the radiance of coats, W/(m2 sr), over `coat_tint` of `common/coat.wgsl`;
     None without coated materials. stride: picture pixels between the grid's pixels. interleave: side of the squares of
     the grid's pixels that divide the VPLs. clusters: the light lists. compensated: the bound's loss is to be added.
-    near_field: the part left out; None without a near field.
+    bounded: the light of near VPLs has a bound. near_field: the part left out; None without a near field.
     """
 
     irradiance: Buffer
@@ -110,6 +110,7 @@ class Gathered:
     interleave: int
     clusters: Clusters
     compensated: bool = False
+    bounded: bool = True
     near_field: NearField | None = None
 
     @property
@@ -172,7 +173,10 @@ def declare_gather(
             clear=[layers[name] for name in ("irradiance", "glossy")] if exact and not first else (),
         )
     glossy = layers["glossy"] if coated else None
-    return Gathered(layers["irradiance"], glossy, layers["normals"], stride, n, clusters, compensated, near_field)
+    bounded = settings.clamping != "none"
+    return Gathered(
+        layers["irradiance"], glossy, layers["normals"], stride, n, clusters, compensated, bounded, near_field
+    )
 
 
 def _visibility(

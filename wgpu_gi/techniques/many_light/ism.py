@@ -25,6 +25,7 @@ from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
 from ...webgpu_limits import MAX_TEXTURE_SIDE
+from ..shared.bounds import NOTHING
 from ..shared.scene_inputs import SceneInputs
 from .points import Points
 from .vpl import Vpls
@@ -109,7 +110,7 @@ def declare_ism(graph: Graph, settings: IsmSettings, scene: SceneInputs, points:
     if layout.points:
         _declare_splats(graph, settings, layout, points, vpls, samples)
     else:
-        graph.skip("ism/splat", "ism.points is 0")
+        graph.skip("ism/splat", "ism.points is 0", NOTHING)
     shader = "many_light/ism/rays.wgsl"
     graph.compute(
         "ism/rays",
@@ -254,7 +255,7 @@ def _declare_fill(
             clear=[groups],
         )
         if texels is None:
-            graph.skip("ism/refine", "ism.refine is off")
+            graph.skip("ism/refine", "ism.refine is off", NOTHING)
             continue
         shader = "many_light/ism/refine.wgsl"
         graph.compute(

@@ -13,6 +13,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
+from ..shared.bounds import ELSEWHERE
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import SURFACE, Gbuffer
 from ..shared.upsample import declare_upsampling
@@ -29,7 +30,7 @@ from .vpl import TABLE_WIDTH, Vpls
 def declare_near_shares(graph: Graph, settings: SsdoSettings, gbuffer: Gbuffer, vpls: Vpls) -> NearField | None:
     """Declare the share of each VPL's light that the near field finds at distance 0; None without a near field."""
     if not settings.near_field:
-        graph.skip("near_field/shares", "ssdo.near_field is off")
+        graph.skip("near_field/shares", "ssdo.near_field is off", ELSEWHERE)
         return None
     size = (TABLE_WIDTH, -(-vpls.count // TABLE_WIDTH))
     shares = graph.texture("near_field/shares", "r32float", size=size, nonnegative=True)

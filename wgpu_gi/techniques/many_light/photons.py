@@ -13,6 +13,7 @@ from math import ceil
 
 from ...gpu.graph import Graph
 from ...gpu.wgsl.load import load
+from ..shared.bounds import NOTHING
 from ..shared.denoise import grid_size
 from ..shared.gbuffer import Gbuffer
 from .gather import Gathered, GatherSettings, near_radius
@@ -36,7 +37,7 @@ def declare_photons(
 ) -> None:
     """Declare the passes that add the light of lobes to the irradiance and to the coats' light."""
     if not candidates.lobes.some or gathered.glossy is None:
-        graph.skip("photons", "no surface throws light by a lobe")
+        graph.skip("photons", "no surface throws light by a lobe", NOTHING)
         return
     # Draw the photons from the candidates.
     width, height = graph.size

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Handle
+from ..shared.bounds import ELSEWHERE, NOTHING
 from ..shared.denoise import grid_size
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
@@ -31,7 +32,7 @@ def declare_reflections(
     """Declare the pass that replaces the light of narrow coats; `albedo`: reflectance table of coated surfaces."""
     if gathered.glossy is None or settings.reflections <= 0:
         absent = "no material is coated" if gathered.glossy is None else "gather.reflections is 0"
-        graph.skip("gather/reflections", absent)
+        graph.skip("gather/reflections", absent, NOTHING if gathered.glossy is None else ELSEWHERE)
         return
     graph.compute(
         "gather/reflections",

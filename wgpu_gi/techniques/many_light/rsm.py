@@ -14,6 +14,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
 from ...records import KnownAttributes
 from ...settings import setting
+from ..shared.bounds import NOTHING
 from ..shared.sampling import STILL_SEQUENCE
 from .inputs import ManyLightInputs
 from .lobes import Lobes
@@ -49,7 +50,7 @@ def declare_rsm(
     """Declare the maps of all punctual lights, None without lights. `albedo`: reflectance table of coated surfaces."""
     count = scene.vpl.rsm_texels
     if count == 0:
-        graph.skip("rsm", "no point, spot or sun light")
+        graph.skip("rsm", "no point, spot or sun light", NOTHING)
         return None
     buffer = graph.buffer("rsm", dtype=CANDIDATE, count=lobes.words * count)
     shader = "many_light/rsm/trace.wgsl"

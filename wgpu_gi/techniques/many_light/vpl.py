@@ -18,6 +18,7 @@ from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
+from ..shared.bounds import NOTHING
 from ..shared.gbuffer import Gbuffer
 from ..shared.sampling import STILL_SEQUENCE
 from .inputs import ManyLightInputs
@@ -130,7 +131,7 @@ def declare_light_paths(
     vertices = min(most, PATH_CANDIDATES)
     has_sky, has_emitters = scene.features["HAS_ENVIRONMENT"], scene.features["HAS_EMITTERS"]
     if not has_sky and not has_emitters and vertices == 1:
-        graph.skip("vpl/light_paths", "the reflective shadow maps hold all light of one bounce")
+        graph.skip("vpl/light_paths", "the reflective shadow maps hold all light of one bounce", NOTHING)
         return None
     # Half of the paths carry the environment's light, or all paths if there is no other light.
     others = has_emitters or (scene.vpl.rsm_texels > 0 and vertices > 1)
@@ -180,7 +181,7 @@ def declare_candidates(
             constants=gbuffer.constants("many_light/vpl/view_samples.wgsl"),
         )
     else:
-        graph.skip("vpl/view_samples", f"vpl.importance is {settings.importance}")
+        graph.skip("vpl/view_samples", f"vpl.importance is {settings.importance}", NOTHING)
     texels = rsm.count if rsm is not None else 0
     buffers: dict[str, Handle] = {
         "rsm": rsm.buffer if rsm is not None else graph.neutral("buffer"),

@@ -24,6 +24,7 @@ from ...gpu.handles import Buffer, Handle
 from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
+from .bounds import MOVES
 from .gbuffer import Gbuffer
 
 SHADER = "shared/denoise/blur.wgsl"
@@ -135,7 +136,7 @@ def declare_filter(
         # Two more values per pixel are the blur's own: `blur.wgsl`.
         guide = graph.buffer(f"{name}/guide", dtype=TWO_FLOATS, count=3 * light.count, width=size[0])
     else:
-        graph.skip(f"{name}/atrous", "nothing is blurred, or denoise.levels is low")
+        graph.skip(f"{name}/atrous", "nothing is blurred, or denoise.levels is low", MOVES)
     constants = {
         **_constants(radius, stride, guided, glossy),
         "COAT_LOBES": glossy is not None,
@@ -237,7 +238,7 @@ def _declare_tent(
             uniforms=uniforms,
         )
     else:
-        graph.skip(f"{name}/rows", "nothing is blurred")
+        graph.skip(f"{name}/rows", "nothing is blurred", MOVES)
     blurred = layer(f"{name}/columns")
     # Ratios and radiance contain the coats' light.
     separate = glossy is not None and not (constants.get("LAST") or constants.get("RATIO"))
@@ -272,7 +273,7 @@ def _declare_neighbours(
     They are those of the frames of a still picture so far or, given `variances`, of neighbours within one frame.
     """
     if not guided:
-        graph.skip(f"{name}/moments", "nothing is blurred, or the picture has too few frames")
+        graph.skip(f"{name}/moments", "nothing is blurred, or the picture has too few frames", MOVES)
         return graph.neutral("buffer")
     size, uniforms = grid_size(graph, stride), {"view": view}
     moments: Handle = graph.neutral("buffer")

@@ -22,6 +22,7 @@ from ...errors import GiError
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Shared, Texture
+from .bounds import NOTHING
 from .culling import CameraDraws, ViewCulling
 from .scene_inputs import RasterInputs, declared_features
 
@@ -140,7 +141,7 @@ def _declare_visibility(
     for part, masked in (("opaque", False), ("masked", True)):
         runs = scene.draws.masked if masked else scene.draws.opaque
         if masked and not runs:
-            graph.skip(f"{name}/masked{suffix}", "no alpha-masked material, no see-through one")
+            graph.skip(f"{name}/masked{suffix}", "no alpha-masked material, no see-through one", NOTHING)
             continue
         graph.raster(
             f"{name}/{part}{suffix}",
@@ -161,7 +162,7 @@ def _declare_visibility(
 def declare_tint(graph: Graph, scene: RasterInputs, gbuffer: Gbuffer) -> Buffer | None:
     """Declare the factor on each pixel's light, (r, g, b, -), of glass it shows or shows through; None: 1."""
     if not scene.features["HAS_TINTS"]:
-        graph.skip("gbuffer/tint", "no thin, smooth glass")
+        graph.skip("gbuffer/tint", "no thin, smooth glass", NOTHING)
         return None
     width, height = graph.size
     tint = graph.buffer("gbuffer/tint", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)

@@ -69,7 +69,7 @@ def declare_deformation(graph: Graph, scene: SceneInputs) -> None:
     if scene.upload.has_figures:
         graph.outside("deform", scene.upload.deformation)
     else:
-        graph.skip("deform", "no mesh is skinned or morphed")
+        graph.skip("deform", "no mesh is skinned or morphed", "nothing")
 
 
 def share_scene(graph: Graph, upload: SceneUpload) -> SceneInputs:

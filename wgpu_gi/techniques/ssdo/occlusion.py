@@ -13,6 +13,7 @@ from ...gpu.handles import Buffer
 from ..deferred.environment import Ambient
 from ..deferred.inputs import DeferredInputs
 from ..deferred.sky import declare_sky_light
+from ..shared.bounds import scattered_more, sky_at_most
 from ..shared.denoise import declare_blur, declare_filter
 from ..shared.gbuffer import Gbuffer
 from ..shared.radiance_cache import RadianceCache, declare_cache
@@ -93,7 +94,7 @@ def declare_occlusion(
         coats=directional,
         rays=rays,
         reflects=reflects,
-        cache=_declare_cache(graph, settings, needed=rays and reflects),
+        cache=_declare_cache(graph, settings, scene, needed=rays and reflects),
         one_bounce=one_bounce,
         sliced=settings.sampling == "slices",
     )
@@ -101,7 +102,7 @@ def declare_occlusion(
     coats = _declare_coats(request, search)
     finish = declare_unrepresented_slices if request.sliced else declare_unrepresented
     if not ambient.features["HAS_ENVIRONMENT"]:
-        graph.skip("ssdo/share", "there is no environment, or environment.ambient is off")
+        graph.skip("ssdo/share", "there is no environment, or environment.ambient is off", sky_at_most(scene))
         finish(request, search, None)
         return Occlusion(None, search, coats)
     # Shadows of the sky have edges beside walls, so guide the blur along them.
@@ -122,12 +123,16 @@ def declare_occlusion(
     return Occlusion(sky, search, coats)
 
 
-def _declare_cache(graph: Graph, settings: SsdoSettings, *, needed: bool) -> RadianceCache | None:
+def _declare_cache(
+    graph: Graph, settings: SsdoSettings, scene: DeferredInputs, *, needed: bool
+) -> RadianceCache | None:
     """Declare the radiance cache if the settings ask for it; `needed`: rays look for reflected light."""
     if settings.offscreen == "cache" and needed:
         return declare_cache(graph)
+    # Without the cache, rays find what surfaces out of view reflect of direct light, but not of further bounces.
     chosen = settings.offscreen == "cache"
-    graph.skip("ssdo/offscreen", "no ray looks for reflected light" if chosen else "ssdo.offscreen is none")
+    reason = "no ray looks for reflected light" if chosen else "ssdo.offscreen is none"
+    graph.skip("ssdo/offscreen", reason, scattered_more(scene, 2 if needed else 1))
     return None
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from ...gpu.graph import Graph
 from ...gpu.handles import Handle
+from ..shared.bounds import NOTHING
 from ..shared.gbuffer import Gbuffer, declare_gbuffer
 from .inputs import SsdoInputs
 from .settings import MAX_CAMERAS, MAX_LAYERS
@@ -64,7 +65,7 @@ def view_name(number: int) -> str:
 def declare_sources(graph: Graph, scene: SsdoInputs) -> Sources:
     """Declare the G-buffers of layers and further cameras; the uniforms `view_1` ... must exist."""
     for name, reason in scene.screen.skipped:
-        graph.skip(name, reason)
+        graph.skip(name, reason, NOTHING)
     numbers = range(1, scene.screen.cameras + 1)
     return Sources(
         declare_gbuffer(graph, scene, layers=scene.screen.layers),

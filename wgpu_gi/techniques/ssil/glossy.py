@@ -14,6 +14,7 @@ from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..deferred.inputs import DeferredInputs
+from ..shared.bounds import NOTHING, scattered_more
 from ..shared.denoise import declare_blur
 from ..shared.gbuffer import Gbuffer
 
@@ -37,7 +38,8 @@ def declare_glossy(
     that no pixel shows count, too.
     """
     if not scene.features["HAS_COATS"] or not directions:
-        graph.skip("ssil/glossy", "every material is Lambert" if directions else "ssil.glossy_samples is 0")
+        bound = NOTHING if directions else scattered_more(scene, 1)
+        graph.skip("ssil/glossy", "every material is Lambert" if directions else "ssil.glossy_samples is 0", bound)
         return None
     width, height = graph.size
     glossy = graph.buffer("ssil/glossy", dtype=FOUR_FLOATS, count=width * height, width=width, nonnegative=True)

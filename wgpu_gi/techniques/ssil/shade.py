@@ -14,6 +14,7 @@ import numpy as np
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Handle
+from ..shared.bounds import ELSEWHERE, MOVES
 from ..shared.denoise import GUIDED_FROM, DenoiseSettings, declare_filter
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
@@ -47,7 +48,7 @@ def declare_guides(graph: Graph, levels: Levels, unrepresented: bool) -> Upsampl
     """Declare the upsampling from the first level to the picture; None if the first level is the picture."""
     if not unrepresented or levels.first == 0:
         reason = "gathering starts at full resolution" if unrepresented else "ssil.unrepresented is off"
-        graph.skip("ssil/unrepresented", reason)
+        graph.skip("ssil/unrepresented", reason, ELSEWHERE)
     if levels.first == 0:
         return None
     reads = {"surfels": levels.surfels[0], "coarse_surfels": levels.receivers}
@@ -69,7 +70,7 @@ def declare_denoised(
     """Declare the denoised irradiance of the first level, W/m2; `frames`: number per still picture."""
     stride = 1 << levels.first
     if not settings.levels:
-        graph.skip("ssil/denoise_input", "denoise.levels is 0")
+        graph.skip("ssil/denoise_input", "denoise.levels is 0", MOVES)
         return irradiance
     width, height = levels.size
     light = level_buffer(graph, "ssil/denoise_input", levels.size)
@@ -94,7 +95,7 @@ def declare_denoised_unrepresented(
     if fine is None or fine.irradiance is None:
         return fine
     if not settings.levels:
-        graph.skip("ssil/denoise_unrepresented", "denoise.levels is 0")
+        graph.skip("ssil/denoise_unrepresented", "denoise.levels is 0", MOVES)
         return fine
     guided = frames > GUIDED_FROM
     moments: Handle = graph.neutral("buffer")
@@ -109,7 +110,7 @@ def declare_denoised_unrepresented(
             writes={"moments": moments},
         )
     else:
-        graph.skip("ssil/unrepresented_moments", "the picture has too few frames")
+        graph.skip("ssil/unrepresented_moments", "the picture has too few frames", MOVES)
     denoised = _picture_buffer(graph, "ssil/denoised_unrepresented")
     graph.compute(
         "ssil/denoise_unrepresented",
@@ -145,7 +146,7 @@ def declare_shading(
     `glossy`, of all pixels.
     """
     if temporal.frames == 1:
-        graph.skip("temporal/accumulate", "temporal.frames is 1")
+        graph.skip("temporal/accumulate", "temporal.frames is 1", MOVES)
         return _declare_full(graph, scene, gbuffer, levels, irradiance, "indirect", glossy, fine, {})
     full = _declare_full(graph, scene, gbuffer, levels, irradiance, "irradiance", None, fine, {"REFLECTED": False})
     mean = declare_accumulate(graph, temporal, scene, gbuffer, motion, full, step=STEP).averaged

@@ -12,6 +12,7 @@ from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..deferred.inputs import DeferredInputs
+from ..shared.bounds import NOTHING, scattered_more
 from ..shared.denoise import declare_filter
 from ..shared.gbuffer import Gbuffer
 
@@ -23,7 +24,8 @@ BLOCK = 4  # side of the squares of pixels over which the light is averaged: tha
 def declare_shines(graph: Graph, scene: DeferredInputs, rays: int) -> Buffer | None:
     """Return a value that becomes 1 if the picture shows a shiny surface; None without coats or rays."""
     if not scene.features["HAS_COATS"] or not rays:
-        graph.skip("ssil/shiny", "every material is Lambert" if rays else "ssil.glossy_samples is 0")
+        bound = NOTHING if rays else scattered_more(scene, 1)
+        graph.skip("ssil/shiny", "every material is Lambert" if rays else "ssil.glossy_samples is 0", bound)
         return None
     return graph.buffer("ssil/shines", dtype=np.uint32, count=1)
 

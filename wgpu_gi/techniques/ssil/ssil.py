@@ -13,6 +13,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...records import KnownAttributes
 from ...settings import setting
+from ..shared.bounds import ELSEWHERE, NOTHING, scattered_more
 from ..shared.denoise import DenoiseSettings
 from ..shared.gbuffer import Gbuffer
 from ..shared.temporal import TemporalSettings
@@ -133,7 +134,7 @@ def declare_bounces(
     if settings.visibility == "voxels":
         voxels = declare_voxels(graph, voxel_settings, scene, levels)
     else:
-        graph.skip("voxels", f"ssil.visibility is {settings.visibility}")
+        graph.skip("voxels", f"ssil.visibility is {settings.visibility}", NOTHING)
 
     # Declare the light of the first bounce, plus the previous frame's light if amortised.
     count = settings.bounces if bounces is None else min(bounces, MOST_BOUNCES)
@@ -146,13 +147,13 @@ def declare_bounces(
         count = 1
     else:
         given = "one bounce" if count == 1 else "a number of bounces is given"
-        graph.skip("ssil/feedback", given if settings.amortised else "ssil.amortised is off")
+        graph.skip("ssil/feedback", given if settings.amortised else "ssil.amortised is off", ELSEWHERE)
 
     # Gather.
     fine = declare_guides(graph, levels, settings.unrepresented)
     last = last_level(levels, radius)
     for k in range(last + 1, levels.gathered.stop):
-        graph.skip(f"ssil/gather_{k}", "its ring begins beyond the picture")
+        graph.skip(f"ssil/gather_{k}", "its ring begins beyond the picture", NOTHING)
     bounded = settings.form_factor == "disc"
     inputs = GatherInputs(scene, seed, levels, last, pattern, settings.visibility, bounded, voxels, fine, kept)
     first = _declare_first_bounce(graph, settings, inputs, gbuffer, light, seed, one_bounce=bounces == 1)
@@ -203,7 +204,7 @@ def _declare_first_bounce(
             graph, scene, gbuffer, levels, irradiance, inputs.fine, settings.offscreen_rays, seed, one_bounce=one_bounce
         )
     else:
-        graph.skip("ssil/offscreen", "ssil.offscreen is none")
+        graph.skip("ssil/offscreen", "ssil.offscreen is none", scattered_more(inputs.scene, 1))
     return irradiance
 
 

@@ -18,6 +18,7 @@ from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
 from ...upload.solid_meshes import CHOICES
+from ..shared.bounds import NOTHING
 from .inputs import SsilInputs
 from .levels import Levels
 
@@ -178,7 +179,7 @@ def _declare_surfaces(
     for part, masked in (("opaque", False), ("masked", True)):
         runs = scene.draws.masked if masked else scene.draws.opaque
         if not runs:
-            graph.skip(f"voxels/{part}", f"no {'alpha-masked' if masked else 'opaque'} material")
+            graph.skip(f"voxels/{part}", f"no {'alpha-masked' if masked else 'opaque'} material", NOTHING)
         for number, (first, indices, slot, instances) in enumerate(runs):
             count = indices // 3 * instances
             graph.compute(
