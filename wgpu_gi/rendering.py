@@ -9,8 +9,9 @@ from typing import Any, overload
 
 import numpy as np
 
-from .budget.certificate import certify as make_certificate
+from .budget.certificate import certify as certify_by
 from .budget.certificate import check_pixels
+from .budget.request import Asked, asked_of
 from .buffers import check_buffers
 from .camera import Camera
 from .errors import GiError, warn_of
@@ -18,10 +19,8 @@ from .options import Settings, check_size, technique_of, uses
 from .pictures.denoise import denoised, require_denoiser
 from .pictures.picture import Picture
 from .renderer import Renderer
-from .scene.load import is_usd, lit
-from .scene.pose import check_time, outside, start_of
 from .scene.rules import shown
-from .scene.scene import Environment, Scene
+from .scene.scene import Environment
 from .settings import apply_quality, validate
 from .techniques.reference import FEATURES
 
@@ -33,7 +32,9 @@ def render(
     size: tuple[int, int] = ...,
     camera: Camera | str | int | dict[str, Any] | None = ...,
     environment: Environment | str | Path | None = ...,
-    time: float | None = ...,
+    time: float | str | None = ...,
+    error: float | None = ...,
+    at: float | None = ...,
     animation: str | int | None = ...,
     gi: str | None = ...,
     spp: int | None = ...,
@@ -58,7 +59,9 @@ def render(
     size: tuple[int, int] = ...,
     camera: Camera | str | int | dict[str, Any] | None = ...,
     environment: Environment | str | Path | None = ...,
-    time: float | None = ...,
+    time: float | str | None = ...,
+    error: float | None = ...,
+    at: float | None = ...,
     animation: str | int | None = ...,
     gi: str | None = ...,
     spp: int | None = ...,
@@ -82,7 +85,9 @@ def render(
     size: tuple[int, int] = (640, 360),
     camera: Camera | str | int | dict[str, Any] | None = None,
     environment: Environment | str | Path | None = None,
-    time: float | None = None,
+    time: float | str | None = None,
+    error: float | None = None,
+    at: float | None = None,
     animation: str | int | None = None,
     gi: str | None = None,
     spp: int | None = None,
@@ -101,53 +106,43 @@ def render(
     """Render one picture: (height, width, 3) float32 linear radiance in W/(m2 sr), or the buffer `show`.
 
     `scene` is a Scene or what `load` takes: a path, a trimesh mesh or scene, a pair (vertices, faces). A scene without
-    light gets an overcast sky. Its user learns that, and what else was approximated, by a GiWarning.
-    `environment` replaces the scene's. `camera` is a Camera, the name or the index of one in the scene, "auto",
-    "inside" (at eye height), or a dict such as {"position": (0, 1, 5), "target": (0, 1, 0)}. With several
-    names in `show`, such as ("radiance", "depth"), the result is a dictionary of pictures by name. With `transparent`,
-    radiance is (height, width, 4): the environment is left out where the camera sees it, colours are multiplied by
-    alpha, and alpha is the share of the pixel that surfaces cover.
+    light gets an overcast sky; that, and what else was approximated, is a GiWarning. `environment` replaces the
+    scene's. `camera` is a Camera, the name or the index of one in the scene, "auto", "inside" (at eye height), or a
+    dict such as {"position": (0, 1, 5), "target": (0, 1, 0)}. With several names in `show`, such as ("radiance",
+    "depth"), the result is a dictionary of pictures by name. With `transparent`, radiance is (height, width, 4):
+    without the environment in view, colours multiplied by alpha, the share of the pixel that surfaces cover.
 
-    `denoise` smooths the radiance of the path tracer with Open Image Denoise (the extra `denoise`). Other buffers stay
-    as they are; `standard_error` is that of the radiance before. `certify` (True: 200) path traces so many random
-    pixels: `certificate` of the radiance states its relMSE and its bias with 95 % intervals.
+    `time` ("2s", "500ms", "1.5min") chooses technique, quality and number of frames for the best picture within it;
+    `error`, a relMSE, for the fastest that errs no more. What is met first ends it; `outcome` of the pictures tells
+    more. `gi` or `settings` fix the technique. `at` in seconds is the time in `animation`, a name or an index in
+    `scene.animations` (None: the first), see `Renderer`; of a USD file the time code. A number as `time` is `at` if
+    the scene has an animation, else seconds to render in.
 
-    `time` in seconds shows the scene at that time of `animation`, a name or an index in `scene.animations` (None: the
-    first), see `Renderer`; an `animation` without a time is shown at its start. A USD file is shown at the time code
-    `time`.
-
-    The other arguments override `settings` where they are given. `quality` (low, medium, high) overrides all settings
-    that have presets. Raises GiError for bad values.
+    `denoise` smooths the path tracer's radiance with Open Image Denoise (the extra `denoise`), and no other buffer.
+    `certify` path traces so many random pixels (True: 200): `certificate` of the radiance states relMSE and bias with
+    95 % intervals. The other arguments override `settings`. `quality` (low, medium, high) overrides all settings with
+    presets. Raises GiError for bad values.
     """
-    # Check the arguments before any slow step.
-    values: dict[str, Any] = {"gi": gi, "spp": spp, "bounces": bounces, "seed": seed, "diffuse": diffuse}
-    values["transparent"] = transparent
+    values = {"gi": gi, "spp": spp, "bounces": bounces, "seed": seed, "diffuse": diffuse, "transparent": transparent}
     chosen = settings_of(settings, values, quality)
     names = (show,) if isinstance(show, str) else show
-    _check_arguments(names, size, chosen.gi, denoise, progress)
-    pixels = _certified_pixels(certify, names)
-    lighted, seconds, notes = lit_at(scene, environment, time, animation)
-    warn_of([*notes, *_ignored(chosen, values)], stacklevel=2)
-    # Render.
-    with Renderer(lighted, size=size, camera=camera, settings=chosen, adapter=adapter) as renderer:
-        renderer.time, renderer.animation = seconds, animation
-        renderer.run(progress, show=with_alpha(names, chosen, denoise))
-        pictures = read_pictures(renderer, names, chosen, denoise)
-        _certify(renderer, pictures, pixels)
+    pixels = _check_arguments(names, size, chosen.gi, denoise, progress, certify)
+    asked = asked_of(scene, environment, (time, error, at), animation, names, gi is not None or settings is not None)
+    warn_of([*asked.notes, *_ignored(chosen, values, asked.budget)], stacklevel=2)
+    with Renderer(asked.scene, size=size, camera=camera, settings=chosen, adapter=adapter) as renderer:
+        pictures = _pictures(renderer, asked, names, progress, denoise, pixels)
     return pictures[show] if isinstance(show, str) else pictures
 
 
-def _check_arguments(names: Sequence[str], size: tuple[int, int], gi: str, denoise: bool, progress: Any) -> None:
-    """Raise GiError for arguments of `render` that are wrong, or do not go together."""
+def _check_arguments(
+    names: Sequence[str], size: tuple[int, int], gi: str, denoise: bool, progress: Any, certify: bool | int
+) -> int:
+    """Raise GiError for arguments of `render` that are wrong, or do not go together; return the pixels to certify."""
     check_buffers(names, gi)
     check_size(size)
     check_denoise(denoise, names, gi)
     if progress is not None and not callable(progress):
         raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
-
-
-def _certified_pixels(certify: bool | int, names: Sequence[str]) -> int:
-    """Return how many pixels to certify by, 0 for none. Raises GiError for a wrong number or no radiance to certify."""
     if certify is False:
         return 0
     if "radiance" not in names:
@@ -155,26 +150,21 @@ def _certified_pixels(certify: bool | int, names: Sequence[str]) -> int:
     return check_pixels(certify)
 
 
-def _certify(renderer: Renderer, pictures: dict[str, Picture], pixels: int) -> None:
-    """Certify radiance by a number of pixels, 0 for none; warn if it cannot be certified."""
-    if not pixels:
-        return
-    radiance = pictures["radiance"]
-    try:
-        radiance.certificate = make_certificate(renderer, pixels, picture=radiance[..., :3])
-    except GiError as error:
-        warn_of([f"no certificate: {error}"], stacklevel=3)
-
-
-def lit_at(
-    scene: Any, environment: Environment | str | Path | None, time: float | None, animation: str | int | None
-) -> tuple[Scene, float | None, list[str]]:
-    """Return a scene with light, the seconds at which to show its animation, and notes; see `render` and `lit`."""
-    check_time(time)
-    usd = is_usd(scene)
-    lighted, notes = lit(scene, environment, time if usd else None)
-    seconds = start_of(lighted, None if usd else time, animation)
-    return lighted, seconds, [*notes, *outside(lighted, seconds, animation)]
+def _pictures(
+    renderer: Renderer, asked: Asked, names: Sequence[str], progress: Any, denoise: bool, pixels: int
+) -> dict[str, Picture]:
+    """Render what is asked for; return the buffers by name, radiance certified by a number of pixels (0: not)."""
+    outcome = asked.run(renderer, progress, with_alpha(names, renderer.settings, denoise))
+    pictures = read_pictures(renderer, names, renderer.settings, denoise)
+    for picture in pictures.values():
+        picture.outcome = outcome
+    if pixels:
+        radiance = pictures["radiance"]
+        try:
+            radiance.certificate = certify_by(renderer, pixels, picture=radiance[..., :3])
+        except GiError as error:
+            warn_of([f"no certificate: {error}"], stacklevel=3)
+    return pictures
 
 
 def settings_of(settings: Settings | None, values: dict[str, Any], quality: str | None) -> Settings:
@@ -194,13 +184,15 @@ def settings_of(settings: Settings | None, values: dict[str, Any], quality: str 
     return chosen
 
 
-def _ignored(settings: Settings, values: dict[str, Any]) -> list[str]:
-    """Return a sentence for each of the given `values` that the technique does not use."""
+def _ignored(settings: Settings, values: dict[str, Any], budget: object) -> list[str]:
+    """Return a sentence for each of the given `values` that the technique, or a picture of a budget, does not use."""
     gi, most = settings.gi, technique_of(settings.gi).most_bounces
     notes = []
     if values["bounces"] is not None and most is not None and values["bounces"] > most:
         notes.append(f"the technique {gi} has at most {most} indirect bounces, not {values['bounces']}")
-    if values["spp"] is not None and not uses(gi, "spp"):
+    if values["spp"] is not None and budget is not None:
+        notes.append("spp changes nothing: time and error decide when the picture is done")
+    elif values["spp"] is not None and not uses(gi, "spp"):
         notes.append(f"spp changes nothing: the technique {gi} averages frames, settings.camera.frames of them")
     return notes
 

@@ -94,18 +94,18 @@ def test_the_copied_command_and_saved_files_hold_the_time(session, clock, tmp_pa
     from PIL import Image
 
     settle(session, clock)
-    assert "--time" not in command_of(session)
+    assert "--at" not in command_of(session)
     session.playback.choose("slide")
     session.playback.seek(0.625)
     session.camera = navigation.orbit(session.camera, session.pivot, 0.2, 0.0)
     settle(session, clock)
     command = command_of(session, "view.npy")
-    assert "--time 0.625 --animation=slide" in command
+    assert "--at 0.625 --animation=slide" in command
     assert main(shlex.split(command)[1:]) == 0
     assert (np.abs(load_image("view.npy") - session.values()) > 1e-3).mean() < 0.01  # the command rounds the camera
     session.playback.toggle()
     with Image.open(save(session, tmp_path)[0]) as picture:
-        assert f"--time {session.renderer.time!r}" in picture.text["command"]
+        assert f"--at {session.renderer.time!r}" in picture.text["command"]
     assert not session.playback.playing
 
 

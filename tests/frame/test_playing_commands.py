@@ -31,7 +31,7 @@ def render(output: str, *arguments: str) -> int:
 def test_frames_play_the_animation_and_start_again_at_its_end():
     assert render("{frame}.npy", "--frames", "0:13:3", "--fps", "10") == 0
     for frame, time in ((0, "0"), (3, "0.3"), (9, "0.9"), (12, "0.2")):
-        assert render("one.npy", "--time", time) == 0
+        assert render("one.npy", "--at", time) == 0
         assert np.allclose(np.load(f"{frame}.npy"), np.load("one.npy"), rtol=1e-5, atol=1e-6), frame
     assert not np.allclose(np.load("0.npy"), np.load("9.npy"), rtol=1e-2)
     # The time of each frame, and the camera that moves with the animation, are in the record.
@@ -83,7 +83,9 @@ def test_resuming_at_another_time_is_refused(change, capsys):
         (["slide", "--animation", "slied"], "slide"),
         (["slide", "--animation", "7"], "slide"),
         (["slide", "--time", "nan"], "a time is a number, not 'nan'"),
-        (["cornell-point", "--time", "1"], "cornell-point has no animation for --time"),
+        (["cornell-point", "--at", "1"], "cornell-point has no animation for --at"),
+        (["cornell-point", "--time", "0"], "a time budget must be a finite number of seconds above 0, not 0"),
+        (["slide", "--at", "0.5", "--time", "-1"], "a time budget must be a finite number of seconds above 0, not -1"),
         (["cornell-point", "--animation", "a", "--time", "0"], "no animation for --time and --animation"),
         (["slide", "--frames", "0:2", "-o", "{frame}.png", "--fps", "0"], "--fps must lie between 1 and 1000"),
     ],

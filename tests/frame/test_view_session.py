@@ -17,16 +17,19 @@ from wgpu_gi.gpu.wgsl import load as wgsl
 from wgpu_gi.options import TECHNIQUES, CameraSettings, Settings
 from wgpu_gi.pictures.exposure import automatic_exposure
 from wgpu_gi.pictures.image import load_image
+from wgpu_gi.pictures.noise import expected_relmse
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.resources import resource_dir
 from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES
 from wgpu_gi.scene.files.light_texts import parse_light
 from wgpu_gi.settings import describe
 from wgpu_gi.viewer import navigation
+from wgpu_gi.viewer import refinement as refinement_module
 from wgpu_gi.viewer import session as session_module
 from wgpu_gi.viewer.comparison import Comparison
 from wgpu_gi.viewer.dynamic_resolution import LAST_LEVEL, DynamicResolution, pixels_at
 from wgpu_gi.viewer.probe import PROBED, Probe
+from wgpu_gi.viewer.refinement import Refinement
 from wgpu_gi.viewer.saving import command_of, save
 from wgpu_gi.viewer.session import DISPLAY, Session
 from wgpu_gi.viewer.thumbnails import SIZE as THUMBNAIL
@@ -54,6 +57,46 @@ def settle(session):
 
 def moved(session, right=0.05):
     session.camera = navigation.orbit(session.camera, session.pivot, right, 0.0)
+
+
+@pytest.mark.parametrize("gi", ["none", "path"])
+def test_a_view_with_an_error_is_refined_until_its_noise_is_below(gi):
+    renderer = Renderer(BUILTIN_SCENES["cornell"](), size=SIZE, settings=Settings(gi=gi))
+    renderer.settings.path.samples_per_run = 1
+    session = Session(renderer, refinement=Refinement(error=0.1 if gi == "path" else 0.01))
+    settle(session)
+    noise = session.refinement.noise
+    assert session.at_rest and noise == expected_relmse(*map(renderer.read_back, ("radiance", "standard_error")))
+    assert noise <= session.refinement.error and renderer.finished >= 4 and f"noise {noise:.2g}" in session.status()
+    assert session.settings.camera.frames == Settings().camera.frames and session.settings.spp == Settings().spp
+    # Another view begins anew.
+    frames = renderer.finished
+    moved(session)
+    settle(session)
+    assert session.at_rest and 4 <= renderer.finished <= 2 * frames
+
+
+def test_a_view_with_a_time_is_refined_for_so_long(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(refinement_module.time, "monotonic", lambda: now[0])
+    session = Session(Renderer(BUILTIN_SCENES["cornell"](), size=SIZE, settings=Settings(gi="none")))
+    session.refinement = Refinement(seconds=10.0)
+    for _ in range(40):
+        assert session.step()
+        now[0] += 0.25
+    assert not session.at_rest
+    assert session.step() and session.at_rest and not session.step()
+    assert session.renderer.finished == 42  # the step that finds the exposure renders twice
+
+
+def test_a_rate_chooses_the_resolution():
+    """A frame of 0.2 s at full resolution: four frames per second need none less, 25 a fifth of the pixels."""
+    levels = []
+    for fps in (4.0, None, 100.0):
+        resolution = DynamicResolution(fps)
+        resolution.note_rest(0.2)
+        levels.append(resolution.level)
+    assert levels[0] == 0 < levels[1] < levels[2]
 
 
 def test_a_still_view_runs_no_pass(monkeypatch):

@@ -37,7 +37,7 @@ class FakeRenderer:
     def __init__(self, scene, **arguments):
         FakeRenderer.made = self
         self.scene, self.arguments = scene, arguments
-        self.size, self.finished = arguments["size"], 0
+        self.size, self.settings, self.finished = arguments["size"], arguments["settings"], 0
 
     def run(self, progress, *, show, check, timings):
         self.ran = (show, check, timings)
@@ -45,7 +45,7 @@ class FakeRenderer:
         self.finished = self.before_interrupt
         if self.interrupt is not None:
             raise self.interrupt()
-        settings = self.arguments["settings"]
+        settings = self.settings
         self.finished = settings.spp if settings.gi == "path" else settings.camera.frames
 
     def read_back(self, name):

@@ -9,9 +9,8 @@ from unit.test_mesh_files import area, world_triangles
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.color import linear_from_srgb
-from wgpu_gi.rendering import lit_at
 from wgpu_gi.scene.check import check_camera, check_scene
-from wgpu_gi.scene.load import load
+from wgpu_gi.scene.load import lit_at, load
 from wgpu_gi.scene.scene import DirectionalLight, PointLight, SpotLight
 
 pxr = pytest.importorskip("pxr")

@@ -275,7 +275,7 @@ def test_space_plays_and_pauses_the_animation(display, tmp_path):
         viewer.xdotool("key", "space")
         viewer.settle()
         viewer.xdotool("key", "c")
-        viewer.until(lambda: re.search(r"--time \d\.\d+ --animation=walk", viewer.log.read_text()))
+        viewer.until(lambda: re.search(r"--at \d\.\d+ --animation=walk", viewer.log.read_text()))
     finally:
         viewer.close()
 

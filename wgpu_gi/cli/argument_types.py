@@ -5,8 +5,18 @@ from __future__ import annotations
 import math
 import re
 from argparse import ArgumentTypeError
+from typing import NamedTuple
 
+from ..budget.amounts import checked_error, seconds_of
+from ..errors import GiError
 from ..scene.files.memory import GIB
+
+
+class Amount(NamedTuple):
+    """A number of seconds, from a text with a unit of time or without one."""
+
+    number: float
+    has_unit: bool
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -81,6 +91,36 @@ def parse_time(text: str) -> float:
     if not math.isfinite(time):
         raise ArgumentTypeError(f"a time is a number, not {text!r}")
     return time
+
+
+def parse_amount(text: str) -> Amount:
+    """Parse a time budget such as 2s, or a number without a unit, which may be a time in an animation."""
+    try:
+        seconds = seconds_of(text)
+    except GiError as error:
+        raise ArgumentTypeError(str(error)) from None
+    return Amount(parse_time(text), False) if seconds is None else Amount(seconds, True)
+
+
+def parse_error(text: str) -> float:
+    """Parse an error to reach, a relMSE."""
+    try:
+        return checked_error(float(text), text)
+    except ValueError:
+        raise ArgumentTypeError(f"an error is a relMSE above 0, such as 0.01, not {text!r}") from None
+    except GiError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def parse_rate(text: str) -> float:
+    """Parse a rate of frames per second, from 1 to 1000."""
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not 1 <= rate <= 1000:
+        raise ArgumentTypeError(f"a rate is 1 to 1000 frames per second, not {text!r}")
+    return rate
 
 
 def parse_bounces(text: str) -> int | None:

@@ -23,7 +23,7 @@ from .measure_arguments import (
     add_report_arguments,
     add_stress_arguments,
 )
-from .picture_arguments import add_picture_arguments, add_render_arguments
+from .picture_arguments import add_picture_arguments, add_render_arguments, add_view_arguments
 
 USAGE = "[OPTIONS] [SCENE]"
 REPORT_USAGE = "[OPTIONS] [REPORT.json ...]"
@@ -71,6 +71,7 @@ def build_parser() -> Parser:
     _add_messages(render, "the output of --plan and --timings")
     view = command("view", "show a scene in a window", VIEW_EPILOG, USAGE)
     add_picture_arguments(view, size="960x540")
+    add_view_arguments(view)
     _add_messages(view, "copied commands")
     add_compare_arguments(command("compare", "measure the error of a picture against a truth", COMPARE_EPILOG))
     bench = command("bench", "measure error and time of techniques", BENCH_EPILOG, "[OPTIONS] [SCENE ...]")

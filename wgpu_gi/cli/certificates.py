@@ -1,4 +1,4 @@
-"""`wgpu-gi render --certify`: certifies the picture, prints the certificate and returns it for the file's metadata."""
+"""`wgpu-gi render --certify`: certifies the picture; Ctrl-C skips that."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from numpy.typing import NDArray
 
-from ..budget.certificate import certify, check_pixels
+from ..budget.certificate import Certificate, certify, check_pixels
 from ..errors import GiError
 from ..renderer import Renderer
 from .interrupt import handled
@@ -25,18 +25,14 @@ def pixels_of(arguments: Namespace, shown: Sequence[str]) -> int:
     return check_pixels(arguments.certify, "--certify")
 
 
-def certificate_texts(renderer: Renderer, pixels: int, picture: NDArray | None, say: Messages) -> dict[str, str]:
-    """Certify a picture (None: the renderer's), print the certificate, return its texts; Ctrl-C skips that."""
+def certificate_of(renderer: Renderer, pixels: int, picture: NDArray, say: Messages) -> Certificate | None:
+    """Certify a picture (h, w, 3 or 4) of the renderer; None, with a note, if Ctrl-C is pressed or it has no error."""
     try:
         with say.progress("certifying") as report:
-            color = None if picture is None else picture[..., :3]
-            certificate = certify(renderer, pixels, picture=color, progress=report)
+            return certify(renderer, pixels, picture=picture[..., :3], progress=report)
     except KeyboardInterrupt:
         handled()
         say.note("no certificate: interrupted")
-        return {}
     except GiError as error:
         say.note(f"no certificate: {error}")
-        return {}
-    say.result(certificate.sentence())
-    return certificate.texts()
+    return None

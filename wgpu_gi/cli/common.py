@@ -27,6 +27,7 @@ from ..scene.pose import outside, start_of
 from ..scene.scene import Scene
 from ..settings import apply_quality, assign, cells_of, describe, format_rows, validate
 from ..version import __version__
+from .budgets import flag_of_time, settle_time
 from .messages import Messages, Report
 
 FLAGS = {"spp": "--spp", "seed": "--seed", "path.visible_only": "--visible-only"}  # settings with a flag of their own
@@ -37,6 +38,7 @@ REASONS = {
 }
 REMEDIES = dict.fromkeys((NO_LIGHT_NOTE, GLOW_NOTE), "--env or --light set others")
 REMEDIES[NO_CAMERA_NOTE] = "--camera sets another"
+DEFAULTS, QUALITY = Settings(), "medium"  # where the arguments give none
 LISTS = ("help", "help=all")  # what --set takes in place of a setting
 
 
@@ -79,9 +81,9 @@ def print_settings(settings: Settings, everything: bool = False) -> None:
 def settings_from(arguments: Namespace, first: Sequence[str] = ()) -> Settings:
     """Return checked settings: from the flags, then `first`, then every `--set`. Later values win."""
     settings = Settings(
-        gi=arguments.gi,
+        gi=arguments.gi or DEFAULTS.gi,
         bounces=arguments.bounces,
-        spp=arguments.spp,
+        spp=DEFAULTS.spp if arguments.spp is None else arguments.spp,
         seed=arguments.seed,
         exposure=arguments.exposure,
         diffuse=arguments.diffuse,
@@ -89,7 +91,7 @@ def settings_from(arguments: Namespace, first: Sequence[str] = ()) -> Settings:
     )
     settings.path.visible_only = arguments.visible_only
     validate(settings)
-    apply_quality(settings, arguments.quality)
+    apply_quality(settings, arguments.quality or QUALITY)
     for text in (*first, *arguments.set):
         if text not in LISTS:
             assign(settings, text)
@@ -142,6 +144,7 @@ def load_scene(
 
 def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Scene, Camera]:
     """Load the scene of the arguments, choose its camera and print its notes."""
+    settle_time(arguments, None)
     with say.timed(f"loading {source}"):
         scene = load_scene(
             source,
@@ -154,6 +157,7 @@ def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Sce
             arguments.time,
         )
         camera = choose_camera(scene, arguments.camera, Path(source).parent)
+    settle_time(arguments, scene)
     notes = [*scene.notes, *outside(scene, time_of(arguments, source, scene), arguments.animation)]
     for note in notes:
         if note != NO_CAMERA_NOTE or arguments.camera is None:
@@ -168,10 +172,14 @@ def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Sce
 def time_of(arguments: Namespace, source: str, scene: Scene) -> float | None:
     """Return the seconds at which to show the animation of the arguments; None for the scene as it stands.
 
-    `--time` of a USD file is its time code. Raises GiError for an animation that the scene does not have.
+    `--at` of a USD file is its time code. Raises GiError for an animation that the scene does not have.
     """
     time = None if is_usd(source) else arguments.time
-    given = [flag for flag, value in (("--time", time), ("--animation", arguments.animation)) if value is not None]
+    given = [
+        flag
+        for flag, value in ((flag_of_time(arguments), time), ("--animation", arguments.animation))
+        if value is not None
+    ]
     if given and not scene.animations:
         raise GiError(f"{source} has no animation for {' and '.join(given)}")
     return start_of(scene, time, arguments.animation)
@@ -232,7 +240,7 @@ def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> 
         "time": "" if arguments.time is None else arguments.time,
         "animation": "" if arguments.animation is None else arguments.animation,
         "gi": settings.gi,
-        "quality": arguments.quality,
+        "quality": arguments.quality or QUALITY,
         "bounces": "unlimited" if settings.bounces is None else settings.bounces,
         "spp": settings.spp,
         "seed": settings.seed,

@@ -21,7 +21,10 @@ examples:
   wgpu-gi render scene.glb -o frame.exr --show radiance --show depth --show normal
   wgpu-gi render scene.glb -o f/{frame:04d}.exr --frames 0:240 --turntable --layers depth,normal --shard 1/8
   wgpu-gi render scene.glb -o around.mp4 --frames 0:240 --turntable
-  wgpu-gi render scene.glb --time 1.5 --animation walk
+  wgpu-gi render scene.glb --time 2s                the best picture within two seconds
+  wgpu-gi render scene.glb --error 0.001 --time 1h  until its relMSE is 0.001, for an hour at most
+  wgpu-gi render scene.glb --certify                and measure relMSE and bias at 200 random pixels
+  wgpu-gi render scene.glb --at 1.5 --animation walk
   wgpu-gi render scene.glb -o walk.mp4 --frames 0:240 --fps 24
   wgpu-gi render --gi ssil --set help               the settings of a technique
 
@@ -38,10 +41,18 @@ cameras:
   --camera takes {"position": [0, 1, 5], "target": [0, 1, 0]}, or a .json file with that. Optional: "up", [0, 1, 0];
   "yfov_deg", the full vertical angle, 60; "orthographic_height", the height of a parallel view in metres.
 
+budgets:
+  --time and --error choose technique, quality and number of frames by a short measurement in the scene, which is kept
+  for the next run; with --gi, only that technique's. The error is relMSE, its bias included. --error ends with a
+  certificate that confirms it. --time counts from the loaded scene to the finished picture; a certificate adds seconds.
+  Ctrl-C ends any picture: what is there is saved, with a certificate, which a second Ctrl-C skips. A sequence
+  keeps its complete frames.
+
 animations:
-  --time T shows the second T of an animation: before its start the first pose, after its end the last. Without
-  --time, a picture shows the scene at rest, and --frames plays: frame F shows the second F / fps, from the start
-  again after the end. A camera that the animation moves is followed. `wgpu-gi info SCENE` lists the animations.
+  --at T shows the second T of an animation: before its start the first pose, after its end the last. So does --time T
+  without a unit, if the scene has an animation or is a USD file. Without a time, a picture shows the scene at rest, and
+  --frames plays: frame F shows the second F / fps, from the start again after the end. A camera that the animation
+  moves is followed. `wgpu-gi info SCENE` lists the animations.
 
 sequences:
   --frames A:B renders frames A to B-1 and skips those whose files exist, so the same command resumes a stopped run.
@@ -56,6 +67,7 @@ examples:
   wgpu-gi view scene.glb                            drag to orbit; ? in the window lists all keys
   wgpu-gi view scene.glb --gi none --size 1280x720
   wgpu-gi view scene.obj --env sky.hdr --light "sun 0.3,-1,0.2 3,3,2.8" --exposure 1
+  wgpu-gi view scene.glb --fps 30 --error 0.0001    fewer pixels while it moves; refined at rest
 
 It needs a display and pip install glfw imgui-bundle. Shader files are reloaded when saved.
 """

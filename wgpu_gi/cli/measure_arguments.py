@@ -36,7 +36,7 @@ def add_bench_arguments(parser: ArgumentParser) -> None:
     )
     scene.add_argument("--camera", metavar="CAMERA", help=CAMERA_HELP)
     add_light_arguments(scene)
-    add_loading_arguments(scene)
+    add_loading_arguments(scene, "--at", "--time")
 
     # Techniques and settings.
     technique = parser.add_argument_group("what to measure")

@@ -7,12 +7,15 @@ from argparse import ArgumentParser, _ArgumentGroup
 from ..scene.files.memory import GIB, MAX_MEMORY
 from ..settings import QUALITIES
 from .argument_types import (
+    parse_amount,
     parse_bounces,
+    parse_error,
     parse_exposure,
     parse_frames,
     parse_length,
     parse_memory,
     parse_pixels,
+    parse_rate,
     parse_shard,
     parse_size,
     parse_time,
@@ -36,20 +39,19 @@ def add_picture_arguments(parser: ArgumentParser, size: str) -> None:
     )
     scene.add_argument("--camera", metavar="CAMERA", help=CAMERA_HELP)
     add_light_arguments(scene)
-    add_loading_arguments(scene)
+    add_loading_arguments(scene, "--at")
 
     # How to light it.
     technique = parser.add_argument_group("technique")
     add = technique.add_argument
     add(
         "--gi",
-        default="many-light",
         metavar="GI",
         help="technique, default many-light; 'help' lists them, 'path' is the truth",
     )
-    add("--quality", choices=QUALITIES, default="medium", help="preset of the settings, default medium")
+    add("--quality", choices=QUALITIES, help="preset of the settings, default medium")
     add("--bounces", type=parse_bounces, metavar="N", help="indirect bounces: 0, 1 ... or unlimited, the default")
-    add("--spp", type=int, default=64, metavar="N", help="samples per pixel of --gi path, default 64")
+    add("--spp", type=int, metavar="N", help="samples per pixel of --gi path, default 64")
     add("--visible-only", action="store_true", help="with --gi path: only surfaces in the picture send light")
     add("--seed", type=int, default=0, metavar="N", help="seed of the random numbers, default 0")
     add("--set", action="append", default=[], metavar="NAME=VALUE", help=SET_HELP)
@@ -60,6 +62,13 @@ def add_picture_arguments(parser: ArgumentParser, size: str) -> None:
     add("--size", type=parse_size, default=parse_size(size), metavar="WxH", help=f"pixels, default {size}")
     add("--exposure", type=parse_exposure, metavar="EV", help="scale the displayed picture by 2^EV; default automatic")
     add("--adapter", metavar="NAME", help=ADAPTER_HELP)
+
+
+def _add_budget_arguments(parser: ArgumentParser, time: str, error: str) -> None:
+    add = parser.add_argument_group("budget").add_argument
+    time += "; a number without a unit, of a scene with an animation: --at"
+    add("--time", dest="budget", type=parse_amount, metavar="T", help=time)
+    add("--error", type=parse_error, metavar="E", help=error)
 
 
 def add_light_arguments(group: _ArgumentGroup) -> None:
@@ -84,8 +93,8 @@ def add_light_arguments(group: _ArgumentGroup) -> None:
     )
 
 
-def add_loading_arguments(group: _ArgumentGroup) -> None:
-    """Add how a scene is read, and when it is shown."""
+def add_loading_arguments(group: _ArgumentGroup, *names: str) -> None:
+    """Add how a scene is read, and, by a flag of these `names`, at which time it is shown."""
     add = group.add_argument
     add("--diffuse", action="store_true", help="treat every material as Lambert with its base colour")
     add(
@@ -103,7 +112,8 @@ def add_loading_arguments(group: _ArgumentGroup) -> None:
         help="diameter of the discs or spheres that show points without faces, default twice their spacing",
     )
     add(
-        "--time",
+        *names,
+        dest="time",
         type=parse_time,
         metavar="T",
         help="seconds at which an animation is shown; of a USD file the time code, default its start",
@@ -113,6 +123,11 @@ def add_loading_arguments(group: _ArgumentGroup) -> None:
 
 def add_render_arguments(parser: ArgumentParser) -> None:
     """Add what only `render` takes: files, reports, sequences."""
+    _add_budget_arguments(
+        parser,
+        "render the best picture within T, such as 2s, 500ms, 1.5min: chooses technique, quality, number of frames",
+        "render until the relMSE is E, such as 0.01; with --time: whichever comes first",
+    )
     # Files and reports.
     output = parser.add_argument_group("output")
     add = output.add_argument
@@ -159,4 +174,19 @@ def add_render_arguments(parser: ArgumentParser) -> None:
     add("--shard", type=parse_shard, metavar="I/N", help="render part I of N of the frames, from 1/N to N/N")
     add(
         "--fps", type=int, default=24, metavar="N", help="frames per second of the animation and of an .mp4, default 24"
+    )
+
+
+def add_view_arguments(parser: ArgumentParser) -> None:
+    """Add what only `view` takes."""
+    _add_budget_arguments(
+        parser,
+        "refine a view at rest for T, such as 10s",
+        "refine a view at rest until the relMSE of its noise is E, such as 0.0001",
+    )
+    parser.add_argument_group("window").add_argument(
+        "--fps",
+        type=parse_rate,
+        metavar="N",
+        help="while the view moves, use so many pixels that N frames per second are shown; default 25, at least 15",
     )

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import time
 from argparse import Namespace
-from typing import Any
 
-from ..budget.certificate import PIXELS
+from ..budget.certificate import PIXELS, Certificate
 from ..buffers import buffers_of, views_of
 from ..errors import GiError
-from ..options import Settings, check_size, picture_count
+from ..options import Settings, check_size
 from ..pictures.exposure import exposure_text
 from ..pictures.image import check_output, save_image
+from ..pictures.picture import Picture
 from ..renderer import Renderer
 from ..rendering import check_denoise, read_pictures, with_alpha
-from .certificates import certificate_texts, pixels_of
-from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, rendering, settings_from
-from .interrupt import INTERRUPTED, handled, held
+from .budgets import budget_of, check_budget
+from .certificates import certificate_of, pixels_of
+from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, settings_from
+from .interrupt import INTERRUPTED
 from .messages import Messages
+from .picture import Made, content_of, make, texts_of
 
 
 def render(arguments: Namespace) -> int:
@@ -33,6 +35,7 @@ def render(arguments: Namespace) -> int:
     check_size(arguments.size)
     check_denoise(arguments.denoise, shown if arguments.frames is None else ["radiance"], settings.gi)
     pixels = pixels_of(arguments, shown)
+    check_budget(arguments)
     say = Messages(arguments.verbose, arguments.quiet)
     if arguments.frames is not None:
         from .frames import render_frames
@@ -40,25 +43,33 @@ def render(arguments: Namespace) -> int:
         return render_frames(arguments, settings, shown, say)
     check_single(arguments)
     check_output(arguments.output, shown, settings.transparent)
+    return _render(arguments, settings, shown, pixels, say)
 
-    # Render, until the picture is complete or Ctrl-C is pressed.
+
+def _render(arguments: Namespace, settings: Settings, shown: list[str], pixels: int, say: Messages) -> int:
+    """Load the scene, render the picture and write it; return the exit code."""
+    # Render, until the picture is complete, its budget is met, or Ctrl-C is pressed.
     renderer = renderer_from(arguments, settings, say)
     if renderer.time is None and renderer.scene.animations:
-        say.note("the animations are at rest; --time T shows the second T of one, --frames plays it")
+        say.note("the animations are at rest; --at T shows the second T of one, --frames plays it")
+    check_budget(arguments)
+    budget = budget_of(arguments)
+    if budget is not None and arguments.spp is not None:
+        say.note(f"--spp changes nothing: {budget.words()} decides when the picture is done")
     start = time.perf_counter()
-    show = with_alpha(shown, settings, arguments.denoise)
-    interrupted = _run(renderer, say, {"show": show, "check": arguments.check, "timings": arguments.timings})
+    techniques = None if arguments.gi is None else (settings.gi,)
+    options = {"check": arguments.check, "timings": arguments.timings}
+    made = make(renderer, budget, techniques, say, with_alpha(shown, settings, arguments.denoise), options)
+    settings = renderer.settings
     layers = read_pictures(renderer, shown, settings, arguments.denoise)
     seconds = time.perf_counter() - start
-    content = _content(renderer, settings) + ", denoised" * arguments.denoise
+    content = content_of(renderer, is_open=budget is not None) + ", denoised" * arguments.denoise
+    if arguments.denoise and arguments.error is not None:
+        pixels = pixels or PIXELS  # the certificate of the budget is that of the noisy picture
+    certificate = _certificate(renderer, made, layers, pixels, content, say)
 
     # Write the file.
-    metadata = metadata_of(arguments, settings, renderer.adapter_name)
-    if interrupted:
-        metadata["interrupted"] = content
-        say.note(f"interrupted after {content}; measuring its error, which Ctrl-C skips")
-    if (pixels or interrupted) and interrupted < 2:
-        metadata |= certificate_texts(renderer, pixels or PIXELS, layers.get("radiance"), say)
+    metadata = metadata_of(arguments, settings, renderer.adapter_name) | texts_of(made, budget, content, certificate)
     exposure = exposure_for(arguments.output, settings, shown[0], layers[shown[0]])
     told = ""
     if exposure is not None:
@@ -73,32 +84,25 @@ def render(arguments: Namespace) -> int:
         print(renderer.timings())
     width, height = arguments.size
     say.result(f"{arguments.output}: {width}x{height}, {content}, {told}{seconds:.1f} s on {renderer.adapter_name}")
-    if interrupted:
+    if made.outcome is not None:
+        say.detail(made.outcome.table)
+        say.result(made.outcome.sentence())
+    if certificate is not None:
+        say.result(certificate.sentence())
+    if made.interrupts:
         say.error(f"interrupted; {arguments.output} holds the picture so far, {content}")
-    return INTERRUPTED if interrupted else 0
+    return INTERRUPTED if made.interrupts else 0
 
 
-def _run(renderer: Renderer, say: Messages, options: dict[str, Any]) -> int:
-    """Render the picture; return how often Ctrl-C was pressed, which ends that once there is a picture to save.
-
-    Before, Ctrl-C raises KeyboardInterrupt.
-    """
-    try:
-        with held(lambda: renderer.finished > 0), rendering(renderer, say) as report:
-            renderer.run(progress=report, **options)
-    except KeyboardInterrupt:
-        if not renderer.finished:
-            raise
-        return max(handled(), 1)
-    return 0
-
-
-def _content(renderer: Renderer, settings: Settings) -> str:
-    """Return in words what the picture averages, such as 24 frames or 12 of 24 frames."""
-    samples = settings.gi == "path"
-    wanted = settings.spp if samples else picture_count(settings, renderer.scene)
-    part = f"{renderer.finished} of " if renderer.finished < wanted else ""
-    return f"{part}{wanted} {'spp' if samples else 'frames'}"
+def _certificate(
+    renderer: Renderer, made: Made, layers: dict[str, Picture], pixels: int, content: str, say: Messages
+) -> Certificate | None:
+    """Certify a picture by a number of pixels, if asked or if Ctrl-C was pressed once; return None without it."""
+    if "radiance" not in layers or made.interrupts > 1 or not (made.interrupts or pixels):
+        return None if made.outcome is None else made.outcome.certificate
+    if made.interrupts:
+        say.note(f"interrupted after {content}; measuring its error, which Ctrl-C skips")
+    return certificate_of(renderer, pixels or PIXELS, layers["radiance"], say)
 
 
 def check_single(arguments: Namespace) -> None:

@@ -9,7 +9,8 @@ from ..extras import install_hint
 from ..options import check_size
 from ..scene.files.memory import GIB, MAX_MEMORY
 from ..scene.load import is_usd
-from .common import list_names, renderer_from, settings_from
+from .budgets import budget_of
+from .common import QUALITY, list_names, renderer_from, settings_from
 from .messages import Messages
 
 FIRST = ("path.samples_per_run=1",)  # settings of a viewer: the path tracer shows its first sample at once
@@ -23,6 +24,7 @@ def view(arguments: Namespace) -> int:
     check_size(arguments.size)
     try:
         from ..viewer import app, window
+        from ..viewer.refinement import Refinement
         from ..viewer.session import Session
     except ImportError as error:
         raise GiError(f"the viewer needs packages ({error.name} is missing): {install_hint('viewer')}") from None
@@ -38,10 +40,12 @@ def view(arguments: Namespace) -> int:
     if arguments.point_size is not None:
         source += ["--point-size", f"{arguments.point_size:g}"]
     if arguments.time is not None and is_usd(arguments.scene):
-        source += ["--time", f"{arguments.time:g}"]
+        source += ["--at", f"{arguments.time:g}"]
     for light in arguments.light:
         source += ["--light", light]
     for change in arguments.relight:
         source += ["--relight", change]
-    app.view(Session(renderer, arguments.quality, source), f"{arguments.scene} - wgpu_gi")
+    refinement = Refinement(*(budget_of(arguments) or ()))
+    session = Session(renderer, arguments.quality or QUALITY, source, fps=arguments.fps, refinement=refinement)
+    app.view(session, f"{arguments.scene} - wgpu_gi")
     return 0

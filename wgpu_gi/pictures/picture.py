@@ -22,16 +22,25 @@ class Certificate(Protocol):
         """Return it for a file's metadata."""
 
 
+class Outcome(Protocol):
+    """How a picture of a budget was made."""
+
+    def sentence(self) -> str:
+        """Return what was chosen, what it reached, and why it ended."""
+
+
 class Picture(np.ndarray):
     """A buffer `name` as a numpy array, displayed with 2^`exposure`; arrays computed from it inherit both.
 
     None exposes each array automatically by its own values. A number makes several arrays comparable. `certificate`
-    (`budget.certificate`) states the errors of the picture if they were asked for; arrays computed from it have none.
+    (`budget.certificate`) states the errors of the picture if they were asked for, and `outcome` (`budget.refine`) how
+    a budget of time or error was met; arrays computed from it have neither.
     """
 
     name = "radiance"
     exposure: float | None = None
     certificate: Certificate | None = None
+    outcome: Outcome | None = None
 
     def __new__(cls, values: NDArray, name: str = "radiance", exposure: float | None = None) -> Picture:
         """Return a view of the values."""
@@ -52,10 +61,12 @@ class Picture(np.ndarray):
     def save(self, path: str | Path, *, exposure: float | None = None) -> None:
         """Write the picture as `save_image` does, in the format of the extension; `exposure` None: its own.
 
-        Its certificate goes into the metadata. Raises GiError if it cannot be written.
+        Its certificate and its outcome go into the metadata. Raises GiError if it cannot be written.
         """
         stops = self.exposure if exposure is None else exposure
-        metadata = None if self.certificate is None else self.certificate.texts()
+        metadata = {} if self.certificate is None else self.certificate.texts()
+        if self.outcome is not None:
+            metadata["outcome"] = self.outcome.sentence()
         save_image(path, {self.name: self}, exposure=stops, metadata=metadata)
 
     def _repr_png_(self) -> bytes | None:

@@ -18,6 +18,7 @@ from .files.mesh_files import MESH_EXTENSIONS, load_mesh_file
 from .files.notes import Notes
 from .files.read import read_file
 from .objects import scene_of_object
+from .pose import check_time, outside, start_of
 from .rules import is_whole, shown
 from .scene import Environment, Light, Scene
 
@@ -197,3 +198,14 @@ def add_defaults(scene: Scene, glow: bool = False) -> None:
     if not scene.cameras:
         scene.cameras.append(automatic_camera(scene))
         scene.notes.append(NO_CAMERA_NOTE)
+
+
+def lit_at(
+    scene: Any, environment: Environment | str | Path | None, time: float | None, animation: str | int | None
+) -> tuple[Scene, float | None, list[str]]:
+    """Return a scene with light, the seconds at which to show its animation, and notes; see `lit` and `Renderer`."""
+    check_time(time)
+    usd = is_usd(scene)
+    lighted, notes = lit(scene, environment, time if usd else None)
+    seconds = start_of(lighted, None if usd else time, animation)
+    return lighted, seconds, [*notes, *outside(lighted, seconds, animation)]

@@ -22,8 +22,10 @@ MARGIN = 0.9  # limit on a finer level's expected time, as a share of the allowe
 class DynamicResolution:
     """`level` is the level of the next frame of a moving view; `note` receives the time of each frame."""
 
-    def __init__(self) -> None:
+    def __init__(self, fps: float | None = None) -> None:
+        """Aim at `fps` frames per second at every level, by default at 25 and at coarse levels at 15."""
         self.level = 0
+        self._seconds = None if fps is None else 1.0 / fps
         self._before = 1.0, 0.0  # share of the pixels and seconds of a frame at the previous level
         self._last = math.inf  # seconds of the last frame at this level
 
@@ -46,31 +48,31 @@ class DynamicResolution:
         # Go coarser if that helps, finer if that is in time or costs little.
         level = self.level
         if share > WORTH_COARSER:
-            self.level = _level_in_time(level, seconds)
-        if level and (slower / STEP < MARGIN * _allowed(level - 1) or share < WORTH_FINER):
+            self.level = self._level_in_time(level, seconds)
+        if level and (slower / STEP < MARGIN * self._allowed(level - 1) or share < WORTH_FINER):
             self.level = level - 1
         if self.level != level:
             self._before, self._last = (pixels, seconds), math.inf
 
     def note_rest(self, seconds: float) -> None:
         """Take the seconds of a frame at rest, with all pixels, so that the first frame of a move is in time."""
-        needed = _level_in_time(0, seconds)
+        needed = self._level_in_time(0, seconds)
         if needed > self.level:
             self.level, self._before, self._last = needed, (1.0, seconds), math.inf
+
+    def _allowed(self, level: int) -> float:
+        """Return the seconds that a frame may take at a level."""
+        if self._seconds is not None:
+            return self._seconds
+        return SMOOTH_SECONDS if level < SLOW_LEVEL else SLOW_SECONDS
+
+    def _level_in_time(self, level: int, seconds: float) -> int:
+        """Return the first level, from `level` on, that is in time if a frame at `level` takes `seconds`."""
+        while level < LAST_LEVEL and seconds > self._allowed(level):
+            level, seconds = level + 1, seconds * STEP
+        return level
 
 
 def pixels_at(level: int) -> float:
     """Return the share of the pixels at a level."""
     return STEP**level
-
-
-def _allowed(level: int) -> float:
-    """Return the seconds that a frame may take at a level."""
-    return SMOOTH_SECONDS if level < SLOW_LEVEL else SLOW_SECONDS
-
-
-def _level_in_time(level: int, seconds: float) -> int:
-    """Return the first level, from `level` on, that is in time if a frame at `level` takes `seconds`."""
-    while level < LAST_LEVEL and seconds > _allowed(level):
-        level, seconds = level + 1, seconds * STEP
-    return level

@@ -20,7 +20,8 @@ from ..options import Settings
 from ..pictures.display import display_layer, png_bytes
 from ..pictures.tables import html_table
 from ..renderer import Renderer
-from ..rendering import lit_at, settings_of
+from ..rendering import settings_of
+from ..scene.load import lit_at
 from ..scene.scene import Environment
 from .camera_controller import CameraController
 from .session import DISPLAY, REST_SECONDS, Session

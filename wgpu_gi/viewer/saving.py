@@ -28,7 +28,7 @@ def command_of(session: Session, output: str = "view.png") -> str:
     if session.shown != DISPLAY:
         words += ["--show", session.shown]
     if session.renderer.time is not None:
-        words += ["--time", repr(float(session.renderer.time)), f"--animation={session.playback.name}"]
+        words += ["--at", repr(float(session.renderer.time)), f"--animation={session.playback.name}"]
 
     # Technique, exposure, and each setting that differs from its preset.
     settings = session.settings

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from .dynamic_resolution import DynamicResolution, pixels_at
 from .exposure_meter import ExposureMeter
 from .navigation import pivot_of
 from .playback import Playback
+from .refinement import Refinement
 
 REST_SECONDS = 0.25  # from the last move to rest: longer than a hand pauses within a drag
 # Frames of temporal accumulation while the camera moves, and while lamps or things do, whose light must follow: two
@@ -44,8 +45,16 @@ class Interrupted(Exception):
 class Session:
     """A scene in a view. `camera`, `pivot`, settings, `shown`, `size`, `playback` may change between steps."""
 
-    def __init__(self, renderer: Renderer, quality: str = "medium", source: Sequence[str] = ("cornell",)) -> None:
-        """`source` has the arguments of `wgpu-gi render` that select the scene."""
+    def __init__(
+        self,
+        renderer: Renderer,
+        quality: str = "medium",
+        source: Sequence[str] = ("cornell",),
+        *,
+        fps: float | None = None,
+        refinement: Refinement | None = None,
+    ) -> None:
+        """`source`: arguments of `wgpu-gi render` that select the scene; `fps`: the aim while the view moves."""
         self.renderer = renderer
         self.quality = quality
         self.source = list(source)
@@ -62,7 +71,8 @@ class Session:
         self.on_compile: Callable[[int, int], None] | None = None
         self._measure = self._force = False
         self.error = ""
-        self.resolution = DynamicResolution()
+        self.resolution = DynamicResolution(fps)
+        self.refinement = refinement or Refinement()  # how far the view at rest is refined
         self._timed = -math.inf  # time of the last measurement of the passes
         self._level = 0  # level of resolution of the next step at rest
         self._moved = self._relit = -math.inf  # times of the last move, and of the last change of a light or a pose
@@ -204,7 +214,7 @@ class Session:
         start = time.perf_counter()
         try:
             self.made_also = not moving
-            with self._smoothed(moving):
+            with self._smoothed(moving), nullcontext() if moving else self.refinement.opened(self.settings):
                 ran = self._render(progress, moving)
                 seconds = time.perf_counter() - start
                 opened = not self._meter.started
@@ -228,7 +238,8 @@ class Session:
         if self._level:
             self._level = max(self._level - REFINEMENT, 0)
             return True
-        self.at_rest = not ran and not exposed and not self.interrupted
+        done = not ran or (self.refinement.is_open and self.refinement.is_met(self.renderer))
+        self.at_rest = done and not exposed and not self.interrupted
         if ran:
             self.resolution.note_rest(seconds)
         return ran or exposed
@@ -243,6 +254,8 @@ class Session:
         """Return technique, size and progress of the picture in a few words."""
         width, height = self.renderer.size
         settings, frames = self.settings, picture_count(self.settings, self.renderer.scene)
+        if self.refinement.is_open and not self.moving:
+            return f"{settings.gi}, {width}x{height}, {self.refinement.words(self.renderer)}"
         share = self.renderer.graph.settle_progress()
         done = f", {share:.0%} of {settings.spp} spp" if settings.gi == "path" else ""
         done = f", mean of {frames} frames" if frames > 1 and self.at_rest else done
@@ -300,7 +313,8 @@ class Session:
 
     def _show(self, moving: bool) -> tuple[str, ...]:
         wanted = self.shown if self.shown in self.buffers else DISPLAY
-        return tuple(dict.fromkeys((DISPLAY, wanted, *(() if moving else self.also))))
+        more = () if moving else (*self.also, *self.refinement.needs)
+        return tuple(dict.fromkeys((DISPLAY, wanted, *more)))
 
     def _size_at(self, level: int) -> tuple[int, int]:
         scale = math.sqrt(pixels_at(level))

@@ -72,9 +72,7 @@ def open_stage(path: Path, time: float | None, notes: Notes, budget: MemoryBudge
     else:
         code = Usd.TimeCode(first) if ranged else Usd.TimeCode.EarliestTime()
         if ranged and last > first:
-            notes.add(
-                f"{path} is shown at time {first:g} of {first:g} to {last:g} (--time, gi.load(time=) set another)"
-            )
+            notes.add(f"{path} is shown at time {first:g} of {first:g} to {last:g} (--at, gi.load(time=) set another)")
     # Find the axes and the unit of length.
     try:
         unit = float(UsdGeom.GetStageMetersPerUnit(stage))

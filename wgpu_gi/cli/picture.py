@@ -1,0 +1,71 @@
+"""Renders one picture until it is complete, its budget is met, or Ctrl-C is pressed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ..budget.certificate import Certificate
+from ..budget.refine import Outcome, render_within
+from ..budget.request import Budget
+from ..options import picture_count, technique_of
+from ..renderer import Renderer
+from .common import rendering
+from .interrupt import handled, held
+from .messages import Messages
+
+
+class Made(NamedTuple):
+    """How a picture was made: `outcome` of its budget, None without one; `interrupts`: how often Ctrl-C was pressed."""
+
+    outcome: Outcome | None
+    interrupts: int
+
+
+def make(
+    renderer: Renderer,
+    budget: Budget | None,
+    techniques: Sequence[str] | None,
+    say: Messages,
+    show: tuple[str, ...],
+    options: Mapping[str, bool],
+) -> Made:
+    """Render a picture: by the `options` of `Renderer.run`, or within `budget` by one of `techniques` (None: any).
+
+    Ctrl-C ends it once there is a picture to save. Before, it raises KeyboardInterrupt.
+    """
+    outcome = None
+    try:
+        with held(lambda: renderer.finished > 0), rendering(renderer, say) as report:
+            if budget is None:
+                renderer.run(progress=report, show=show, **options)
+            else:
+                outcome = render_within(renderer, *budget, techniques, report, show=show)
+    except KeyboardInterrupt:
+        if not renderer.finished:
+            raise
+        return Made(outcome, max(handled(), 1))
+    return Made(outcome, 0)
+
+
+def content_of(renderer: Renderer, is_open: bool) -> str:
+    """Return in words what the picture averages, such as 24 frames or 12 of 24 frames; `is_open`: of any number."""
+    settings, done = renderer.settings, renderer.finished
+    samples = technique_of(settings.gi).averages_samples
+    wanted = settings.spp if samples else picture_count(settings, renderer.scene)
+    count = str(done) if is_open or done >= wanted else f"{done} of {wanted}"
+    return f"{count} {'spp' if samples else 'frame' if count == '1' else 'frames'}"
+
+
+def texts_of(made: Made, budget: Budget | None, content: str, certificate: Certificate | None) -> dict[str, Any]:
+    """Return what a file's metadata say of how its picture was made."""
+    texts: dict[str, Any] = {}
+    if budget is not None:
+        texts["budget"] = budget.words()
+        texts["frames"] = content
+    if made.outcome is not None:
+        texts["quality"] = made.outcome.candidate.quality
+        texts["stopped"] = made.outcome.reason
+    if made.interrupts:
+        texts["interrupted"] = content
+    return texts | ({} if certificate is None else certificate.texts())
