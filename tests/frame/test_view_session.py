@@ -26,6 +26,7 @@ from wgpu_gi.settings import describe
 from wgpu_gi.viewer import navigation
 from wgpu_gi.viewer import refinement as refinement_module
 from wgpu_gi.viewer import session as session_module
+from wgpu_gi.viewer.certification import certify_view
 from wgpu_gi.viewer.comparison import Comparison
 from wgpu_gi.viewer.dynamic_resolution import LAST_LEVEL, DynamicResolution, pixels_at
 from wgpu_gi.viewer.probe import PROBED, Probe
@@ -507,3 +508,18 @@ def test_thumbnails_of_the_passes_fit_their_sheet(gi):
         assert max(np.divide(picture.shape[:2], THUMBNAIL[::-1])) <= 1
     assert np.ptp(found["path/radiance" if gi == "path" else "direct/light"]) > 100
     assert sheet([*found.values()]).shape == (len(found) * THUMBNAIL[1], THUMBNAIL[0], 4)
+
+
+def test_certificate_of_a_view_is_saved_and_ends_with_it(tmp_path):
+    from PIL import Image
+
+    session = make_session()
+    certify_view(session, lambda fraction: None)
+    assert session.certificate.pixels == 200
+    with Image.open(save(session, tmp_path)[0]) as picture:
+        assert picture.text["certificate"] == session.certificate.texts()["certificate"]
+    moved(session)
+    assert session.certificate is None
+    # A change during the certificate ends it.
+    certify_view(session, lambda fraction: session.at_rest and session.changed())
+    assert session.certificate is None

@@ -13,6 +13,7 @@ from ..errors import GiError
 from ..pictures.display import display_layer
 from . import navigation
 from .camera_controller import CameraController
+from .certification import certify_view
 from .comparison import Comparison
 from .panel import Panel
 from .saving import command_of, save
@@ -50,6 +51,7 @@ class App:
         actions = {
             "save (S)": lambda: self._todo.append(self._save),
             "copy command (C)": lambda: self._todo.append(self._copy),
+            "certify": lambda: self._todo.append(self._certify),
             "help (?)": self._toggle_help,
         }
         self.panel = Panel(session, self.comparison, actions)
@@ -199,6 +201,14 @@ class App:
     def _save(self) -> None:
         try:
             self.panel.message = "saved " + " and ".join(file.name for file in save(self.session))
+        except GiError as error:
+            self.panel.message = str(error)
+        self.window.wanted = SETTLE_FRAMES
+
+    def _certify(self) -> None:
+        try:
+            certify_view(self.session, self._tick)
+            self._take()
         except GiError as error:
             self.panel.message = str(error)
         self.window.wanted = SETTLE_FRAMES

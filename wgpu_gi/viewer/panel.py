@@ -88,6 +88,8 @@ class Panel:
                 action()
         if self.message:
             imgui.text_wrapped(self.message)
+        if self._session.certificate is not None:
+            imgui.text_wrapped(self._session.certificate.sentence())
         imgui.separator()
         self._animation()
         self._rendering()

@@ -54,6 +54,8 @@ def save(session: Session, folder: Path | None = None) -> list[Path]:
     files = [folder / f"{stem}-{number:03d}{suffix}" for suffix in (".png", ".exr")]
     for file in files:
         metadata = {"command": command_of(session, file.name), "camera": json.dumps(_camera_fields(session))}
+        if session.certificate is not None:
+            metadata |= session.certificate.texts()
         if file.suffix == ".png":
             metadata["exposure"] = exposure_text(session.exposure, session.settings.exposure is None)
         save_image(file, layers, exposure=session.exposure, metadata=metadata)

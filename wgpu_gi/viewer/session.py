@@ -14,6 +14,7 @@ from contextlib import contextmanager, nullcontext
 import numpy as np
 from numpy.typing import NDArray
 
+from ..budget.certificate import Certificate
 from ..buffers import buffers_of, views_of
 from ..camera import Camera
 from ..errors import GiError
@@ -78,6 +79,7 @@ class Session:
         self._moved = self._relit = -math.inf  # times of the last move, and of the last change of a light or a pose
         self.at_rest = False  # the picture is complete; nothing to do until something changes
         self.interrupted = False  # something changed since the last step began
+        self.certificate: Certificate | None = None  # of the picture as it stands
         self.shown_range: tuple[float, float] | None = None  # least and largest value shown
         self._meter = ExposureMeter(renderer)
         self._watched = time.monotonic()  # time of the last check of the shader files
@@ -167,7 +169,7 @@ class Session:
 
     def changed(self) -> None:
         """Record a change of anything but the camera."""
-        self.interrupted, self.at_rest = True, False
+        self.interrupted, self.at_rest, self.certificate = True, False, None
         if self.shown not in self.buffers:
             self.shown = DISPLAY
 
@@ -227,7 +229,7 @@ class Session:
             self.error, self.at_rest = str(error), True
             return False
         if ran:
-            self.error = ""
+            self.error, self.certificate = "", None
 
         # Choose what the next step does.
         if moving:
