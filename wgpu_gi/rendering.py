@@ -22,7 +22,7 @@ from .renderer import Renderer
 from .scene.rules import shown
 from .scene.scene import Environment
 from .settings import apply_quality, validate
-from .techniques.reference import FEATURES
+from .techniques.reference import DENOISER_INPUTS
 
 
 @overload
@@ -213,7 +213,7 @@ def check_denoise(denoise: bool, names: Sequence[str], gi: str) -> None:
 def with_alpha(names: Sequence[str], settings: Settings, denoise: bool = False) -> tuple[str, ...]:
     """Return the buffers to render for `read_pictures`."""
     extra = ("alpha",) if settings.transparent and "radiance" in names else ()
-    return (*dict.fromkeys((*names, *extra, *(FEATURES if denoise else ()))),)
+    return (*dict.fromkeys((*names, *extra, *(DENOISER_INPUTS if denoise else ()))),)
 
 
 def read_pictures(
@@ -223,7 +223,7 @@ def read_pictures(
     pictures = {name: renderer.read_back(name) for name in names}
     if denoise and "radiance" in pictures:
         color = pictures["radiance"]
-        smooth = denoised(color, *(renderer.read_back(name) for name in FEATURES))
+        smooth = denoised(color, *(renderer.read_back(name) for name in DENOISER_INPUTS))
         pictures["radiance"] = Picture(smooth, color.name, color.exposure)
     if settings.transparent and "radiance" in pictures:
         color = pictures["radiance"]

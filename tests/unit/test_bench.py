@@ -15,7 +15,6 @@ from wgpu_gi.measure.bench import Candidate, layer_errors, measure_case, measure
 from wgpu_gi.measure.results import CASES, Stats
 from wgpu_gi.measure.truth import LAYERS, Truth
 from wgpu_gi.options import Settings
-from wgpu_gi.techniques.reference import FEATURES
 
 SIZE = (4, 2)
 FRAMES = 10
@@ -62,7 +61,7 @@ class FakeRenderer:
         return bool(ran)
 
     def read_back(self, name):
-        value = (dict(zip(LAYERS.values(), self.values, strict=True)) | dict.fromkeys(FEATURES, 0.5))[name]
+        value = dict(zip(LAYERS.values(), self.values, strict=True))[name]
         if self.settings.gi == "path":
             value *= 1 + 1 / self.settings.spp
         return np.full((SIZE[1], SIZE[0], 3), value, np.float32)
@@ -74,6 +73,7 @@ class FakeRenderer:
 @pytest.fixture(autouse=True)
 def stand_in(monkeypatch):
     monkeypatch.setattr(bench, "Renderer", FakeRenderer)
+    monkeypatch.setattr(bench, "has_denoiser", lambda: False)
     monkeypatch.setattr(FakeRenderer, "values", FakeRenderer.values)
     monkeypatch.setattr(FakeRenderer, "alive", 0)
 

@@ -42,6 +42,7 @@ ORBIT_FRAMES = 16  # frames for one turn
 PATH_TIMES_SLOWEST = 8.0
 PATH_SECONDS = 2.0
 PATH_LEAST_POINTS = 3  # a curve needs three
+TRACED = (*LAYERS.values(), "standard_error")  # buffers of the path tracer
 MOST_PER_RUN = 64  # most samples per pixel of one run: the range of path.samples_per_run
 
 
@@ -252,7 +253,7 @@ def path_curve(
     smooth: list[PathPoint] = []
     timing, device = renderer.graph.timing, renderer.graph.device
     renderer.settings = _path_settings(settings, 1)
-    renderer.run(show=tuple(LAYERS.values()), timings=True)  # warm-up: compiles
+    renderer.run(show=TRACED, timings=True)  # warm-up: compiles
     smoother = Smoother(renderer) if has_denoiser() else None
     while True:
         spp = 2 ** len(points)
@@ -260,7 +261,7 @@ def path_curve(
         renderer.settings = replace(_path_settings(settings, spp), seed=settings.seed ^ spp)
         timing.clear()
         started = time.perf_counter()
-        renderer.run(partial(report, f"path tracer, {spp} spp"), show=tuple(LAYERS.values()), timings=True)
+        renderer.run(partial(report, f"path tracer, {spp} spp"), show=TRACED, timings=True)
         device.wait()
         wall = (time.perf_counter() - started) * 1e3
         gpu = sum(sum(samples) for samples in timing.samples.values())
@@ -270,7 +271,7 @@ def path_curve(
         errors = layer_errors(pictures, truth)
         points.append(PathPoint(spp, gpu, wall, errors))
         if smoother is not None:
-            pictures["full"], ms = smoother(pictures["full"])
+            pictures["full"], ms = smoother(pictures["full"], renderer.read_back("standard_error"))
             alone = dict.fromkeys(LAYERS) | {"full": layer_errors(pictures, truth)["full"]}
             smooth.append(PathPoint(spp, gpu + ms, wall + ms, alone))
         full = errors["full"]

@@ -21,12 +21,13 @@ class Smoother:
         start = time.perf_counter()
         renderer.step(show=FEATURES, force=True)
         renderer.graph.device.wait()
-        self._features = [renderer.read_back(name) for name in FEATURES]
+        self._albedo, self._normal = (renderer.read_back(name) for name in FEATURES)
         self._features_ms = (time.perf_counter() - start) * 1e3
-        denoised(np.ones_like(self._features[0]), *self._features)  # loads the library
+        ones = np.ones_like(self._albedo)
+        denoised(ones, self._albedo, self._normal, ones)  # loads the library
 
-    def __call__(self, picture: NDArray[np.float32]) -> tuple[NDArray[np.float32], float]:
-        """Return the smooth picture, and the milliseconds of its features and of the denoiser."""
+    def __call__(self, picture: NDArray[np.float32], error: NDArray[np.float32]) -> tuple[NDArray[np.float32], float]:
+        """Return the smooth picture, and the milliseconds of features and denoiser; `error`: its standard error."""
         start = time.perf_counter()
-        smooth = denoised(picture, *self._features)
+        smooth = denoised(picture, self._albedo, self._normal, error)
         return smooth, self._features_ms + (time.perf_counter() - start) * 1e3

@@ -32,6 +32,7 @@ REPEATS = 3  # of a single frame; the median counts
 # Seconds on the machine that runs it. The longest path-traced picture takes between half of PATH_SECONDS and all, the
 # truth as much of TRUTH_SECONDS. No picture begins after LATEST seconds.
 PATH_SECONDS, TRUTH_SECONDS, LATEST = 4.0, 20.0, 90.0
+TRACED = ("radiance", "standard_error")
 LEAST_TRUTH_SPP, MOST_TRUTH_SPP = 16, 4096
 
 
@@ -126,7 +127,7 @@ def _path_pictures(
     settings = Settings(gi="path", spp=1, diffuse=diffuse)
     settings.camera.jitter = False
     renderer.settings = settings
-    renderer.run(show=("radiance",))  # compiles
+    renderer.run(show=TRACED)  # compiles
     smoother = Smoother(renderer) if has_denoiser() else None
     spp, ms, done = 1, 0.0, 0.0
     while ms < 500 * PATH_SECONDS:
@@ -134,13 +135,13 @@ def _path_pictures(
         samples = replace(settings.path, samples_per_run=min(spp, MOST_PER_RUN))
         renderer.settings = replace(settings, spp=spp, seed=spp, path=samples)
         start = time.perf_counter()
-        renderer.run(show=("radiance",))
+        renderer.run(show=TRACED)
         renderer.graph.device.wait()
         ms = 1e3 * (time.perf_counter() - start)
         picture = renderer.read_back("radiance")
         yield Point("path", "", f"{spp} spp", ms, math.nan, math.nan), picture
         if smoother is not None:
-            smooth, more = smoother(picture)
+            smooth, more = smoother(picture, renderer.read_back("standard_error"))
             yield Point("path, denoised", "", f"{spp} spp", ms + more, math.nan, math.nan), smooth
         done = max(done, min(ms / (1e3 * PATH_SECONDS), 1.0))
         report(done)

@@ -28,6 +28,7 @@ UNLIMITED = 0x7FFFFFFF
 MOST_LISTED = 4096  # pixels that one list holds: `reference/pixel_list.wgsl`, 64 KiB, the largest uniform buffer
 OUTSIDE = 0xFFFFFFFF  # coordinate of a pixel that no picture has
 FEATURES = ("features/albedo", "features/normal")  # views that the denoiser of finished pictures reads
+DENOISER_INPUTS = (*FEATURES, "standard_error")  # ... besides radiance
 FEATURE_SIDE = 4  # points along a side of a pixel, for `FEATURES` of a jittered picture
 
 
