@@ -321,6 +321,7 @@ class SceneUpload:
             "HAS_METALS": not self.diffuse and any(m.metallic > 0 and not m.unlit for m in materials),
             "HAS_EMISSION": emissive or any(m.unlit for m in materials),
             "HAS_EMITTERS": emissive,
+            "HAS_PUNCTUAL_LIGHTS": bool(scene.lights),
             "HAS_ENVIRONMENT": bool(environment_radiance(environment).any()),
             "HAS_PICTURED_ENVIRONMENT": bool(environment and environment.image is not None),
         }

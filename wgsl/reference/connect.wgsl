@@ -3,6 +3,7 @@
 #import "scene/lights.wgsl"
 #import "scene/trace.wgsl"
 #import "common/random.wgsl"
+#import "reference/guide.wgsl"
 #import "reference/medium.wgsl"
 #import "reference/weights.wgsl"
 
@@ -39,18 +40,35 @@ struct Connection {
     ray: Ray,
     limit: f32,       // in lengths of the ray; 0: there is no connection
     radiance: vec3f,  // at the camera, W/(m2 sr)
+    cell: u32,        // of the guide, that a light's rays pass; NONE: none
 }
 
 fn no_connection() -> Connection {
-    return Connection(Ray(vec3f(0.0), vec3f(0.0)), 0.0, vec3f(0.0));
+    return Connection(Ray(vec3f(0.0), vec3f(0.0)), 0.0, vec3f(0.0), NONE);
+}
+
+// A light ray, and the cell of the guide that it passes.
+struct GuidedRay {
+    sent: LightRay,
+    cell: u32,  // NONE: it is not guided
 }
 
 // Returns the light ray of path `index` of a pixel.
-fn path_light_ray(index: u32, pixel_seed: u32) -> LightRay {
-    return sample_light_ray(
-        sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR)),
-        sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR + 1u)),
-        sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR + 2u)));
+fn path_light_ray(index: u32, pixel_seed: u32, guide: Guide) -> GuidedRay {
+    let choices = sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR));
+    let u_point = sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR + 1u));
+    let u_direction = sobol_2d(index, hash2(pixel_seed, LIGHT_RAY_PAIR + 2u));
+    let number = pick_number(choices.x);
+    let light = lights[number];
+    if (ADAPTIVE && HAS_PUNCTUAL_LIGHTS && is_guided(number, light.kind)) {
+        // A sun's ray uses the one point, a punctual light's the other.
+        let guided = guided_point(guide, number, select(u_direction, u_point, light.kind == KIND_SUN));
+        var sent = sample_ray_of(light, choices.y, guided.u, guided.u);
+        sent.flux /= guided.density;
+        sent.ray_density *= guided.density;
+        return GuidedRay(sent, guided.cell);
+    }
+    return GuidedRay(sample_ray_of(light, choices.y, u_point, u_direction), NONE);
 }
 
 // Returns the vertex at a light ray's hit. `cosine`: between the ray and the surface's geometric normal.
@@ -70,8 +88,10 @@ fn passing_cosine(normal: vec3f, direction: vec3f) -> f32 {
 }
 
 // Connects a vertex with a point of a light (N): next-event estimation. `choice` picks the light, `u` the point.
-fn connect_light(v: PathVertex, choice: f32, u: vec2f) -> Connection {
-    let light = sample_light(v.surface.position, choice, u);
+fn connect_light(v: PathVertex, choice: f32, u: vec2f, guide: Guide) -> Connection {
+    let number = pick_number(choice);
+    let listed = lights[number];
+    let light = sample_point_of(listed, v.surface.position, u);
     let w_i = light.direction * v.frame;
     let f = evaluate_brdf(v.brdf, v.w_o, w_i);
     let cosine = passing_cosine(v.surface.normal, light.direction);
@@ -79,7 +99,12 @@ fn connect_light(v: PathVertex, choice: f32, u: vec2f) -> Connection {
     if (!faces) {
         return no_connection();
     }
-    let ray_density = light.ray_density * abs(dot(v.surface.geometric_normal, light.direction));
+    var ray_density = light.ray_density * abs(dot(v.surface.geometric_normal, light.direction));
+    var cell = NONE;
+    if (ADAPTIVE && HAS_PUNCTUAL_LIGHTS && v.density > 0.0) {
+        cell = cell_towards(listed, number, v.surface.position);
+        ray_density *= guide_density(guide, cell);
+    }
     let weight = weight_of_light(light.pdf, f.w, v.density, ray_density);
     var radiance = v.throughput * f.rgb * cosine * light.weighted * weight;
     if (HAS_VOLUMES && light.limit < INFINITELY_FAR) {
@@ -90,7 +115,7 @@ fn connect_light(v: PathVertex, choice: f32, u: vec2f) -> Connection {
         let start = leave_surface(v.surface, light.direction);
         // Shift only the start; the end stays.
         let shift = select(vec3f(0.0), start - v.surface.position, light.limit < INFINITELY_FAR);
-        return Connection(Ray(start, light.to_light - shift), light.limit, radiance);
+        return Connection(Ray(start, light.to_light - shift), light.limit, radiance, cell);
     }
     return no_connection();
 }
@@ -134,7 +159,7 @@ fn connect_light_vertex(v: PathVertex, lit: LightVertex) -> Connection {
     if (max3(radiance) > 0.0) {
         let start = leave_surface(v.surface, direction);
         let end = offset_origin(lit.position, lit.geometric_normal, lit.offset, -direction);
-        return Connection(Ray(start, end - start), STOP_SHORT, radiance);
+        return Connection(Ray(start, end - start), STOP_SHORT, radiance, NONE);
     }
     return no_connection();
 }

@@ -19,30 +19,14 @@
 #import "reference/camera_visibility.wgsl"
 #import "reference/pixel_of.wgsl"
 #import "reference/arriving.wgsl"
+#import "reference/means.wgsl"
+#import "reference/runs.wgsl"
 
 // Only surfaces that the picture shows send light, as if there were no others: the best that screen space can find.
 override VISIBLE_ONLY: bool = false;
 // A run begins no path after this many steps of traversal, which bounds the time of a dispatch and the iterations of a
 // loop by what the driver allows. Later runs make up for the missing paths, so the picture is the same.
 override STEP_BUDGET: u32 = 6000u;
-
-struct Params {
-    settle_index: u32,    // runs since the picture last changed; 0 starts over
-    first_workgroup: u32,
-    samples: u32,         // paths per pixel and run
-    spp: u32,             // paths per pixel in all
-    bounces: u32,         // indirect bounces; scatterings are one more
-    seed: u32,
-    row_stride: u32,      // coprime to the rows of tiles
-}
-
-@group(1) @binding(11) var<uniform> params: Params;
-// Running means, a pixel an element, rows from the top.
-@group(1) @binding(12) var<storage, read_write> emission: array<vec4f>;   // a: number of samples
-@group(1) @binding(13) var<storage, read_write> direct: array<vec4f>;
-@group(1) @binding(14) var<storage, read_write> indirect: array<vec4f>;
-// Sum of (x - mean)^2, light_unit^2; a: share of the paths whose camera ray hits a surface.
-@group(1) @binding(15) var<storage, read_write> deviation: array<vec4f>;
 
 // Scatterings before Russian roulette, in which a path survives with the probability of its remaining throughput.
 // Measured on Cornell, 32 spp: error times run time is 26 % less than with 1, 13 % more than with 5, which traces a
@@ -71,24 +55,18 @@ fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
     // Load the means. A pixel may be behind the others (STEP_BUDGET), so it counts its own samples.
     let continues = params.settle_index > 0u;
     let done = u32(select(0.0, emission[pixel_index].a, continues));
-    let planned = min(params.samples, params.spp - min(done, params.spp));
-    let old_emission = select(vec4f(0.0), emission[pixel_index], continues);
-    let old_direct = select(vec3f(0.0), direct[pixel_index].rgb, continues);
-    let old_indirect = select(vec3f(0.0), indirect[pixel_index].rgb, continues);
-    let old_deviation = select(vec4f(0.0), deviation[pixel_index], continues);
+    let old = load_means(pixel_index, continues);
+    var planned = min(params.samples, params.spp - min(done, params.spp));
+    if (ADAPTIVE) {
+        planned = adaptive_paths(pixel, done);
+    }
     // lavapipe (Mesa 22.3) compiles a shader anew for every dispatch if it branches on uniforms alone, and keeps each
     // copy: hence `select`, `&`, and here a condition that is always true but varies.
     let has_lights = (scene.light_count > 0u) & (pixel.x < view.size.x);
     // Squares are summed about the mean so far, which keeps their difference accurate.
-    let centre = old_emission.rgb + old_direct + old_indirect;
+    let centre = old.emission.rgb + old.direct + old.indirect;
 
-    var sum_emission = vec3f(0.0);
-    var sum_direct = vec3f(0.0);
-    var sum_indirect = vec3f(0.0);
-    var sum_offset = vec3f(0.0);
-    var sum_square = vec3f(0.0);
-    var hits = 0.0;                           // of camera rays
-
+    var sums: Sums;
     var sample = 0u;
     var steps = 0u;
     var path_radiance = vec3f(0.0);
@@ -104,6 +82,12 @@ fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
     var rays: Rays;                           // limits of 0: none in flight
     var pending_a = vec3f(0.0);               // radiance if the first shadow ray is unoccluded
     var pending_b = vec3f(0.0);
+    var cell_a = NONE;                        // of the guide, that the light of `pending_a` passes
+    var cell_b = NONE;                        // that the light ray passes
+    var guide: Guide;
+    if (ADAPTIVE && HAS_PUNCTUAL_LIGHTS) {
+        guide = guide_of(pixel, params.settle_index, centre);
+    }
     let use_light_rays = has_lights & (params.bounces > 0u);
 
     // One iteration is one path vertex; a lane whose path has ended starts its next sample.
@@ -113,8 +97,8 @@ fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
             // Finish the sample, begin the next one with a light ray.
             if (sample > 0u) {
                 let offset = (path_radiance - centre) / scene.light_unit;
-                sum_offset += offset;
-                sum_square += offset * offset;
+                sums.offset += offset;
+                sums.square += offset * offset;
             }
             if (sample == planned || steps > STEP_BUDGET) {
                 break;
@@ -126,7 +110,9 @@ fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
             medium = air();
             from_light = use_light_rays;
             if (use_light_rays) {
-                light_ray = path_light_ray(rays.index, pixel_seed);
+                let guided = path_light_ray(rays.index, pixel_seed, guide);
+                light_ray = guided.sent;
+                cell_b = guided.cell;
                 rays.seed = ~pixel_seed | 1u;
                 rays.main = light_ray.ray;
                 rays.limit = select(0.0, FLOAT_MAX, max3(light_ray.flux) > 0.0);
@@ -156,12 +142,18 @@ fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
         if (rays.limit_a > 0.0 && !found.occluded_a) {
             connected += pending_a;
             // The vertex that cast the shadow rays lies before the ray in flight.
-            sum_direct += select(vec3f(0.0), pending_a, depth == 1u);
-            sum_indirect += select(pending_a, vec3f(0.0), depth == 1u);
+            sums.direct += select(vec3f(0.0), pending_a, depth == 1u);
+            sums.indirect += select(pending_a, vec3f(0.0), depth == 1u);
+            if (ADAPTIVE && HAS_PUNCTUAL_LIGHTS && depth > 1u) {
+                record_found(guide, cell_a, pending_a);
+            }
         }
         if (rays.limit_b > 0.0 && !found.occluded_b) {
             connected += pending_b;
-            sum_indirect += pending_b;
+            sums.indirect += pending_b;
+            if (ADAPTIVE && HAS_PUNCTUAL_LIGHTS) {
+                record_found(guide, cell_b, pending_b);
+            }
         }
         path_radiance += connected;
         rays.limit_a = 0.0;
@@ -208,18 +200,18 @@ fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
         let met = arriving_at(surface, hit_something, rays.main.direction, squared_distance, cosine_in, depth == 0u);
         // Glass covers a share of the environment.
         let covered = select(select(0.0, 1.0 - luminance(throughput), HAS_TINTS), 1.0, hit_something);
-        hits += select(0.0, covered, depth == 0u);
+        sums.hits += select(0.0, covered, depth == 0u);
         if (max3(met.radiance) > 0.0) {
             if (depth == 0u) {
-                sum_emission += throughput * met.radiance;
+                sums.emission += throughput * met.radiance;
                 path_radiance += throughput * met.radiance;
             } else {
                 let density = met.ray_density * abs(dot(origin_normal, rays.main.direction));
                 let weighted = throughput * met.radiance
                     * weight_of_hit(bsdf_pdf, met.light_pdf, origin_density, density);
                 path_radiance += weighted;
-                sum_direct += select(vec3f(0.0), weighted, depth == 1u);
-                sum_indirect += select(weighted, vec3f(0.0), depth == 1u);
+                sums.direct += select(vec3f(0.0), weighted, depth == 1u);
+                sums.indirect += select(weighted, vec3f(0.0), depth == 1u);
             }
         }
         if (!sends || depth > params.bounces || (surface.flags & UNLIT) != 0u) {
@@ -236,10 +228,12 @@ fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
         let vertex = PathVertex(
             surface, brdf, frame, -rays.main.direction * frame, throughput, origin_density, medium);
         if (has_lights) {
-            let to_light = connect_light(vertex, choices.x, sobol_2d(rays.index, hash2(pixel_seed, dimension + 2u)));
+            let point = sobol_2d(rays.index, hash2(pixel_seed, dimension + 2u));
+            let to_light = connect_light(vertex, choices.x, point, guide);
             rays.shadow_a = to_light.ray;
             rays.limit_a = to_light.limit;
             pending_a = to_light.radiance;
+            cell_a = to_light.cell;
         }
         if (lit.offset >= 0.0 && depth < params.bounces) {
             let to_vertex = connect_light_vertex(vertex, lit);
@@ -278,21 +272,9 @@ fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
         rays.seed = hash2(pixel_seed, depth) | 1u;
     }
 
-    // Merge the new samples with the old ones (Chan et al. 1979).
-    let old_count = old_emission.a;
-    let new_count = f32(sample);
-    let total = old_count + new_count;
-    if (total == 0.0) {
-        return;
+    sums.count = sample;
+    merge_means(pixel_index, old, sums);
+    if (ADAPTIVE) {
+        report_run(pixel, done + sample);
     }
-    let share = new_count / total;
-    let per_new = 1.0 / max(new_count, 1.0);
-    let mean_offset = sum_offset * per_new;
-    let squares = max(sum_square - new_count * mean_offset * mean_offset, vec3f(0.0));
-    let between = mean_offset * mean_offset * (old_count * share);
-    emission[pixel_index] = vec4f(mix(old_emission.rgb, sum_emission * per_new, share), total);
-    direct[pixel_index] = vec4f(mix(old_direct, sum_direct * per_new, share), 1.0);
-    indirect[pixel_index] = vec4f(mix(old_indirect, sum_indirect * per_new, share), 1.0);
-    deviation[pixel_index] = vec4f(
-        old_deviation.rgb + squares + between, mix(old_deviation.a, hits * per_new, share));
 }

@@ -40,7 +40,7 @@ struct LightSample {
     weighted: vec3f,      // radiance over density; irradiance at normal incidence for lights without area
     direction: vec3f,     // unit
     pdf: f32,             // for weights, 1/sr; 0 for punctual lights, which no BRDF sample can hit
-    ray_density: f32,     // density of `sample_light_ray` at a surface that faces the light, 1/m2
+    ray_density: f32,     // density of `sample_ray_of` at a surface that faces the light, 1/m2
 }
 
 // A ray that leaves a light.
@@ -83,8 +83,8 @@ fn punctual_intensity(light: Light, from_light: vec3f) -> vec3f {
     return light.color * spot_falloff(from_light, light.edge1, light.edge2.x, light.edge2.y);
 }
 
-// Returns the light whose interval of cumulative probability holds `choice` in [0, 1) (binary search).
-fn pick_light(choice: f32) -> Light {
+// Returns the place of the light whose interval of cumulative probability holds `choice` in [0, 1) (binary search).
+fn pick_number(choice: f32) -> u32 {
     var low = 0u;
     var high = scene.light_count - 1u;
     while (low < high) {
@@ -95,7 +95,11 @@ fn pick_light(choice: f32) -> Light {
             low = middle + 1u;
         }
     }
-    return lights[low];
+    return low;
+}
+
+fn pick_light(choice: f32) -> Light {
+    return lights[pick_number(choice)];
 }
 
 // A point of an emitter.
@@ -143,7 +147,11 @@ fn sample_triangle_light(light: Light, from_position: vec3f, u: vec2f) -> LightS
 
 // Samples a light and a point on it for a surface point. `choice` picks the light, `u` the point.
 fn sample_light(from_position: vec3f, choice: f32, u: vec2f) -> LightSample {
-    let light = pick_light(choice);
+    return sample_point_of(pick_light(choice), from_position, u);
+}
+
+// Samples a point of a light for a surface point; also divides by the light's probability.
+fn sample_point_of(light: Light, from_position: vec3f, u: vec2f) -> LightSample {
     if (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT) {
         let drawn = sample_environment(u);
         let pdf = drawn.w * light.probability;
@@ -171,12 +179,8 @@ fn sample_light(from_position: vec3f, choice: f32, u: vec2f) -> LightSample {
     return LightSample(to_light, STOP_SHORT, weighted, direction, 0.0, direction_density(light) / squared);
 }
 
-// Samples a light and a ray that leaves it. `choices.x` picks the light, `choices.y` an emitter's side.
-fn sample_light_ray(choices: vec2f, u_point: vec2f, u_direction: vec2f) -> LightRay {
-    return sample_ray_of(pick_light(choices.x), choices.y, u_point, u_direction);
-}
-
-// Samples a ray that leaves a light; its flux is also divided by the light's probability.
+// Samples a ray that leaves a light; its flux is also divided by the light's probability. `choice` picks an emitter's
+// side.
 fn sample_ray_of(light: Light, choice: f32, u_point: vec2f, u_direction: vec2f) -> LightRay {
     if (light.kind == KIND_SUN || (HAS_PICTURED_ENVIRONMENT && light.kind == KIND_ENVIRONMENT)) {
         // Light from infinity: start on a disc that covers the scene as the light sees it.

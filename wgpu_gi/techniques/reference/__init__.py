@@ -13,16 +13,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..gpu.formats import FOUR_FLOATS
-from ..gpu.graph import Graph
-from ..gpu.handles import Buffer
-from ..gpu.passes import Pass
-from ..gpu.wgsl.load import load
-from ..records import KnownAttributes
-from ..settings import setting
-from .shared.sampling import CameraSettings
-from .shared.scene_inputs import SceneInputs, share_scene
-from .shared.technique import Kept, Light, Shot, Technique
+from ...gpu.formats import FOUR_FLOATS
+from ...gpu.graph import Graph
+from ...gpu.handles import Buffer
+from ...gpu.passes import Pass
+from ...gpu.wgsl.load import load
+from ...records import KnownAttributes
+from ...settings import setting
+from ..shared.sampling import CameraSettings
+from ..shared.scene_inputs import SceneInputs, share_scene
+from ..shared.technique import Kept, Light, Shot, Technique
+from .adaptive import adaptive_runs, declare_learned, mean_paths, missing_paths
 
 UNLIMITED = 0x7FFFFFFF
 MOST_LISTED = 4096  # pixels that one list holds: `reference/pixel_list.wgsl`, 64 KiB, the largest uniform buffer
@@ -41,6 +42,10 @@ class PathSettings(KnownAttributes):
     )
     visible_only: bool = setting(
         False, "Only surfaces that the camera sees send light: the best result that screen-space techniques can reach."
+    )
+    adaptive: bool = setting(
+        False,
+        "More paths where the error is larger, and light rays to where they help; `spp` is the mean of the paths.",
     )
 
 
@@ -91,13 +96,23 @@ def path_inputs(shot: Shot, settings: PathOptions) -> PathInputs:
 
 
 def _runs(settings: PathOptions, kept: Kept) -> int:
-    return -(-settings.spp // settings.path.samples_per_run) + kept(LongPaths).extra_runs
+    path = settings.path
+    planned = adaptive_runs if path.adaptive else _even_runs
+    return planned(settings.spp, path.samples_per_run) + kept(LongPaths).extra_runs
+
+
+def _even_runs(spp: int, samples_per_run: int) -> int:
+    return -(-spp // samples_per_run)
 
 
 def _refine(graph: Graph, kept: Kept, settings: PathOptions) -> bool:
     """Plan more runs if a pixel lacks samples because its paths took too many steps; return whether it did."""
-    samples = int(graph.read_back("path/emission").reshape(-1, 4)[:, 3].min())
-    missing = settings.spp - samples
+    if settings.path.adaptive:
+        missing = missing_paths(graph)
+        samples = max(settings.spp - missing, settings.path.samples_per_run)
+    else:
+        samples = int(graph.read_back("path/emission").reshape(-1, 4)[:, 3].min())
+        missing = settings.spp - samples
     # Add as many runs as the slowest pixel needs at its pace so far.
     kept(LongPaths).extra_runs += -(-missing * _runs(settings, kept) // max(samples, 1))
     return missing > 0
@@ -120,8 +135,9 @@ TECHNIQUE = Technique(
 def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) -> Light:
     """Declare the path tracer: `spp` paths per pixel, with at most `bounces` indirect bounces (None: unlimited).
 
-    Each of `scene.runs` runs of the graph adds up to `path.samples_per_run` samples to a pixel, until it has `spp`.
-    `emission`'s fourth value counts them: pixels with very long paths get fewer per run and need more runs.
+    Each of `scene.runs` runs of the graph adds up to `path.samples_per_run` samples to a pixel, until it has `spp`;
+    with `path.adaptive`, both are means over the pixels. `emission`'s fourth value counts them: pixels with very long
+    paths get fewer per run and need more runs.
     """
     width, height = graph.size
 
@@ -135,12 +151,13 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
     layers = buffers("emission", "direct", "indirect", "deviation")
     results = buffers("radiance", "standard_error")
     tiles = -(-width // 8) * -(-height // 8)
+    learned = declare_learned(graph, layers, tiles, settings.path.adaptive)
     trace = graph.compute(
         "path/trace",
         "reference/path.wgsl",
         over=tiles * 64,
         reads={**scene.surfaces, **scene.lights},
-        writes=layers,
+        writes={**layers, "learned": learned},
         params={
             "samples": settings.path.samples_per_run,
             "spp": settings.spp,
@@ -151,12 +168,13 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
         constants={
             **scene.constants("reference/path.wgsl"),
             "VISIBLE_ONLY": settings.path.visible_only,
+            "ADAPTIVE": settings.path.adaptive,
             "STEP_BUDGET": graph.device.capabilities.path_steps,
         },
         settle=scene.runs,
         split=True,
     )
-    _keep_full_runs(trace, settings.spp)
+    _keep_full_runs(trace, settings)
     graph.compute(
         "path/resolve",
         "reference/resolve.wgsl",
@@ -198,7 +216,7 @@ def declare_pixel_list(
         entry="main_listed",
         over=len(entries),
         reads={**scene.surfaces, **scene.lights},
-        writes=layers,
+        writes={**layers, "learned": graph.buffer("pixels/learned", dtype=np.uint32, count=1)},
         params={
             "samples": settings.path.samples_per_run,
             "spp": spp,
@@ -238,13 +256,17 @@ def _row_stride(rows: int) -> int:
     return next(k for k in range(max(round(0.618 * rows), 1), rows + 2) if math.gcd(k, rows) == 1)
 
 
-def _keep_full_runs(trace: Pass, spp: int) -> None:
+def _keep_full_runs(trace: Pass, settings: PathOptions) -> None:
     """Keep the existing samples if only `spp` changes and no run took fewer samples because of it.
 
     Then the picture equals, bit for bit, one that had this `spp` from the start.
     """
     before = trace.params_before
-    if before is not None and (trace.state.settle_index + 1) * before["samples"] <= min(spp, before["spp"]):
+    if before is None:
+        return
+    run, samples = trace.state.settle_index, int(before["samples"])
+    taken = mean_paths(run, samples) if settings.path.adaptive else (run + 1) * samples
+    if taken <= min(settings.spp, int(before["spp"])):
         trace.ignore_change_of("spp")
 
 
