@@ -413,7 +413,8 @@ def status(renderer):
     """Return what each pass did in the last frame, by name, without the summary line."""
     rows = dict(line.split()[:2] for line in renderer.plan().splitlines()[1:])
     assert rows.pop("deform") == "culled"  # nothing is skinned or morphed
-    del rows["composite/display"]  # not requested
+    for name in ("composite/display", "path/features"):
+        assert rows.pop(name) == "culled"  # not requested
     assert rows.pop("bounces/further") == "culled"  # the settings limit them
     return rows
 
