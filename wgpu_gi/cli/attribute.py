@@ -59,7 +59,7 @@ def attribute_scenes(
         for sentence in advice(entry):
             print(sentence)
         print()
-    print(f"{arguments.frames} frames timed each, on {machine['adapter']}, {machine['driver']}")
+    print(f"{arguments.frames} frames are timed with each setting, on {machine['adapter']}, {machine['driver']}")
 
 
 def _entry(arguments: Namespace, name: str, candidate: Candidate, say: Messages) -> Entry:

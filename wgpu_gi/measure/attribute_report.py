@@ -9,24 +9,28 @@ from __future__ import annotations
 import importlib
 import json
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
+from ..options import TECHNIQUES, Settings
 from ..pictures.atomic_file import atomic_file
 from ..pictures.color import srgb_from_linear
 from .attribute import Attribution
 from .attribute_raise import Raise, best
-from .attribute_study import Bar, Part
+from .attribute_study import REMAINDER, Bar, Part
 from .metrics import display_scale
 from .plot import COLORS, DOTS_PER_INCH, require_matplotlib
 
 SCHEMA, VERSION = "wgpu_gi.attribution", 1
 LAYERS = {"full": "full image", "indirect": "indirect part"}
+ALL_BOUNCES = [name for name, technique in TECHNIQUES.items() if technique.bounces_found(Settings()) is None]
 BAR_CELLS = 20  # characters of 100 % in the terminal
 ROW_INCHES = (12.0, 3.4)
 MOST_FLOOR = 0.1  # of the error: a noisier truth has pixels too dark, which weigh too much
+PALETTE = (*COLORS, "#f0e442", "#44546a", "#999933")  # as many as a technique has stages, and more
 LABEL_SHARE = 0.06  # narrower parts have no label in the plot; the table has them all
 
 
@@ -116,6 +120,8 @@ def _advice(bar: Bar, raises: list[Raise]) -> str:
         )
     largest = max(bar.parts, key=lambda part: part.split.total)
     share = f"{largest.name} is {_percent(largest, bar)} of the error"
+    if largest.stage is not None and largest.stage.kind == "bounces":
+        share += f", and {' and '.join(ALL_BOUNCES)} find all of them"
     return f"{picture}: no setting that was tried lowers relMSE, {whole:.3g}, for sure; {share}"
 
 
@@ -172,20 +178,24 @@ def save_plot(path: str | Path, entries: list[Entry]) -> None:
     size = (ROW_INCHES[0], ROW_INCHES[1] * len(entries))
     figure = figure_module.Figure(figsize=size, layout="constrained")
     panels = figure.subplots(len(entries), 2, squeeze=False, width_ratios=(2, 3))
+    # A part has the same colour in all rows.
+    names = dict.fromkeys(part.name for entry in entries for bar in entry.found.bars for part in bar.parts)
+    colors = dict(zip([name for name in names if name != REMAINDER], cycle(PALETTE), strict=False)) | {
+        REMAINDER: "0.65"
+    }
     for entry, (picture, chart) in zip(entries, panels, strict=True):
         radiance = entry.found.picture
         picture.imshow(srgb_from_linear(radiance * display_scale(radiance)), interpolation="nearest")
         picture.set_title(entry.title, fontsize="small")
         picture.set_axis_off()
-        _draw_bars(chart, entry.found.bars)
+        _draw_bars(chart, entry.found.bars, colors)
     with atomic_file(path) as temporary:
         figure.savefig(temporary, format=Path(path).suffix.lower()[1:], dpi=DOTS_PER_INCH)
 
 
-def _draw_bars(chart: Any, bars: list[Bar]) -> None:
+def _draw_bars(chart: Any, bars: list[Bar], colors: dict[str, str]) -> None:
     """Draw a stacked bar for each layer and number of frames, the first on top."""
-    names = list(dict.fromkeys(part.name for bar in bars for part in bar.parts))
-    colors = {name: COLORS[number % len(COLORS)] for number, name in enumerate(names)} | {"remainder": "0.65"}
+    names = {part.name for bar in bars for part in bar.parts}
     for row, bar in enumerate(bars):
         ends = [0.0, 0.0]  # of the parts below and above 0
         for part in bar.parts:
@@ -197,7 +207,8 @@ def _draw_bars(chart: Any, bars: list[Bar]) -> None:
             width = 100.0 * part.split.total / bar.whole.total
             if width > 100.0 * LABEL_SHARE:
                 label = f"{width:.0f}"
-                chart.text(ends[1] - width / 2, row, label, ha="center", va="center", fontsize="x-small")
+                box = {"boxstyle": "round", "facecolor": "white", "linewidth": 0.0}
+                chart.text(ends[1] - width / 2, row, label, ha="center", va="center", fontsize="x-small", bbox=box)
     chart.set_yticks(range(len(bars)), [f"{_picture(b)}\n{LAYERS[b.layer]}\nrelMSE {b.whole.total:.3g}" for b in bars])
     chart.tick_params(axis="y", labelsize="x-small")
     chart.invert_yaxis()
