@@ -58,21 +58,22 @@ class Figures:
         return self.floor + self.noise / max(frames, 1)
 
 
-# Medians of llvmpipe on two cores over six scenes: tools/README.md, "Budgets", which has the command.
+# Of llvmpipe on two cores. Noise and floor: medians of the curves that tools/try_budgets.py fits; a technique's floor
+# hardly depends on its quality. Seconds: of furnished rooms at 160x90, shared out as in the Cornell box at two sizes.
 TYPICAL = {
-    Candidate("many-light", "low"): Figures(0.9, 0.02, 0.012, 1.0e-6, 0.03, 0.003),
-    Candidate("many-light", "medium"): Figures(1.0, 0.03, 0.024, 1.4e-6, 0.02, 0.002),
-    Candidate("many-light", "high"): Figures(2.5, 0.2, 0.12, 3.0e-6, 0.01, 0.0015),
-    Candidate("ssdo", "low"): Figures(0.7, 0.01, 0.004, 0.5e-6, 0.03, 0.08),
-    Candidate("ssdo", "medium"): Figures(0.8, 0.02, 0.008, 0.7e-6, 0.02, 0.05),
-    Candidate("ssdo", "high"): Figures(1.0, 0.1, 0.02, 2.0e-6, 0.01, 0.05),
-    Candidate("ssil", "low"): Figures(0.5, 0.02, 0.006, 1.2e-6, 0.02, 0.08),
-    Candidate("ssil", "medium"): Figures(0.6, 0.03, 0.010, 1.8e-6, 0.01, 0.07),
-    Candidate("ssil", "high"): Figures(1.5, 0.2, 0.05, 6.0e-6, 0.005, 0.06),
-    Candidate("none", "low"): Figures(0.3, 0.005, 0.002, 0.4e-6, 0.005, 0.25),
-    Candidate("none", "medium"): Figures(0.3, 0.005, 0.002, 0.5e-6, 0.005, 0.25),
-    Candidate("none", "high"): Figures(0.4, 0.01, 0.004, 1.0e-6, 0.005, 0.25),
-    Candidate("path", "medium"): Figures(0.3, 0.005, 0.002, 1.5e-6, 2.0, LEAST_FLOOR),
+    Candidate("many-light", "low"): Figures(0.5, 0.01, 0.016, 1.8e-6, 0.13, 0.0022),
+    Candidate("many-light", "medium"): Figures(0.6, 0.02, 0.036, 2.8e-6, 0.087, 0.0020),
+    Candidate("many-light", "high"): Figures(1.9, 0.15, 0.140, 5.0e-6, 0.060, 0.0018),
+    Candidate("ssdo", "low"): Figures(0.6, 0.01, 0.005, 1.0e-6, 0.15, 0.060),
+    Candidate("ssdo", "medium"): Figures(0.7, 0.02, 0.006, 1.4e-6, 0.087, 0.053),
+    Candidate("ssdo", "high"): Figures(1.0, 0.05, 0.010, 4.0e-6, 0.034, 0.050),
+    Candidate("ssil", "low"): Figures(0.5, 0.02, 0.010, 1.9e-6, 0.040, 0.11),
+    Candidate("ssil", "medium"): Figures(0.5, 0.02, 0.015, 2.6e-6, 0.032, 0.11),
+    Candidate("ssil", "high"): Figures(0.9, 0.10, 0.070, 7.5e-6, 0.020, 0.10),
+    Candidate("none", "low"): Figures(0.3, 0.005, 0.003, 0.7e-6, 0.010, 0.35),
+    Candidate("none", "medium"): Figures(0.3, 0.005, 0.003, 1.0e-6, 0.010, 0.35),
+    Candidate("none", "high"): Figures(0.3, 0.005, 0.005, 1.7e-6, 0.010, 0.35),
+    Candidate("path", "medium"): Figures(0.3, 0.005, 0.004, 2.5e-6, 1.5, LEAST_FLOOR),
 }
 TECHNIQUES = tuple(dict.fromkeys(candidate.gi for candidate in TYPICAL))
 

@@ -138,14 +138,12 @@ class _Budget:
         renderer, size = self.renderer, self.renderer.size
         probe = Probe(renderer, self.clock)
         try:
-            while (candidate := self._worth_probing()) is not None:
-                # Leave the time to the picture if this probe would take more than its share.
-                figures = expected(self.settings, self.known)[candidate]
-                cost = probe_seconds(figures, size, is_warm=candidate in rendered(renderer))
-                allowed = PROBE_SHARE * self._whole_seconds()
-                if self.elapsed + cost > allowed * (1.0 if self.probe_seconds else 1.0 - TRUTH_SHARE):
+            while (allowed := PROBE_SHARE * self._whole_seconds()) > self.elapsed:
+                candidate = self._worth_probing(allowed - self.elapsed)
+                if candidate is None:
                     break
                 self.report(min(self.elapsed * PROBE_SHARE / allowed, 1.0), f"measure {candidate}")
+                figures = expected(self.settings, self.known)[candidate]
                 truth = TRUTH_SHARE * allowed
                 self.known[candidate] = probe.measure(candidate, self.settings[candidate], figures, truth)
                 self.probe_seconds = self.elapsed
@@ -162,11 +160,21 @@ class _Budget:
             return self.seconds
         return self.elapsed + self.best(self.choices().values()).seconds
 
-    def _worth_probing(self) -> Candidate | None:
-        """Return the most promising candidate that was not measured; None if it could not beat those that were."""
-        choices = self.choices()
-        measured = [choice for c, choice in choices.items() if c in self.known and self.known[c].measured]
-        others = [choice for choice in choices.values() if choice not in measured]
+    def _worth_probing(self, seconds: float) -> Candidate | None:
+        """Return the most promising candidate that was not measured and whose probe takes at most `seconds`.
+
+        None if there is none that could beat those that were measured.
+        """
+        choices, figures, warm = self.choices(), expected(self.settings, self.known), rendered(self.renderer)
+        measured = [choice for c, choice in choices.items() if figures[c].measured]
+        # The first probe traces pixels, too.
+        if not self.probe_seconds:
+            seconds *= 1.0 - TRUTH_SHARE
+        others = [
+            choice
+            for c, choice in choices.items()
+            if not figures[c].measured and probe_seconds(figures[c], self.renderer.size, is_warm=c in warm) <= seconds
+        ]
         if not others or len(choices) == 1:
             return None
         promising = self.best(others)
