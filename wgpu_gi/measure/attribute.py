@@ -61,5 +61,5 @@ def attribute(
         if not bars:
             raise GiError("the truth is black, so there is no error to attribute")
         frame_ms = time_frame(study, settings, timed)
-        raises = measure_raises(study, bars, frame_ms, timed)
+        raises = measure_raises(study, bars, timed)
         return Attribution(bars, raises, frame_ms, study.pictures(settings, 1)["full"][0])

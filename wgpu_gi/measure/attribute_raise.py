@@ -37,18 +37,18 @@ class Raise:
     time: float
 
 
-def measure_raises(study: Study, bars: list[Bar], frame_ms: float, timed: int) -> list[Raise]:
-    """Return the settings of the largest parts of the bars, measured. `frame_ms`: time of a frame without them."""
+def measure_raises(study: Study, bars: list[Bar], timed: int) -> list[Raise]:
+    """Return the settings of the largest parts of the bars, measured; `timed`: frames for each time."""
     layer, settings = bars[0].layer, study.settings
     raises = []
     for stage, text in candidates(settings, _largest(bars, layer)):
         changed = deepcopy(settings)
         assign(changed, text)
-        # A setting without effect in this scene leaves every bit as it is.
-        one = study.pictures(changed, 1, 1, keep=False)["full"][0]
-        if np.array_equal(one, study.pictures(settings, 1)["full"][0]):
+        if all(_is_same(study, changed, frames) for frames in study.counts):
             continue
-        time = time_frame(study, changed, timed) / frame_ms if frame_ms else 1.0
+        # Time both in turn: the load of the machine may change.
+        before = time_frame(study, settings, timed)
+        time = time_frame(study, changed, timed) / before if before else 1.0
         errors = {frames: _error(study, changed, layer, frames) for frames in study.counts}
         raises.append(Raise(text, stage.name, errors, time))
     # More frames divide the noise of a still picture.
@@ -116,6 +116,12 @@ def _largest(bars: list[Bar], layer: str) -> list[Stage]:
             if share >= LEAST_SHARE and share > shares.get(stage.name, (0.0,))[0]:
                 shares[stage.name] = (share, stage)
     return [stage for _, stage in sorted(shares.values(), key=lambda pair: -pair[0])]
+
+
+def _is_same(study: Study, changed: Settings, frames: int) -> bool:
+    """Return whether changed settings leave every bit of a picture as it is: they have no effect in this scene."""
+    one = study.pictures(changed, frames, 1, keep=False)["full"][0]
+    return np.array_equal(one, study.pictures(study.settings, frames)["full"][0])
 
 
 def _error(study: Study, settings: Settings, layer: str, frames: int) -> Split:
