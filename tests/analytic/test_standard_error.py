@@ -15,7 +15,7 @@ def test_standard_error_is_the_spread_over_seeds():
     reported = np.sqrt(np.mean([g["standard_error"] ** 2 for g in got], axis=0))
     assert 1 / 1.5 < np.sqrt((reported**2).mean() / (spread**2).mean()) < 1.5
     each = reported[spread > 0] / spread[spread > 0]
-    assert 1 / 1.5 < np.median(each) < 1.5 and np.percentile(each, 5) > 0.7
+    assert 1 / 1.5 < np.median(each) < 1.5 and np.percentile(each, 5) > 0.5
 
 
 def test_standard_error_falls_as_one_over_the_root_of_the_samples():
@@ -38,5 +38,5 @@ def test_noise_is_centred_on_the_truth():
     truth = shoot(builtin.cornell(), (16, 9), spp=2048)["radiance"]
     got = shoot(builtin.cornell(), (16, 9), spp=64, seed=5)
     off, error = (got["radiance"] - truth)[..., 1], got["standard_error"][..., 1]
-    assert 0.5 < np.sqrt((off**2).mean() / (error**2).mean()) < 1.2
+    assert 1 / 1.5 < np.sqrt((off**2).mean() / (error**2).mean()) < 1.5
     assert abs(off.sum()) < 3 * np.sqrt((error**2).sum())

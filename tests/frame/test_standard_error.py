@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from wgpu_gi.measure.scenes import make_scene
 from wgpu_gi.options import TECHNIQUES, Settings
+from wgpu_gi.pictures.noise import expected_relmse
 from wgpu_gi.renderer import Renderer
 from wgpu_gi.scene.built_in import scenes as builtin
 
@@ -41,3 +43,18 @@ def test_of_a_picture_without_random_numbers_it_is_zero():
     shown.settings.direct.emitters = "maps"
     shown.run(show=SHOW)
     assert shown.read_back().any() and not shown.read_back("standard_error").any()
+
+
+def test_it_is_the_spread_over_seeds():
+    """As a share of relMSE, within a factor of 1.5; in a room of 32x18 pixels, with 8 frames."""
+    shown = Renderer(make_scene("room", 4), size=(32, 18), settings=Settings(gi="ssdo"))
+    shown.settings.camera.frames = 8
+    pictures, variances = [], []
+    for seed in range(8):
+        shown.settings.seed = seed
+        shown.run(show=SHOW)
+        pictures.append(shown.read_back())
+        variances.append(shown.read_back("standard_error").astype(np.float64) ** 2)
+    mean, spread = np.mean(pictures, axis=0), np.std(pictures, axis=0, ddof=1)
+    estimated = expected_relmse(mean, np.sqrt(np.mean(variances, axis=0)))
+    assert 1 / 1.5 < np.sqrt(estimated / expected_relmse(mean, spread)) < 1.5

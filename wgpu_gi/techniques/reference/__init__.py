@@ -149,7 +149,7 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
         }
 
     layers = buffers("emission", "direct", "indirect", "deviation")
-    results = buffers("radiance", "standard_error")
+    results = buffers("radiance", "halves", "standard_error")
     tiles = -(-width // 8) * -(-height // 8)
     learned = declare_learned(graph, layers, tiles, settings.path.adaptive)
     trace = graph.compute(
@@ -175,14 +175,8 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
         split=True,
     )
     _keep_full_runs(trace, settings)
-    graph.compute(
-        "path/resolve",
-        "reference/resolve.wgsl",
-        over=(width, height),
-        reads=layers,
-        writes=results,
-        params={"size": (width, height)},
-    )
+    first = settings.path.samples_per_run
+    _declare_results(graph, layers, results, mean_paths(0, first) if settings.path.adaptive else first)
     return Light(
         layers["emission"],
         layers["direct"],
@@ -190,6 +184,31 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
         results["radiance"],
         views=_declare_features(graph, settings, scene),
         standard_error=results["standard_error"],
+    )
+
+
+def _declare_results(graph: Graph, layers: dict[str, Buffer], results: dict[str, Buffer], first: int) -> None:
+    """Declare radiance, and its standard error by the halves of the samples; the first run takes at most `first`."""
+    graph.compute(
+        "path/resolve",
+        "reference/resolve.wgsl",
+        over=graph.size,
+        reads=layers,
+        writes={name: results[name] for name in ("radiance", "halves")},
+        params={"size": graph.size, "first_samples": first},
+    )
+    graph.compute(
+        "path/standard_error",
+        "reference/standard_error.wgsl",
+        over=graph.size,
+        reads={
+            "emission": layers["emission"],
+            "deviation": layers["deviation"],
+            "radiance": results["radiance"],
+            "halves": results["halves"],
+        },
+        writes={"standard_error": results["standard_error"]},
+        params={"size": graph.size},
     )
 
 

@@ -2,8 +2,8 @@
 //
 // Var(n) = r / n + a / n^1.5: frames that err independently have a = 0; Owen-scrambled points of an edge r = 0. At the
 // last n = 2^k, the spread of the halves of the frames (`halves.wgsl`) is r / n + sqrt(2) a / n^1.5, the coarser one
-// r / n + 2 a / n^1.5. Their ratio is that of sums over neighbours, the spread the pixel's own. In: mean, W/(m2 sr), and
-// spreads in squares of `scene.light_unit`. Out: W/(m2 sr); of a single frame, which does not tell, the radiance
+// r / n + 2 a / n^1.5. Their ratio is that of sums over neighbours, the spread the pixel's own. In: mean, W/(m2 sr),
+// and spreads in squares of `scene.light_unit`. Out: W/(m2 sr); of a single frame, which does not tell, the radiance
 // itself. Calibrated in the mean over many pixels (tools/README.md); a pixel's own value errs by about its size, as a
 // single difference. Errs low where frames share state, high for fewer than 16 frames.
 #import "scene/info.wgsl"
