@@ -143,6 +143,7 @@ def test_parts_add_up():
         (["--compare", "old.json"], "--compare"),
         (["--truth", "t.npz"], "--truth"),
         (["--gi", "path"], "path has none"),
+        (["--size", "1920x1080"], "--size 1920x1080 is too large"),
     ],
 )
 def test_flags_that_do_not_go_with_it_are_refused(flags, part, capsys):

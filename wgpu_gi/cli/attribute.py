@@ -19,6 +19,7 @@ from .common import prepare_scene, time_of
 from .messages import Messages
 
 SIZE = (160, 90)  # if none is given: a technique takes one to two hundred frames
+MOST_PIXELS = 640 * 360  # the pictures take up to 1 GiB
 TECHNIQUE = "many-light"  # if none is given
 
 
@@ -37,6 +38,9 @@ def prepare(arguments: Namespace) -> None:
         if name.strip() in TECHNIQUES and not TECHNIQUES[name.strip()].stages:
             raise GiError(f"--attribute exchanges the stages of a technique, and {name.strip()} has none")
     arguments.size = arguments.size or SIZE
+    width, height = arguments.size
+    if width * height > MOST_PIXELS:
+        raise GiError(f"--attribute holds some hundred pictures, so --size {width}x{height} is too large; 640x360 fits")
 
 
 def attribute_scenes(
