@@ -39,11 +39,14 @@ def rendered(scene, frames=1, *texts, bounces=None, size=SIZE):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("adaptive", ["false", "true"])
 @pytest.mark.parametrize("glossy", [False, True])
-def test_sampled_visibility_is_unbiased(glossy):
+def test_sampled_visibility_is_unbiased(glossy, adaptive):
     """The mean over frames is that of rays to all VPLs, in all parts of the picture and all channels."""
     scene = room(glossy)
-    sampled, exact = (rendered(scene, 128, f"gather.visibility={v}") for v in ("sampled", "exact"))
+    sampled, exact = (
+        rendered(scene, 128, f"gather.visibility={v}", f"gather.adaptive={adaptive}") for v in ("sampled", "exact")
+    )
     assert sampled.mean((0, 1)) == pytest.approx(exact.mean((0, 1)), rel=0.01)
     parts = [p.reshape(3, 6, 4, 8, 3).mean((1, 3)) for p in (sampled, exact)]
     assert parts[0] == pytest.approx(parts[1], rel=0.05)
@@ -55,6 +58,57 @@ def test_more_rays_have_less_noise():
     exact = rendered(scene, 1, "gather.visibility=exact")
     errors = [((rendered(scene, 1, f"gather.rays={rays}") - exact) ** 2).mean() for rays in (1, 2, 4, 8)]
     assert errors[0] > 1.5 * errors[1] > 2.25 * errors[2] > 3.3 * errors[3] > 0
+
+
+def still_picture(scene, frames=4, size=(64, 36)):
+    """Return a renderer after a still picture with adaptive rays, and the rays per pixel of tiles of 16 x 8 pixels."""
+    settings = Settings(gi="many-light", bounces=1, camera=CameraSettings(jitter=False, frames=frames))
+    settings.vpl.count, settings.rsm.texels = 256, 4096
+    settings.gather.interleave, settings.gather.adaptive = 2, True
+    renderer = Renderer(scene, size=size, settings=settings)
+    renderer.run(show=("indirect",), check=True)
+    return renderer, renderer.graph.read_back("gather/ray_counts")[..., 0]
+
+
+def test_rays_go_where_visibility_is_noisy():
+    """An open floor takes one ray per pixel; the shadow of a board's light takes more than the rest of a room."""
+    corner = [quad((-2, 0, -2), (4, 0, 0), (0, 0, -4), matte(0.5)), quad((-2, 0, -6), (4, 0, 0), (0, 4, 0), matte(0.8))]
+    floor = Scene([Instance(mesh) for mesh in corner], [PointLight((0.0, 1.0, -4.0), 20.0)])
+    floor.cameras = [Camera.look_at((0, 2.0, 0.5), (0, 0.5, -5), yfov_deg=60)]
+    open_scene = still_picture(floor)[1]
+    hidden = still_picture(room(glossy=False))[1]
+    lit = hidden[:5]  # the last rows of tiles lie below the picture
+    assert open_scene.max() == 1
+    assert 1 <= lit.min() < lit.max() <= 8 and np.median(lit) > 1
+
+
+@pytest.mark.slow
+def test_adaptive_rays_lower_the_noise():
+    scene, choices = room(glossy=False), ("visibility=exact", "adaptive=false", "adaptive=true")
+    exact, one, adaptive = (rendered(scene, 16, f"gather.{choice}", bounces=1, size=(64, 36)) for choice in choices)
+    assert ((adaptive - exact) ** 2).mean() < 0.7 * ((one - exact) ** 2).mean()
+
+
+def test_counts_of_rays_do_not_outlive_the_still_picture():
+    """After a move and back, and after a change of light by a power of two, the picture is the same, bit for bit."""
+    scene = room()
+    renderer, counts = still_picture(scene)
+    first, camera = renderer.read_back("indirect"), renderer.camera
+    renderer.camera = Camera.look_at((-1.6, 1.5, 1.9), (0.4, 1.0, -0.4), yfov_deg=70)
+    renderer.run(show=("indirect",))
+    renderer.camera = camera
+    renderer.run(show=("indirect",))
+    assert np.array_equal(renderer.read_back("indirect"), first)
+    scene.lights[0] = PointLight(scene.lights[0].position, scene.lights[0].intensity * 2.0**-40)
+    renderer.run(show=("indirect",))
+    assert np.array_equal(renderer.read_back("indirect") * 2.0**40, first)
+    assert np.array_equal(renderer.graph.read_back("gather/ray_counts")[..., 0], counts)
+
+
+def test_single_frames_take_the_same_rays_with_and_without_adaptive():
+    scene = room()
+    first, second = (rendered(scene, 1, f"gather.adaptive={v}") for v in ("false", "true"))
+    assert np.array_equal(first, second)
 
 
 @pytest.mark.parametrize("scene", [room, courtyard])

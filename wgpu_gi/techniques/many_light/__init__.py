@@ -47,7 +47,7 @@ STAGES = (
         exact=("gather.visibility=exact",),
         cheaper=("gather.visibility=sampled", "gather.rays=4"),
         factors={"gather.rays": 4.0},
-        values=("gather.visibility=sampled",),
+        values=("gather.visibility=sampled", "gather.adaptive=true"),
     ),
     Stage("choice of lights", "mean", factors={"vpl.count": 4.0, "vpl.paths": 4.0, "gather.interleave": 0.5}),
     Stage(
@@ -125,7 +125,9 @@ def _declare_indirect(
     if settings.gather.visibility == "ism":
         ism = declare_ism(graph, settings.ism, scene, declare_points(graph, scene, POINTS, albedo), vpls)
     near_field = declare_near_shares(graph, settings.ssdo, gbuffer, vpls)
-    gathered = declare_gather(graph, settings.gather, scene, gbuffer, vpls, ism, seed, near_field, scene.gather_stride)
+    gathered = declare_gather(
+        graph, settings.gather, scene, gbuffer, vpls, ism, seed, near_field, scene.gather_stride, scene.frames
+    )
     views |= declare_vpl_view(graph, vpls) | declare_list_view(graph, gbuffer, gathered, vpls)
     if rsm is not None:
         views |= declare_rsm_views(graph, scene, lobes, rsm)

@@ -21,12 +21,14 @@ from ...gpu.handles import Buffer, Handle, Texture
 from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
+from ..shared.bounds import SAVES
 from ..shared.denoise import grid_size
 from ..shared.gbuffer import Gbuffer
 from ..shared.scene_inputs import SceneInputs
 from ..shared.upsample import grid_constants
 from .clusters import Clusters, declare_clusters
 from .ism import Ism
+from .ray_counts import RayCounts, declare_ray_counts, declare_ray_statistics
 from .vpl import Vpls
 
 _GROUP = tuple(int(load("many_light/gather/pixels.wgsl").constants[name]) for name in ("GROUP_X", "GROUP_Y"))
@@ -55,6 +57,11 @@ class GatherSettings(KnownAttributes):
         choices=("sampled", "ism", "exact", "none"),
     )
     rays: int = setting(1, "Rays per pixel with visibility `sampled`.", "rays", range=(1, 8), presets={"high": 4})
+    adaptive: bool = setting(
+        False,
+        "With visibility `sampled`, still pictures take 1 to 8 rays per pixel from the second frame on, more in tiles"
+        " whose visibility is noisy; the first frame takes gather.rays.",
+    )
     clamping: str = setting(
         "disc",
         "Bound on the light of near VPLs: that of a disc of the VPL's area (disc), or none.",
@@ -129,19 +136,21 @@ def declare_gather(
     seed: int,
     near_field: NearField | None = None,
     stride: int = 1,
+    frames: int = 1,
 ) -> Gathered:
     """Declare the light of VPLs at each pixel of a grid; `ism` is needed if `settings.visibility` is "ism".
 
-    `stride`: of the grid, 1 or 2 pixels.
+    `stride`: of the grid, 1 or 2 pixels. `frames`: number per still picture.
     """
     n, exact = settings.interleave, settings.visibility == "exact"
     size = grid_size(graph, stride)
     coated = scene.features["HAS_COATS"]
-    compensated = settings.compensation and settings.clamping != "none"
+    bounded = settings.clamping != "none"
     layers = _layers(graph, size, coated)
     clusters = declare_clusters(graph, settings.culling, gbuffer, vpls, n)
-    shader = f"many_light/gather/{settings.visibility}.wgsl"
-    visibility, constants = _visibility(settings, scene, ism)
+    counts = _ray_counts(graph, settings, _threads(size, n), frames)
+    shader = f"many_light/gather/{'adaptive' if counts else settings.visibility}.wgsl"
+    visibility, constants = _visibility(settings, scene, ism, counts)
     # Rays to all VPLs need one pass per word of a class' light list: see `gather/exact.wgsl`.
     words = -(-vpls.count // (32 * n * n))
     for first in range(words if exact else 1):
@@ -157,7 +166,7 @@ def declare_gather(
                 "near_shares": near_field.shares if near_field is not None else graph.neutral("texture_2d"),
                 **visibility,
             },
-            writes=layers,
+            writes={**layers, **(counts.writes if counts else {})},
             params={"vpl_count": vpls.count, "first_word": first, "seed": seed, "near_radius": near_radius(near_field)},
             constants={
                 **scene.constants(shader),
@@ -167,20 +176,31 @@ def declare_gather(
                 **grid_constants(stride),
                 "INTERLEAVE": n,
                 "ADDED": exact,
-                "BOUNDED": settings.clamping == "disc",
+                "BOUNDED": bounded,
                 "NEAR_FIELD": near_field is not None,
             },
             clear=[layers[name] for name in ("irradiance", "glossy")] if exact and not first else (),
         )
+    if counts:
+        declare_ray_counts(graph, counts, n)
     glossy = layers["glossy"] if coated else None
-    bounded = settings.clamping != "none"
-    return Gathered(
-        layers["irradiance"], glossy, layers["normals"], stride, n, clusters, compensated, bounded, near_field
-    )
+    compensated, normals = settings.compensation and bounded, layers["normals"]
+    return Gathered(layers["irradiance"], glossy, normals, stride, n, clusters, compensated, bounded, near_field)
+
+
+def _ray_counts(graph: Graph, settings: GatherSettings, threads: tuple[int, int], frames: int) -> RayCounts | None:
+    """Declare what the choice of numbers of rays needs of `threads`; None: each pixel has the same number."""
+    absent = "gather.adaptive is off, or gather.visibility is not sampled"
+    if settings.adaptive and settings.visibility == "sampled":
+        if frames > 1:
+            return declare_ray_statistics(graph, threads, settings.interleave)
+        absent = "the picture is a single frame"
+    graph.skip("gather/ray_counts", absent, SAVES)
+    return None
 
 
 def _visibility(
-    settings: GatherSettings, scene: SceneInputs, ism: Ism | None
+    settings: GatherSettings, scene: SceneInputs, ism: Ism | None, counts: RayCounts | None
 ) -> tuple[dict[str, Handle], dict[str, float]]:
     """Return the bindings and constants by which the shader finds the visibility of VPLs, by name."""
     if settings.visibility == "ism":
@@ -188,7 +208,8 @@ def _visibility(
         return ism.reads, ism.constants
     if settings.visibility == "none":
         return {}, {}
-    return {**scene.surfaces}, {"RAYS": settings.rays} if settings.visibility == "sampled" else {}
+    reads = {**scene.surfaces, **(counts.reads if counts else {})}
+    return reads, {"RAYS": settings.rays} if settings.visibility == "sampled" else {}
 
 
 def _threads(size: tuple[int, int], interleave: int) -> tuple[int, int]:
