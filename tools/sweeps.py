@@ -150,7 +150,8 @@ SWEEPS = (
     Sweep("techniques/many_light/vpl.py", "VIEW_SAMPLES", "16, 64, 256", "many-light"),
     Sweep("techniques/many_light/vpl.py", "DENSITY_VPLS", "128, 512, 2048", "many-light"),
     Sweep("many_light/vpl/weights.wgsl", "WEIGHT_FLOOR", "0.005, 0.02, 0.1", "many-light"),
-    Sweep("many_light/gather/sampled.wgsl", "RUNS", "4u, 16u, 64u", "many-light"),
+    Sweep("many_light/gather/drawn.wgsl", "RUNS", "4u, 16u, 64u", "many-light"),
+    Sweep("many_light/gather/ray_counts.wgsl", "COST_RATIO", "0.05, 0.1, 0.2", "many-light", "gather.adaptive=true"),
     Sweep("many_light/gather/bound.wgsl", "BOUND_SHARE", "0.125, 0.25, 0.5, 1.0", "many-light"),
     Sweep(
         "techniques/many_light/__init__.py",
