@@ -26,8 +26,8 @@ from wgpu_gi.settings import assign
 
 # None of them was used to choose the statistics.
 SCENES = (
-    *("cornell", "walk", "plates", "furnace", "street-22", "foliage-23", "tiny-28", "huge-29", "room-30", "street-31"),
-    *("street-32", "foliage-33", "cornell-spot", "street-34", "foliage-35", "huge-36"),
+    *("cornell", "cornell-spot", "walk", "plates", "furnace", "street-22", "street-31", "street-32"),
+    *("foliage-23", "foliage-33", "foliage-37", "room-21", "glossy-24", "textured-25", "many-26", "glass-27"),
 )
 TECHNIQUES = {"none": "", "many-light": "camera.frames=4", "ssil": "camera.frames=2", "path": "spp=16"}
 SPP, REPLICATES = 512, 32
