@@ -2,6 +2,7 @@
 
     python tools/readme_pictures.py techniques
     python tools/readme_pictures.py error NAME           # one of ERRORS
+    python tools/readme_pictures.py budgets              # pictures of three error budgets with their certificates
     python tools/readme_pictures.py walk                 # four frames of the walking figure
     python tools/readme_pictures.py sponza sponza.glb truth.npz
     python tools/readme_pictures.py sheets sponza.glb    # single frame, still picture, truth, difference: tests/truth
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from wgpu_gi.__main__ import main as command
+from wgpu_gi.budget.refine import render_within
 from wgpu_gi.camera import Camera
 from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.options import Settings
@@ -42,6 +44,7 @@ CAPTION = 22  # pixels
 GAP = 4
 TRUTH_SPP = 512
 SHEET_SPP = 256
+BUDGETS = (0.3, 0.1, 0.01)  # relMSE
 WALK, FPS = range(12, 144, 33), 24  # frames of the animation, and per second
 SHEETS = {"ssdo": "SSDO", "ssil": "SSIL", "many-light": "many-light"}
 TECHNIQUES = {"many-light": "many-light", "ssil": "SSIL", "ssdo": "SSDO", "none": "direct light only"}
@@ -134,6 +137,19 @@ def walk() -> None:
             with Image.open(f"{folder}/{frame}.png") as picture:
                 cells.append((f"{frame / FPS:.3g} s", np.asarray(picture.convert("RGB"), np.float32) / np.float32(255)))
     sheet(SCENES / "walk" / "walk.png", cells, len(cells))
+
+
+def budgets() -> None:
+    """Draw the Cornell box within error budgets, each under what was chosen and certified."""
+    cells = []
+    for error_wanted in BUDGETS:
+        renderer = Renderer("cornell", size=(280, 210))
+        outcome = render_within(renderer, None, error_wanted)
+        assert outcome.certificate is not None
+        found = outcome.certificate.relmse
+        certified = f"{found.value:.2g} ({found.low:.2g} to {found.high:.2g})"
+        cells.append((f"{outcome.candidate}: {certified}", shown(renderer.read_back(), 1.0)))
+    sheet(SCENES / "errors" / "budgets.png", cells, len(BUDGETS))
 
 
 def sponza(model: str, truth_file: str) -> None:
@@ -230,6 +246,8 @@ def main(arguments: Sequence[str]) -> int:
             techniques()
         case ["error", name] if name in ERRORS:
             error(name)
+        case ["budgets"]:
+            budgets()
         case ["walk"]:
             walk()
         case ["sponza", model, truth_file]:
