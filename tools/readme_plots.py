@@ -1,7 +1,7 @@
 """Draw the plots of README.md and tools/README.md: error against time of the techniques, and of other renderers.
 
     python tools/readme_plots.py techniques    # from the table "Error against time" of tools/README.md
-    python tools/readme_plots.py peers         # measures many-light first
+    python tools/readme_plots.py peers         # measures ours first; needs pyoidn
 
 Time and error of other renderers were measured once, on two cores with a CPU as Vulkan adapter, in pictures of 640x360
 against 4096 samples per pixel: relMSE = mean((x - t)^2 / (t^2 + 0.01)). The direction of their sun differs slightly, so
@@ -21,6 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from wgpu_gi.measure.smoother import Smoother
 from wgpu_gi.measure.truth import truth_by_path
 from wgpu_gi.options import Settings
 from wgpu_gi.renderer import Renderer
@@ -37,7 +38,9 @@ FRAMES = {"low": 4, "medium": 24, "high": 64}  # frames of a still picture
 COLORS = {"many-light": "#0072b2", "ssdo": "#d55e00", "ssil": "#009e73", "none": "0.35"}
 SIZE = (640, 360)
 SUN = DirectionalLight((0.35, -0.6, 0.72), 10.0)
-TRUTH_SPP = 512
+TRUTH_SPP = 64  # its noise is subtracted
+TRACED = ("radiance", "standard_error")
+PATH_SPP = (1, 4, 16, 64)
 DIRECT_ERROR = 0.169  # relMSE of direct light alone for their sun
 TIMED_FRAMES = 5
 # Milliseconds per frame (for Cycles and Mitsuba: per picture), relMSE.
@@ -102,7 +105,7 @@ def table_points(column: int, technique: str) -> list[tuple[float, float]]:
 
 
 def peers() -> None:
-    """Measure many-light, print a table, draw both."""
+    """Measure many-light and the path tracer, print a table, draw all."""
     scene = load("cornell-point")
     scene.lights = [SUN]
     found = truth_by_path(scene, scene.cameras[0], SIZE, spp=TRUTH_SPP, diffuse=True)
@@ -125,7 +128,32 @@ def peers() -> None:
             ms, count = _frame_ms(renderer), settings.camera.frames
             print(f"{quality}, {count} frames: {ms:.0f} ms each, relMSE {error:.5f}, energy {energy:.3f}", flush=True)
             ours.append((quality, count, count * ms, error))
-    _draw(ours)
+    # The path tracer, with and without the denoiser.
+    traced = []
+    for spp in PATH_SPP:
+        picture, smooth, ms, more = _path(scene, spp)
+        for text, x, time_ms in (("", picture, ms), (", denoised", smooth, ms + more)):
+            error = _relmse(x.astype(np.float64), truth, truth, scale) - noise
+            energy = x[hidden].mean() / truth[hidden].mean()
+            print(f"path, {spp} samples{text}: {time_ms:.0f} ms, relMSE {error:.5f}, energy {energy:.3f}", flush=True)
+            traced.append((f"{spp}{text}", time_ms, error))
+    _draw(ours, traced)
+
+
+def _path(scene: Scene, spp: int) -> tuple[NDArray, NDArray, float, float]:
+    """Return a path-traced picture, the same denoised, and the milliseconds of each step: CPU time over two cores."""
+    settings = Settings(gi="path", spp=1, diffuse=True)
+    renderer = _rendered(scene, settings)
+    smoother = Smoother(renderer)
+    renderer.settings.spp, renderer.settings.seed = spp, spp
+    start = time.process_time()
+    renderer.run(show=TRACED)
+    renderer.graph.device.wait()
+    ms = 500 * (time.process_time() - start)
+    start = time.process_time()
+    picture = renderer.read_back("radiance")
+    smooth, _ = smoother(picture, renderer.read_back("standard_error"))
+    return picture, smooth, ms, 500 * (time.process_time() - start) + smoother.features_ms
 
 
 def _rendered(scene: Scene, settings: Settings) -> Renderer:
@@ -159,7 +187,7 @@ def _frame_ms(renderer: Renderer) -> float:
     return float(np.median(times[2:]))
 
 
-def _draw(ours: list[tuple[str, int, float, float]]) -> None:
+def _draw(ours: list[tuple[str, int, float, float]], traced: list[tuple[str, float, float]]) -> None:
     figure = Figure(figsize=(9.0, 4.6), layout="constrained")
     panel = figure.subplots()
     panel.set(xscale="log", yscale="log", xlabel="ms for the picture, 640x360, two CPU cores", ylabel="relMSE")
@@ -175,6 +203,10 @@ def _draw(ours: list[tuple[str, int, float, float]]) -> None:
         for quality, count, ms, error in points:
             text = f"{quality}, {count} frames" if still else quality
             panel.annotate(text, (ms, error), (-6, -11), textcoords="offset points", color="#0072b2", ha="right")
+    for text, color in (("", "black"), (", denoised", "0.5")):
+        curve = [(ms, error) for name, ms, error in traced if name.endswith(", denoised") == bool(text)]
+        label = f"path tracer{text}: {PATH_SPP[0]} to {PATH_SPP[-1]} samples"
+        panel.plot(*zip(*curve, strict=True), ".-", color=color, label=label)
     panel.legend(loc="lower left", frameon=False)
     panel.set_title("The Cornell box under a sun: error against time", fontsize="medium")
     figure.savefig(FOLDER / "peers.png", dpi=130)

@@ -22,7 +22,7 @@ class Smoother:
         renderer.step(show=FEATURES, force=True)
         renderer.graph.device.wait()
         self._albedo, self._normal = (renderer.read_back(name) for name in FEATURES)
-        self._features_ms = (time.perf_counter() - start) * 1e3
+        self.features_ms = (time.perf_counter() - start) * 1e3
         ones = np.ones_like(self._albedo)
         denoised(ones, self._albedo, self._normal, ones)  # loads the library
 
@@ -30,4 +30,4 @@ class Smoother:
         """Return the smooth picture, and the milliseconds of features and denoiser; `error`: its standard error."""
         start = time.perf_counter()
         smooth = denoised(picture, self._albedo, self._normal, error)
-        return smooth, self._features_ms + (time.perf_counter() - start) * 1e3
+        return smooth, self.features_ms + (time.perf_counter() - start) * 1e3
