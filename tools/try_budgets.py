@@ -1,0 +1,249 @@
+"""Compares what a budget of time chooses with an exhaustive search: every technique at every quality, in 12 scenes.
+
+    python tools/try_budgets.py curves FOLDER    # error against time of every candidate
+    python tools/try_budgets.py choices FOLDER   # what `budget.refine` chooses and reaches
+    python tools/try_budgets.py report FOLDER    # the table of tools/README.md, and typical figures
+
+Results are kept in FOLDER by scene; what is there is not measured again. Names of scenes may follow. The error is that
+of TRACED random pixels with PATHS paths each, less their noise. Each candidate is rendered once, in a process where its
+pipelines exist, for at most MEASURED_SECONDS; beyond, a floor and 1 / frames continue its curve.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import wgpu_gi as gi
+from wgpu_gi.budget.front import Candidate, averages_samples, candidates
+from wgpu_gi.budget.probe import rendered, run_frame
+from wgpu_gi.budget.refine import render_within
+from wgpu_gi.measure.scenes import make_scene
+from wgpu_gi.renderer import Renderer, Settings
+
+TUNED = ("cornell", "corridor", "courtyard", "room-11", "glossy-11", "street-11")
+HELD_OUT = ("cornell-spot", "curtain", "textured-12", "many-12", "glass-12", "foliage-12")
+TECHNIQUES = ("many-light", "path", "ssdo", "ssil", "none", "ssao")
+SIZE = (160, 90)
+BUDGETS = (0.5, 2.0, 10.0)
+TRACED, PATHS, TRUTH_SEED = 4000, 256, 0x7472_7574
+NOTED = 1.12  # frames from one noted error to the next
+# A curve is measured for so many seconds; it ends before if it is flat (half of its frames leave this share of the
+# error), or if it does not come within a factor of NEAR of the best.
+MEASURED_SECONDS = 2.0
+FLAT_FRAMES, FLAT_SECONDS, FLAT, NEAR_SECONDS, NEAR = 12, 0.25, 0.97, 0.8, 2.0
+
+Clock = Callable[[], float]
+CLOCKS: dict[str, Clock] = {
+    "wall": time.perf_counter,
+    "cpu": lambda: time.process_time() / (os.cpu_count() or 1),  # for a machine with other load, and a driver on CPUs
+}
+
+
+def scene_of(name: str) -> Any:
+    """Return a built-in scene, a generated one ("room-11"), or that of a file."""
+    kind, _, seed = name.rpartition("-")
+    return make_scene(kind, int(seed)) if seed.isdigit() else gi.load(name)
+
+
+class Truth:
+    """Path-traced pixels of a scene; made once per folder."""
+
+    def __init__(self, renderer: Renderer, path: Path) -> None:
+        if not path.exists():
+            renderer.settings, renderer.size = Settings(gi="none"), SIZE
+            renderer.step(show=("radiance",))
+            at = np.random.default_rng(1).permutation(SIZE[0] * SIZE[1])[:TRACED]
+            found = renderer.trace_pixels(np.stack([at % SIZE[0], at // SIZE[0]], 1), PATHS, seed=TRUTH_SEED)
+            np.savez(path, at=at, mean=found.mean, variance=found.squared_error)
+        with np.load(path) as file:
+            self.at, self.mean, self.variance = file["at"], file["mean"], file["variance"]
+
+    def relmse(self, renderer: Renderer) -> float:
+        """Return the relMSE of the renderer's picture at the traced pixels, less the noise of these."""
+        picture = np.asarray(renderer.read_back("radiance"), np.float64).reshape(-1, 3)[self.at]
+        squared = (picture - self.mean) ** 2 - self.variance
+        return float(np.mean(squared / (self.mean**2 + 0.01 * self.mean.mean() ** 2)))
+
+
+def curve(
+    renderer: Renderer, settings: Settings, truth: Truth, clock: Clock, best: dict[float, float]
+) -> dict[str, Any]:
+    """Return the error after frames of a picture, by seconds; `best`: least error so far by budget."""
+    # Compile in a picture of another seed.
+    renderer.settings, renderer.size = replace(settings, seed=settings.seed + 1), SIZE
+    cold = sum(run_frame(renderer, clock, ("radiance",))[1] for _ in range(2))
+    renderer.settings = settings
+    points: list[tuple[int, float, float]] = []
+    frames, spent, next_noted = 0, 0.0, 1.0
+    while spent < MEASURED_SECONDS:
+        more, seconds = run_frame(renderer, clock, ("radiance",))
+        if not more:
+            break
+        frames, spent = frames + 1, spent + seconds
+        if frames >= next_noted:
+            points.append((frames, spent, truth.relmse(renderer)))
+            next_noted = max(frames + 1, frames * NOTED)
+            left = points[-1][2] / max(error_at(points, spent / 2), 1e-9)
+            if spent > FLAT_SECONDS and frames > FLAT_FRAMES and left > FLAT:
+                break
+            if spent > NEAR_SECONDS and all(error_at(points, b) > NEAR * least for b, least in best.items()):
+                break
+    return {"cold": cold, "points": points}
+
+
+def error_at(points: list[tuple[int, float, float]], seconds: float) -> float:
+    """Return the error of a curve after so many seconds: at the last noted frame before, or beyond the end.
+
+    Beyond, it is that of a floor and 1 / frames through the end and the half of the curve. Infinite before the start.
+    """
+    before = [error for _, spent, error in points if spent <= seconds]
+    last = points[-1]
+    if seconds < last[1] * NOTED or len(points) < 2:
+        return before[-1] if before else math.inf
+    half = next(p for p in reversed(points[:-1]) if p[0] <= max(last[0] / 2, 1))
+    falling = max((half[2] - last[2]) / (1 / half[0] - 1 / last[0]), 0.0)
+    frames = last[0] * seconds / last[1]
+    return max(last[2] - falling * (1 / last[0] - 1 / frames), 0.0)
+
+
+def measure_curves(name: str, folder: Path, clock: Clock) -> None:
+    """Measure every candidate in a scene, and write the curves."""
+    path = folder / f"{name}.json"
+    if path.exists():
+        return
+    found: dict[str, Any] = {}
+    with Renderer(scene_of(name), size=SIZE) as renderer:
+        truth = Truth(renderer, folder / f"{name}.npz")
+        for candidate, settings in candidates(Settings(seed=5), TECHNIQUES).items():
+            best = {b: min((error_at(c["points"], b) for c in found.values()), default=math.inf) for b in BUDGETS}
+            found[str(candidate)] = curve(renderer, settings, truth, clock, best)
+            frames, spent, error = found[str(candidate)]["points"][-1]
+            print(f"{name:<14}{candidate!s:<20}{frames:6} frames {spent:7.2f} s  relMSE {error:.5f}", flush=True)
+    path.write_text(json.dumps(found))
+
+
+def measure_choices(name: str, folder: Path, clock: Clock, budgets: list[float]) -> None:
+    """Render a scene within each budget, at first with nothing in the cache, and write what was reached."""
+    path = folder / f"{name}.choices.json"
+    rows = json.loads(path.read_text()) if path.exists() else []
+    missing = [budget for budget in budgets if budget not in {row["budget"] for row in rows}]
+    if not missing:
+        return
+    os.environ["WGPU_GI_CACHE"] = str(folder / "cache" / name)
+    with Renderer(scene_of(name), size=SIZE) as renderer:
+        truth = Truth(renderer, folder / f"{name}.npz")
+        warm_up(renderer)
+        for budget in missing:
+            renderer.settings = Settings(seed=5)
+            outcome = render_within(renderer, budget, None, clock=clock)
+            rows.append(
+                {
+                    "budget": budget,
+                    "candidate": str(outcome.candidate),
+                    "seconds": outcome.seconds,
+                    "probe": outcome.probe_seconds,
+                    "expected": outcome.estimated_relmse,
+                    "relmse": truth.relmse(renderer),
+                }
+            )
+            print(f"{name:<14}{outcome.sentence()}: {rows[-1]['relmse']:.5f}\n{outcome.table}", flush=True)
+            path.write_text(json.dumps(rows))
+
+
+def warm_up(renderer: Renderer) -> None:
+    """Compile the pipelines of every candidate, so that a short budget is not spent on that."""
+    for candidate, settings in candidates(Settings()).items():
+        renderer.settings = settings
+        renderer.step(show=("radiance", "standard_error"))
+        renderer.step(show=("radiance", "standard_error"))
+        rendered(renderer).add(candidate)
+
+
+def report(names: list[str], folder: Path) -> None:
+    """Print the table, the means of every fixed preset, and the medians of the candidates' figures."""
+    curves = {name: json.loads((folder / f"{name}.json").read_text()) for name in names}
+    chosen_logs: dict[float, list[float]] = {budget: [] for budget in BUDGETS}
+    print("| scene | " + " | ".join(f"{budget:g} s: chosen, best" for budget in BUDGETS) + " |\n|" + "---|" * 4)
+    for name in names:
+        cells = []
+        for row in json.loads((folder / f"{name}.choices.json").read_text()):
+            ends = {c: error_at(found["points"], row["budget"]) for c, found in curves[name].items()}
+            best = min(ends, key=ends.__getitem__)
+            ratio = row["relmse"] / max(ends[best], 1e-7)
+            chosen_logs[row["budget"]].append(math.log(max(ratio, 1e-3)))
+            cells.append(f"{row['candidate']} {row['relmse']:.2g}, {best} {ends[best]:.2g}: {ratio:.2f}")
+        print(f"| {name} | " + " | ".join(cells) + " |")
+    print(
+        "\n| geometric mean of error over the best | " + " | ".join(f"{b:g} s" for b in BUDGETS) + " |\n|" + "---|" * 4
+    )
+    print("| **chosen** | " + " | ".join(f"{math.exp(np.mean(chosen_logs[b])):.2f}" for b in BUDGETS) + " |")
+    for candidate in curves[names[0]]:
+        means = []
+        for budget in BUDGETS:
+            logs = [
+                math.log(
+                    min(error_at(c[candidate]["points"], budget), 1e3)
+                    / max(min(error_at(f["points"], budget) for f in c.values()), 1e-7)
+                )
+                for c in curves.values()
+            ]
+            means.append(f"{math.exp(np.mean(logs)):.2f}")
+        print(f"| {candidate} | " + " | ".join(means) + " |")
+    print("\nTypical figures: cold, warm, seconds a frame, noise, floor (medians)")
+    for candidate in curves[names[0]]:
+        figures = [fitted(c[candidate], candidate) for c in curves.values()]
+        print(f"{candidate:<20}", *(f"{value:.3g}" for value in np.median(figures, axis=0)))
+
+
+def fitted(found: dict[str, Any], name: str) -> tuple[float, ...]:
+    """Return the figures of a curve: cold, warm, seconds a frame; noise and floor by least squares of the logarithm."""
+    points = found["points"]
+    first, last = points[0], points[-1]
+    frame = (last[1] - first[1]) / max(last[0] - first[0], 1)
+    errors = np.array([max(error, 1e-7) for *_, error in points])
+    frames = np.array([count for count, *_ in points])
+    no_floor = averages_samples(Candidate(name.split(", ")[0], ""))
+    floors = [1e-7] if no_floor else np.geomspace(max(errors.min(), 1e-6) / 10, errors.max(), 60)
+    tried = [
+        (float(np.mean((np.log(floor + noise / frames) - np.log(errors)) ** 2)), noise, floor)
+        for floor in floors
+        for noise in np.geomspace(1e-5, 100, 120)
+    ]
+    _, noise, floor = min(tried)
+    return found["cold"], max(first[1] - frame, 0.0), frame, noise, floor
+
+
+def main() -> None:
+    """Run the command."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("command", choices=("curves", "choices", "report"))
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("scenes", nargs="*", help="default: " + " ".join((*TUNED, *HELD_OUT)))
+    parser.add_argument("--clock", choices=CLOCKS, default="wall", help="cpu: CPU time over the number of cores")
+    parser.add_argument("--budgets", type=float, nargs="+", default=BUDGETS, help="seconds, of `choices`")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    names = options.scenes or [*TUNED, *HELD_OUT]
+    clock = CLOCKS[options.clock]
+    if options.command == "report":
+        report(names, options.folder)
+        return
+    for name in names:
+        if options.command == "curves":
+            measure_curves(name, options.folder, clock)
+        else:
+            measure_choices(name, options.folder, clock, options.budgets)
+
+
+if __name__ == "__main__":
+    main()
