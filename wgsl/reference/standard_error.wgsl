@@ -19,8 +19,7 @@ struct Params {
 @group(1) @binding(4) var<storage, read_write> standard_error: array<vec4f>;
 @group(1) @binding(19) var<uniform> params: Params;
 
-const REACH: i32 = 2;   // neighbours to each side
-const STRIDE: i32 = 2;  // pixels between them
+const REACH: i32 = 2;  // neighbours to each side; the noise of pixels is independent
 // Limits against noise of the sums: of the coarser spread over the spread, and of f.
 const LEAST_RATIO: f32 = 0.5;
 const MOST_RATIO: f32 = 2.0;
@@ -46,7 +45,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var sums = vec3f(0.0);
     for (var y = -REACH; y <= REACH; y++) {
         for (var x = -REACH; x <= REACH; x++) {
-            let place = vec2i(id.xy) + STRIDE * vec2i(x, y);
+            let place = vec2i(id.xy) + vec2i(x, y);
             let inside = all(place >= vec2i(0)) && all(place < vec2i(params.size));
             let clamped = vec2u(clamp(place, vec2i(0), vec2i(params.size) - 1));
             let other = clamped.y * params.size.x + clamped.x;
