@@ -30,8 +30,8 @@ from wgpu_gi.budget.refine import render_within
 from wgpu_gi.measure.scenes import make_scene
 from wgpu_gi.renderer import Renderer, Settings
 
-TUNED = ("cornell", "corridor", "courtyard", "room-11", "glossy-11", "street-11")
-HELD_OUT = ("cornell-spot", "curtain", "textured-12", "many-12", "glass-12", "foliage-12")
+TUNED = ("cornell", "corridor", "courtyard", "room-11", "glossy-11", "cornell-spot", "textured-12")
+HELD_OUT = ("street-11", "curtain", "many-12", "glass-12", "foliage-12")
 TECHNIQUES = ("many-light", "path", "ssdo", "ssil", "none", "ssao")
 SIZE = (160, 90)
 BUDGETS = (0.5, 2.0, 10.0)

@@ -22,8 +22,8 @@ from .front import LEAST_FLOOR, Candidate, Choice, best, candidates, expected, w
 from .front_cache import FrontCache
 from .probe import SHOW, Probe, probe_seconds, rendered
 
-# Most of the time that probes may take. With a quarter, a first picture of 2 s lost more in the Cornell box and in the
-# courtyard (1.3 and 1.4 times the error of the best candidate) than a better choice could gain there.
+# Most of the time that probes may take. With a quarter, a first picture of 2 s had 1.3 and 1.4 times the error of the
+# best candidate in the Cornell box and the courtyard. Other shares were not compared.
 PROBE_SHARE = 0.15
 TRUTH_SHARE = 0.25  # of the probes' time that goes to traced pixels
 TRACER_SECONDS = 0.15  # to compile the tracer of pixels; so 2 s are too short for a first probe
