@@ -383,10 +383,12 @@ def test_the_seed_determines_the_picture():
 
 
 def test_samples_per_run_do_not_change_the_picture():
-    names = ("radiance", "direct", "indirect", "emission", "standard_error")
+    """The standard error is an estimate from the halves of the samples, which the runs divide."""
+    layers = ("radiance", "direct", "indirect", "emission")
+    names = (*layers, "standard_error")
 
     def rendered(samples):
-        chosen = Settings(gi="path", spp=16, bounces=2, path=PathSettings(samples_per_run=samples))
+        chosen = Settings(gi="path", spp=64, bounces=2, path=PathSettings(samples_per_run=samples))
         renderer = Renderer(everything(), size=SIZE, settings=chosen)
         renderer.run(show=names)
         return {name: renderer.read_back(name) for name in names}
@@ -394,8 +396,10 @@ def test_samples_per_run_do_not_change_the_picture():
     whole = rendered(16)
     for samples in (1, 7):
         parts = rendered(samples)
-        for name in names:
+        for name in layers:
             assert np.allclose(parts[name], whole[name], rtol=1e-4, atol=1e-5 * whole["radiance"].max()), name
+        ratio = np.linalg.norm(parts["standard_error"]) / np.linalg.norm(whole["standard_error"])
+        assert 0.8 < ratio < 1.25
 
 
 def test_steps_continue_until_all_samples_are_done():
@@ -413,9 +417,11 @@ def status(renderer):
     """Return what each pass did in the last frame, by name, without the summary line."""
     rows = dict(line.split()[:2] for line in renderer.plan().splitlines()[1:])
     assert rows.pop("deform") == "culled"  # nothing is skinned or morphed
-    for name in ("composite/display", "path/features"):
+    for name in ("composite/display", "path/features", "path/standard_error"):
         assert rows.pop(name) == "culled"  # not requested
     assert rows.pop("bounces/further") == "culled"  # the settings limit them
+    for name in ("path/learn_guide", "path/tile_errors", "path/tile_shares"):
+        assert rows.pop(name) == "culled"  # path.adaptive is off
     return rows
 
 

@@ -141,15 +141,16 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
     """
     width, height = graph.size
 
-    def buffers(*names: str) -> dict[str, Buffer]:
+    def buffers(*names: str, nonnegative: bool = True) -> dict[str, Buffer]:
         count = width * height
         return {
-            name: graph.buffer(f"path/{name}", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=True)
+            name: graph.buffer(f"path/{name}", dtype=FOUR_FLOATS, count=count, width=width, nonnegative=nonnegative)
             for name in names
         }
 
     layers = buffers("emission", "direct", "indirect", "deviation")
-    results = buffers("radiance", "halves", "standard_error")
+    # Halves have -1 for what is not known yet.
+    results = buffers("radiance", "standard_error") | buffers("halves", nonnegative=False)
     tiles = -(-width // 8) * -(-height // 8)
     learned = declare_learned(graph, layers, tiles, settings.path.adaptive)
     trace = graph.compute(
