@@ -99,6 +99,17 @@ def test_the_mean_over_seeds_is_that_of_even_paths():
         assert (noise < 0.06 * even.mean(0)).all()
 
 
+def test_shares_follow_from_the_pilot_alone():
+    """So the number of a pixel's paths is independent of its own radiance, and its mean unbiased."""
+    renderer = renderer_of(corridor(), spp=64, path=ADAPTIVE)
+    tiles, seen = 2 * 5 * 3, []
+    while renderer.step(show=SHOW):
+        seen.append(renderer.graph.read_back("path/learned")[-tiles:].view(np.float32))
+    assert len(seen) == 6 and seen[3].std() > 0.01
+    assert not np.array_equal(seen[2], seen[3])
+    assert np.array_equal(seen[3], seen[4]) and np.array_equal(seen[3], seen[5])
+
+
 def test_more_paths_continue_the_picture():
     """As in a new renderer, bit for bit: shares and guides do not depend on `spp`."""
     renderer = renderer_of(corridor(), spp=32, path=ADAPTIVE)

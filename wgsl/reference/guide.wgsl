@@ -27,8 +27,8 @@ const MOST_FOUND: f32 = 64.0 * FOUND_UNIT;
 
 // What the paths of a pixel use of the grids.
 struct Guide {
-    own: u32,        // word where its half's grids begin
-    other: u32,      // word where those of the other half begin
+    own: u32,        // word where its half's grids begin, which record
+    followed: u32,   // word where those begin that its rays follow: its own in pilot runs, then the other half's
     learned: bool,   // false: rays are uniform
     unit: f32,       // of found light, in 1 / radiance
 }
@@ -43,11 +43,12 @@ struct GuidedPoint {
 // Returns the guide of a pixel in a run; `mean`: its radiance so far.
 fn guide_of(pixel: vec2u, run: u32, mean: vec3f) -> Guide {
     let half = half_of(pixel);
+    let followed = select(1u - half, half, run < PILOT_RUNS);
     let words = GUIDED_LIGHTS * GRID_WORDS;
     // As in relMSE, a tenth of the picture's mean bounds the weight of dark pixels.
-    let brightness = max(luminance(mean), 0.1 * learned_float(MEANS + 1u - half));
+    let brightness = max(luminance(mean), 0.1 * learned_float(MEANS + followed));
     return Guide(
-        GUIDE_START + half * words, GUIDE_START + (1u - half) * words, run > 0u,
+        GUIDE_START + half * words, GUIDE_START + followed * words, run > 0u,
         FOUND_UNIT / max(brightness, 1e-37));
 }
 
@@ -81,7 +82,7 @@ fn guided_point(guide: Guide, number: u32, u: vec2f) -> GuidedPoint {
     if (!guide.learned) {
         return GuidedPoint(u, 1.0, cell_of(number, u));
     }
-    let grid = guide.other + number * GRID_WORDS;
+    let grid = guide.followed + number * GRID_WORDS;
     let row = first_above(grid + UP_TO_ROW, u.x);
     let cells = grid + UP_TO_CELL + row * SIDE;
     let column = first_above(cells, u.y);
@@ -124,7 +125,7 @@ fn guide_density(guide: Guide, cell: u32) -> f32 {
     if (!guide.learned || cell == NONE) {
         return 1.0;
     }
-    return learned_float(guide.other + DENSITY + cell);
+    return learned_float(guide.followed + DENSITY + cell);
 }
 
 // Records indirect light that came to the picture through a cell; the first run knows no means yet and counts paths.

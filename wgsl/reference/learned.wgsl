@@ -1,8 +1,9 @@
 // What adaptive runs of `path.wgsl` learn from the runs before, and how many paths each run traces.
 //
-// Each half of the picture, its even and its odd rows, works by what the other half has found: the samples of a pixel
-// are independent of their number and of their densities, so its mean stays unbiased (Kirk and Arvo 1991). The first
-// runs trace PILOT paths per pixel, the same everywhere; the tiles' shares follow from these alone.
+// The first runs trace PILOT paths per pixel, the same everywhere. In these, each half of the picture, its even and its
+// odd rows, learns from itself alone. They decide the tiles' shares of later paths: those of a half follow from the
+// other half's pilot, so a pixel's number of paths does not depend on its own pilot (Kirk and Arvo 1991). Densities of a
+// run follow from earlier runs. So means are unbiased.
 #import "scene/info.wgsl"
 
 override ADAPTIVE: bool = false;

@@ -2,7 +2,8 @@
 //
 // error = sum over pixels and channels of v / (t^2 + 0.01 m^2), as relMSE: v the variance of a path, t the mean of the
 // pixel's row in the tile, m that of the half. In: means and squared deviations so far; the half's mean. Out: by half
-// and tile, that sum, the sum of radiance, the number of pixels. Noisy: blurred by `tile_shares.wgsl`.
+// and tile, that sum, the sum of radiance, the number of pixels, of the pilot runs alone. Noisy: blurred by
+// `tile_shares.wgsl`.
 #import "reference/learned.wgsl"
 
 struct Tile {
@@ -45,7 +46,7 @@ fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index
     errors[local] = select(0.0, min(dot(relative, vec3f(1.0)), 1e30), inside);
     workgroupBarrier();
     // One thread sums each half.
-    if (local < 2u) {
+    if (local < 2u && atomicLoad(&learned[LAST_RUN]) < PILOT_RUNS) {
         var sum = Tile(0.0, 0.0, 0.0, 0.0);
         for (var i = 0u; i < 32u; i += 1u) {
             let place = (2u * (i / 8u) + local) * 8u + i % 8u;

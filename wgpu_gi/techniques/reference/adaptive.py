@@ -1,8 +1,8 @@
 """Adaptive path tracing: paths where the error is, and light rays where the picture needs them.
 
-Each half of the picture, its even and its odd rows, works by what the other half has found, so that its mean stays
+Each half of the picture, its even and its odd rows, gets paths by the pilot of the other half, so that its mean stays
 unbiased (Kirk and Arvo 1991, "Unbiased Sampling Techniques for Image Synthesis"). `wgsl/reference/learned.wgsl` and
-`guide.wgsl` define what is learned. Departures: two halves share one pilot; no path is thrown away.
+`guide.wgsl` define what is learned. Departure: no path is thrown away, because the two pilots are independent.
 """
 
 from __future__ import annotations
