@@ -123,7 +123,10 @@ def _seeds(seed: int, count: int) -> NDArray[np.uint32]:
 
 def checked_pixels(pixels: ArrayLike, size: tuple[int, int]) -> NDArray[np.uint32]:
     """Return pixels (n, 2) as (x, y). Raises GiError for any that the picture does not have."""
-    found = np.asarray(pixels)
+    try:
+        found = np.asarray(pixels)
+    except ValueError:
+        found = np.empty(0)  # rows of differing lengths
     if found.ndim != 2 or found.shape[1:] != (2,) or not len(found) or found.dtype.kind not in "iu":
         raise GiError(f"pixels must be an array (n, 2) of whole numbers x, y, not {shown(pixels)}")
     if (found < 0).any() or (found >= np.array(size)).any():
@@ -131,8 +134,10 @@ def checked_pixels(pixels: ArrayLike, size: tuple[int, int]) -> NDArray[np.uint3
     return found.astype(np.uint32)
 
 
-def check_counts(spp: Any, replicates: Any) -> None:
-    """Raise GiError unless `spp` paths can be divided into `replicates` parts."""
+def check_counts(spp: Any, replicates: Any, seed: Any) -> None:
+    """Raise GiError unless `spp` paths can be divided into `replicates` parts, and for a seed below 0."""
+    if not is_whole(seed) or seed < 0:
+        raise GiError(f"seed must be a whole number from 0 on, not {shown(seed)}")
     if not is_whole(replicates) or replicates < 2:
         raise GiError(f"replicates must be a whole number from 2 on, not {shown(replicates)}")
     if not is_whole(spp) or spp < replicates:

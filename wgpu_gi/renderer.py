@@ -340,7 +340,7 @@ class Renderer(KnownAttributes):
         """
         self._check_values()
         chosen = checked_pixels(pixels, self.size)
-        check_counts(spp, replicates)
+        check_counts(spp, replicates, seed)
         with self._alone():
             view = self._view()
             upload, settings = self._gpu.scene_upload(view), view.settings

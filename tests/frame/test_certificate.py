@@ -87,9 +87,12 @@ def test_what_cannot_be_certified_gets_a_sentence():
 
 def test_wrong_pixels_get_a_sentence():
     with Renderer(gi.load("cornell"), size=SIZE) as renderer:
-        for pixels in ([[16, 0]], [[0, -1]], [[0.5, 1]], [0, 1], [], [[0, 0, 0]]):
+        for pixels in ([[16, 0]], [[0, -1]], [[0.5, 1]], [0, 1], [], [[0, 0, 0]], [[0, 0], [1]]):
             with pytest.raises(gi.GiError, match="pixels must"):
                 renderer.trace_pixels(pixels, 16)
+        for seed in (-1, "x"):
+            with pytest.raises(gi.GiError, match="seed must"):
+                renderer.trace_pixels([[0, 0]], 16, seed=seed)
         with pytest.raises(gi.GiError, match="spp must be"):
             renderer.trace_pixels([[0, 0]], 4)
         for count in (0, 1, -3, 2.5, float("nan"), "many"):

@@ -86,8 +86,10 @@ def certify(
     start = time.perf_counter()
     count = check_pixels(pixels)
     picture = np.asarray(renderer.read_back("radiance") if picture is None else picture, np.float64)
-    if picture.shape != (renderer.size[1], renderer.size[0], 3) or not np.isfinite(picture).all():
-        raise GiError(f"a picture to certify must be finite and have the renderer's size, not {picture.shape}")
+    if picture.shape != (renderer.size[1], renderer.size[0], 3):
+        raise GiError(f"a picture to certify must have the renderer's size, not the shape {picture.shape}")
+    if not np.isfinite(picture).all():
+        raise GiError("the picture has NaN or infinite values, so it has no relative error")
     draw = draw_pixels(picture, count, seed)
     drawn = picture[draw.pixels[:, 1], draw.pixels[:, 0]]
     # Trace, and double the number of paths while their noise widens the intervals.
