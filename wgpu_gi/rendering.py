@@ -9,8 +9,8 @@ from typing import Any, overload
 
 import numpy as np
 
+from .budget.certificate import PIXELS, check_pixels
 from .budget.certificate import certify as certify_by
-from .budget.certificate import check_pixels
 from .budget.request import Asked, asked_of
 from .buffers import check_buffers
 from .camera import Camera
@@ -114,20 +114,21 @@ def render(
 
     `time` ("2s", "500ms", "1.5min") chooses technique, quality and number of frames for the best picture within it;
     `error`, a relMSE, for the fastest that errs no more. What is met first ends it; `outcome` of the pictures tells
-    more. `gi` or `settings` fix the technique. `at` in seconds is the time in `animation`, a name or an index in
-    `scene.animations` (None: the first), see `Renderer`; of a USD file the time code. A number as `time` is `at` if
-    the scene has an animation, else seconds to render in.
+    more. `gi` or `settings` fix the technique, `quality` fixes the quality. `at` in seconds is the time in `animation`,
+    a name or an index in `scene.animations` (None: the first), see `Renderer`; of a USD file the time code. A number as
+    `time` is `at` if the scene has an animation, else seconds to render in.
 
     `denoise` smooths the path tracer's radiance with Open Image Denoise (the extra `denoise`), and no other buffer.
-    `certify` path traces so many random pixels (True: 200): `certificate` of the radiance states relMSE and bias with
-    95 % intervals. The other arguments override `settings`. `quality` (low, medium, high) overrides all settings with
-    presets. Raises GiError for bad values.
+    `certify` path traces so many random pixels (True: 200), as `error` does: `certificate` of the radiance states
+    relMSE and bias with 95 % intervals. The other arguments override `settings`. `quality` (low, medium, high)
+    overrides all settings with presets. Raises GiError for bad values.
     """
     values = {"gi": gi, "spp": spp, "bounces": bounces, "seed": seed, "diffuse": diffuse, "transparent": transparent}
     chosen = settings_of(settings, values, quality)
     names = (show,) if isinstance(show, str) else show
     pixels = _check_arguments(names, size, chosen.gi, denoise, progress, certify)
-    asked = asked_of(scene, environment, (time, error, at), animation, names, gi is not None or settings is not None)
+    is_fixed = gi is not None or settings is not None
+    asked = asked_of(scene, environment, (time, error, at), animation, names, is_fixed, quality)
     warn_of([*asked.notes, *_ignored(chosen, values, asked.budget)], stacklevel=2)
     with Renderer(asked.scene, size=size, camera=camera, settings=chosen, adapter=adapter) as renderer:
         pictures = _pictures(renderer, asked, names, progress, denoise, pixels)
@@ -158,6 +159,12 @@ def _pictures(
     pictures = read_pictures(renderer, names, renderer.settings, denoise)
     for picture in pictures.values():
         picture.outcome = outcome
+    # The certificate of an error budget is that of the radiance, unless the denoiser changes it.
+    if outcome is not None and outcome.certificate is not None and "radiance" in pictures:
+        if denoise:
+            pixels = pixels or PIXELS
+        else:
+            pictures["radiance"].certificate = outcome.certificate
     if pixels:
         radiance = pictures["radiance"]
         try:

@@ -58,6 +58,27 @@ def test_an_error_is_certified(renderer):
     assert "0.05" in outcome.reason
 
 
+def test_an_error_below_the_bias_ends_with_the_noise(renderer):
+    """Direct light alone lacks the indirect, however many frames there are."""
+    outcome = render_within(renderer, None, 0.01, ("none",), quality="low")
+    assert outcome.reason == "more frames cannot reach relMSE 0.01: what is left is bias"
+    assert outcome.certificate.relmse.value > 0.01
+    assert outcome.candidate.quality == "low"
+
+
+def test_a_refuted_candidate_gives_way_to_one_that_can(renderer):
+    outcome = render_within(renderer, None, 0.02, ("none", "path"))
+    assert outcome.candidate.gi == "path"
+    assert outcome.certificate.relmse.value <= 0.02
+
+
+def test_a_black_scene_ends_without_a_certificate():
+    empty = gi.Scene(environment=gi.Environment((1.0, 1.0, 1.0)))
+    picture = gi.render(empty, size=SIZE, transparent=True, gi="none", error=0.1)
+    assert "no certificate: the truth is black" in picture.outcome.reason
+    assert picture.certificate is None
+
+
 def test_a_stop_leaves_the_picture_so_far(renderer):
     asked = iter([False, False, True])
     outcome = render_within(renderer, 1000.0, None, ("path",), stop=lambda: next(asked))

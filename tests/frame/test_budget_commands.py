@@ -57,9 +57,16 @@ def test_certificate_of_a_picture(capsys):
         assert picture.text["certificate"] in printed[1]
 
 
+def test_an_error_in_python_is_certified():
+    pictures = gi.render("cornell", size=(32, 18), error=0.5, gi="none", show=("radiance", "depth"))
+    assert pictures["radiance"].certificate.relmse.value <= 0.5
+    assert pictures["depth"].certificate is None
+
+
 def test_a_time_in_python_is_a_budget_or_in_the_animation():
     picture = gi.render("cornell", size=(32, 18), time=0.3, gi="none")
     assert picture.outcome.sentence().startswith("none, ")
+    assert picture.certificate is None
     picture.save("a.png")
     with Image.open("a.png") as file:
         assert file.text["outcome"] == picture.outcome.sentence()

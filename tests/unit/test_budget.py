@@ -14,6 +14,7 @@ from wgpu_gi.budget.front import TYPICAL, Candidate, Figures, averages_samples, 
 from wgpu_gi.budget.front_cache import FrontCache
 from wgpu_gi.budget.probe import likely_floor, probe_sizes
 from wgpu_gi.renderer import Settings
+from wgpu_gi.settings import apply_quality
 from wgpu_gi.techniques.shared.sampling import OPEN_FRAMES, pixel_offset
 
 MEDIUM = Candidate("many-light", "medium")
@@ -94,6 +95,15 @@ def test_candidates_keep_what_the_user_has_set():
     assert base.camera.frames == 24
 
 
+def test_a_quality_that_was_asked_for_is_the_only_one():
+    base = Settings()
+    apply_quality(base, "high")
+    base.vpl.count = Settings().vpl.count  # the default is a choice, too
+    found = candidates(base, ("many-light", "path", "ssao"), "high")
+    assert [str(c) for c in found] == ["many-light, high", "path", "ssao, high"]
+    assert {s.vpl.count for s in found.values()} == {Settings().vpl.count}
+
+
 def test_equal_candidates_appear_once():
     assert list(candidates(Settings(), ("path",))) == [SLOW]
     assert len(candidates(Settings())) == len(TYPICAL)
@@ -135,10 +145,13 @@ def test_a_damaged_entry_counts_as_nothing(cache, text):
     assert cache().load() == {}
 
 
-def test_a_negative_figure_counts_as_damage(cache):
+@pytest.mark.parametrize(
+    "damage", [{"per_pixel": -1.0}, {"fixed": 0, "per_pixel": 0}, {"noise": 1e308}, {"cold": 10**400}]
+)
+def test_an_impossible_figure_counts_as_damage(cache, damage):
     cache().store(FIGURES)
     entry = json.loads(cache().path.read_text())
-    entry["path, medium"]["per_pixel"] = -1.0
+    entry["path, medium"].update(damage)
     cache().path.write_text(json.dumps(entry))
     assert cache().load() == {}
 

@@ -78,23 +78,29 @@ TYPICAL = {
 TECHNIQUES = tuple(dict.fromkeys(candidate.gi for candidate in TYPICAL))
 
 
-def candidates(base: Settings, techniques: Iterable[str] | None = None) -> dict[Candidate, Settings]:
+def candidates(
+    base: Settings, techniques: Iterable[str] | None = None, quality: str | None = None
+) -> dict[Candidate, Settings]:
     """Return the settings of each candidate: `base` with a technique, its presets, and an open number of frames.
 
     Settings of `base` that are not at their defaults stay. Candidates whose settings would be equal appear once.
-    techniques: None: all that have figures; others get only the quality "medium".
+    techniques: None: all that have figures; others get only the quality "medium". quality: whose presets `base` has, as
+    the user asked; None: any.
     """
     changed = [row for row in describe(base) if row.presets and row.value != row.default]
     found: dict[Candidate, Settings] = {}
     for gi in techniques or TECHNIQUES:
-        for quality in QUALITIES:
-            candidate = Candidate(gi, quality)
-            if candidate not in TYPICAL and quality != "medium":
+        # The qualities that differ; one that the user asked for is in the settings already.
+        asked = "medium" if technique_of(gi).averages_samples else quality
+        for preset in QUALITIES if asked is None else (asked,):
+            candidate = Candidate(gi, preset)
+            if quality is None and candidate not in TYPICAL and preset != "medium":
                 continue
             settings = deepcopy(base)
-            apply_quality(settings, quality)
-            for row in changed:
-                assign(settings, f"{row.name}={'none' if row.value is None else row.value}")
+            if quality is None:
+                apply_quality(settings, preset)
+                for row in changed:
+                    assign(settings, f"{row.name}={'none' if row.value is None else row.value}")
             settings.gi, settings.camera.frames, settings.spp = gi, OPEN_FRAMES, OPEN_SPP
             if technique_of(gi).averages_samples:
                 settings.path.samples_per_run = 1

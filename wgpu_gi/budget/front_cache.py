@@ -7,7 +7,6 @@ entry, and a folder that cannot be written, count as nothing measured: the choic
 from __future__ import annotations
 
 import json
-import math
 from contextlib import suppress
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from .front import Candidate, Figures
 # Values that stand for an array in an entry's name. All of Sponza's would take 0.3 s. Two scenes that share them share
 # figures, which may cost a worse choice, never a wrong picture.
 MOST_VALUES = 4096
+MOST = 1e12  # no figure, seconds or relMSE, is so large
 
 
 class FrontCache:
@@ -42,9 +42,11 @@ class FrontCache:
             for key, values in json.loads(self.path.read_text("utf-8")).items():
                 gi, _, quality = key.partition(", ")
                 numbers = [values[name] for name in names - {"measured"}]
-                if not all(isinstance(x, int | float) and math.isfinite(x) and x >= 0 for x in numbers):
+                if not all(isinstance(x, int | float) and 0 <= x < MOST for x in numbers):
                     return {}
-                found[Candidate(gi, quality)] = Figures(**{name: values[name] for name in names})
+                found[Candidate(gi, quality)] = figures = Figures(**{name: values[name] for name in names})
+                if figures.frame_seconds(1) <= 0:
+                    return {}
             return found
         return {}
 

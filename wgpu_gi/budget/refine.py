@@ -18,7 +18,7 @@ from ..pictures.tables import Table
 from ..renderer import Renderer
 from .certificate import Certificate, certify
 from .frame_series import FrameSeries, words_of
-from .front import LEAST_FLOOR, Candidate, Choice, best, candidates, expected, within
+from .front import LEAST_FLOOR, Candidate, Choice, averages_samples, best, candidates, expected, within
 from .front_cache import FrontCache
 from .probe import SHOW, Probe, probe_seconds, rendered
 
@@ -75,18 +75,20 @@ def render_within(
     progress: Report | None = None,
     stop: Callable[[], bool] | None = None,
     *,
+    quality: str | None = None,
     show: tuple[str, ...] = ("radiance",),
     clock: Callable[[], float] = time.perf_counter,
 ) -> Outcome:
     """Render the best picture within `seconds`, or one of relMSE `error`, whichever comes first.
 
-    techniques: None: choose among all. The renderer's settings that are not at their defaults stay; those of the chosen
-    candidate are left in it, and its buffers `show` and `standard_error` hold the picture. `progress` receives the
-    fraction done and the current step. `stop` is asked between frames. Raises GiError without a time and an error.
+    techniques: None: choose among all. quality: whose presets the settings have, None: choose. The renderer's settings
+    that are not at their defaults stay; those of the chosen candidate are left in it, and its buffers `show` and
+    `standard_error` hold the picture. `progress` receives the fraction done and the current step. `stop` is asked
+    between frames. Raises GiError without a time and an error.
     """
     if seconds is None and error is None:
         raise GiError("a budget needs a time, an error, or both")
-    budget = _Budget(renderer, seconds, error, candidates(renderer.settings, techniques), clock)
+    budget = _Budget(renderer, seconds, error, candidates(renderer.settings, techniques, quality), clock)
     if progress is not None:
         budget.report = progress
     budget.probe()
@@ -111,6 +113,7 @@ class _Budget:
         self.probe_seconds = 0.0
         self.read_seconds = READ_SECONDS
         self.certificate: Certificate | None = None
+        self.refuted: set[Candidate] = set()  # a certificate found them above the error, by more than their noise
         self.certificate_seconds = CERTIFY_SECONDS
         self.cache = FrontCache(renderer)
         self.known = {c: f for c, f in self.cache.load().items() if c in settings}
@@ -201,11 +204,14 @@ class _Budget:
                 reason = "more frames would change nothing"
             elif self.error is not None and picture.is_check_due():
                 reason = self._check(picture, self.error)
-            if not reason and switches < MOST_SWITCHES and picture.is_review_due():
+            is_refuted = picture.candidate in self.refuted
+            if not reason and (switches < MOST_SWITCHES or is_refuted) and picture.is_review_due():
                 # Go over to another candidate if this one turns out to be slower, or to err more, than expected.
                 rival = self._rival(picture)
                 if rival is not None:
                     picture, switches = self._start(rival, show), switches + 1
+                elif is_refuted:
+                    reason = f"more frames cannot reach relMSE {self.error:g}: what is left is bias"
         self._learn(picture)
         self.cache.store(self.known)
         return Outcome(
@@ -255,9 +261,10 @@ class _Budget:
         own = choices.pop(picture.candidate)
         if not choices:
             return None
-        # What was not measured must be expected to win by the factor by which it may be wrong.
+        # What was not measured must be expected to win by the factor by which it may be wrong, if there is a choice.
         known = {c for c, f in self.known.items() if f.measured}
-        other = self.best(o if c in known else o._replace(relmse=o.relmse * OPTIMISM) for c, o in choices.items())
+        doubt = 1.0 if picture.candidate in self.refuted else OPTIMISM
+        other = self.best(o if c in known else o._replace(relmse=o.relmse * doubt) for c, o in choices.items())
         if self.error is not None and other.relmse <= self.error:
             # What the current candidate still needs, infinitely much if it cannot reach the error.
             needed = own.seconds - picture.frames * figures.frame_seconds(self.pixels)
@@ -279,12 +286,19 @@ class _Budget:
             return ""
         # The certificate decides; if it disagrees, it tells the floor.
         before = self.clock()
-        self.certificate = certify(self.renderer)
+        try:
+            self.certificate = certify(self.renderer)
+        except GiError as problem:
+            return f"no certificate: {problem}"
         self.certificate_seconds = self.clock() - before
         found = self.certificate.relmse.value
         if found <= error:
             return f"relMSE {error:g} is reached"
+        if averages_samples(picture.candidate):
+            return ""  # it has no floor: its noise is larger than estimated
         self.known[picture.candidate] = replace(figures, floor=max(found - noise, LEAST_FLOOR), measured=True)
+        if found - noise >= error and noise <= NOISE_LEFT * error:
+            self.refuted.add(picture.candidate)
         picture.review()
         return ""
 

@@ -31,7 +31,8 @@ class Budget(NamedTuple):
 class Asked(NamedTuple):
     """A scene with light, the time in its animation, and a budget, None for the picture that the settings describe.
 
-    `notes` are sentences on the scene. With `is_fixed`, the settings name the technique.
+    `notes` are sentences on the scene. With `is_fixed`, the settings name the technique. `quality`: whose presets the
+    settings have; None: any, if there is a budget.
     """
 
     scene: Scene
@@ -40,6 +41,7 @@ class Asked(NamedTuple):
     budget: Budget | None
     notes: list[str]
     is_fixed: bool
+    quality: str | None
 
     def run(
         self, renderer: Renderer, progress: Callable[[float], None] | None, show: tuple[str, ...]
@@ -54,9 +56,8 @@ class Asked(NamedTuple):
             if progress is not None:
                 progress(fraction)
 
-        return render_within(
-            renderer, *self.budget, (renderer.settings.gi,) if self.is_fixed else None, report, show=show
-        )
+        techniques = (renderer.settings.gi,) if self.is_fixed else None
+        return render_within(renderer, *self.budget, techniques, report, quality=self.quality, show=show)
 
 
 def asked_of(
@@ -66,6 +67,7 @@ def asked_of(
     animation: str | int | None,
     names: Sequence[str],
     is_fixed: bool,
+    quality: str | None,
 ) -> Asked:
     """Load the scene, and read `amounts`: time, error, and the time in the animation; see `gi.render`.
 
@@ -93,7 +95,7 @@ def asked_of(
     for name in names if budget is not None and not is_fixed else ():
         if name not in COMMON:
             raise GiError(f"only some techniques have a buffer {name!r}; name one by gi, or leave out time and error")
-    return Asked(lighted, at, animation, budget, [*notes, *more], is_fixed)
+    return Asked(lighted, at, animation, budget, [*notes, *more], is_fixed, quality)
 
 
 def _seconds_of_text(text: str) -> float:

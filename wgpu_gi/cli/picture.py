@@ -26,11 +26,13 @@ def make(
     renderer: Renderer,
     budget: Budget | None,
     techniques: Sequence[str] | None,
+    quality: str | None,
     say: Messages,
     show: tuple[str, ...],
     options: Mapping[str, bool],
 ) -> Made:
-    """Render a picture: by the `options` of `Renderer.run`, or within `budget` by one of `techniques` (None: any).
+    """Render a picture: by the `options` of `Renderer.run`, or within `budget` by one of `techniques`
+    (None: any) at a `quality` (None: any).
 
     Ctrl-C ends it once there is a picture to save. Before, it raises KeyboardInterrupt.
     """
@@ -40,7 +42,7 @@ def make(
             if budget is None:
                 renderer.run(progress=report, show=show, **options)
             else:
-                outcome = render_within(renderer, *budget, techniques, report, show=show)
+                outcome = render_within(renderer, *budget, techniques, report, quality=quality, show=show)
     except KeyboardInterrupt:
         if not renderer.finished:
             raise

@@ -59,7 +59,8 @@ def _render(arguments: Namespace, settings: Settings, shown: list[str], pixels: 
     start = time.perf_counter()
     techniques = None if arguments.gi is None else (settings.gi,)
     options = {"check": arguments.check, "timings": arguments.timings}
-    made = make(renderer, budget, techniques, say, with_alpha(shown, settings, arguments.denoise), options)
+    show = with_alpha(shown, settings, arguments.denoise)
+    made = make(renderer, budget, techniques, arguments.quality, say, show, options)
     settings = renderer.settings
     layers = read_pictures(renderer, shown, settings, arguments.denoise)
     seconds = time.perf_counter() - start
