@@ -132,6 +132,8 @@ def test_figures_survive_in_the_cache(cache):
     assert cache().load() == {}
     cache().store(FIGURES)
     assert cache().load() == FIGURES
+    cache().store({MEDIUM: FIGURES[MEDIUM]})  # of a run with one technique
+    assert cache().load() == FIGURES
     assert cache(settings=Settings(gi="ssil", seed=3)).load() == FIGURES  # what a candidate chooses has no part in it
     assert cache(settings=Settings(bounces=1)).load() == {}
     assert cache(adapter_name="other").load() == {}

@@ -51,8 +51,12 @@ class FrontCache:
         return {}
 
     def store(self, known: dict[Candidate, Figures]) -> None:
-        """Write what is known; a folder that cannot be written is left alone."""
-        entry = {f"{candidate.gi}, {candidate.quality}": asdict(figures) for candidate, figures in known.items()}
+        """Write what is known, and keep what the entry has of other candidates.
+
+        A folder that cannot be written is left alone.
+        """
+        every = self.load() | known
+        entry = {f"{candidate.gi}, {candidate.quality}": asdict(figures) for candidate, figures in every.items()}
         with suppress(OSError, GiError):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_file(self.path) as temporary:

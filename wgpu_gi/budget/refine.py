@@ -159,6 +159,8 @@ class _Budget:
             renderer.forget()
             raise
         renderer.size = size
+        if self.probe_seconds:
+            self.cache.store(self.known)  # the frames may be interrupted
 
     def _whole_seconds(self) -> float:
         """Return the seconds of the whole: given, or expected to reach the error."""

@@ -59,11 +59,14 @@ def content_of(renderer: Renderer, is_open: bool) -> str:
     return f"{count} {'spp' if samples else 'frame' if count == '1' else 'frames'}"
 
 
-def texts_of(made: Made, budget: Budget | None, content: str, certificate: Certificate | None) -> dict[str, Any]:
-    """Return what a file's metadata say of how its picture was made."""
+def texts_of(
+    made: Made, budget: Budget | None, quality: str | None, content: str, certificate: Certificate | None
+) -> dict[str, Any]:
+    """Return what a file's metadata say of how its picture was made; `quality` as the user gave it."""
     texts: dict[str, Any] = {}
     if budget is not None:
         texts["budget"] = budget.words()
+        texts["quality"] = quality or ""  # of an interrupted choice, unknown
         texts["frames"] = content
     if made.outcome is not None:
         texts["quality"] = made.outcome.candidate.quality

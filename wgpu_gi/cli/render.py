@@ -70,7 +70,8 @@ def _render(arguments: Namespace, settings: Settings, shown: list[str], pixels: 
     certificate = _certificate(renderer, made, layers, pixels, content, say)
 
     # Write the file.
-    metadata = metadata_of(arguments, settings, renderer.adapter_name) | texts_of(made, budget, content, certificate)
+    metadata = metadata_of(arguments, settings, renderer.adapter_name)
+    metadata |= texts_of(made, budget, arguments.quality, content, certificate)
     exposure = exposure_for(arguments.output, settings, shown[0], layers[shown[0]])
     told = ""
     if exposure is not None:
