@@ -10,10 +10,14 @@ import pytest
 
 import wgpu_gi as gi
 from wgpu_gi.__main__ import main
+from wgpu_gi.camera import Camera
+from wgpu_gi.errors import GiError
 from wgpu_gi.measure.attribute import attribute
 from wgpu_gi.measure.truth import truth_by_path
 from wgpu_gi.options import Settings
 from wgpu_gi.pictures.image import load_image
+from wgpu_gi.scene.built_in.shapes import quad
+from wgpu_gi.scene.scene import Instance, Material, Scene
 from wgpu_gi.settings import assign
 
 SIZE = (32, 18)
@@ -58,6 +62,19 @@ def test_direct_light_alone_lacks_bounces(capsys):
         assert parts["bounces left out"] > 0.9 * whole
     if plot:
         assert load_image("a.png").std() > 0.05
+
+
+def test_a_picture_without_error_is_told():
+    """All that the picture shows glows and reflects nothing."""
+    glowing = Material(base_color=(0.0, 0.0, 0.0, 1.0), emission=(1.0, 1.0, 1.0), double_sided=True)
+    scene = Scene([Instance(quad((-5, -5, -2), (10, 0, 0), (0, 10, 0), glowing))], [])
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), (0, 1, 0), 60)
+
+    def truth_of(bounces, visible):
+        return truth_by_path(scene, camera, SIZE, spp=2, bounces=bounces, diffuse=True, visible_only=visible)
+
+    with pytest.raises(GiError, match="no error exceeds the noise of the truth"):
+        attribute(scene, camera, SIZE, Settings(gi="none", diffuse=True), truth_of, timed=1)
 
 
 @pytest.mark.slow

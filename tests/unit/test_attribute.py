@@ -117,6 +117,9 @@ def test_advice_weighs_error_by_time():
 def test_a_noisy_truth_is_told():
     assert "raise --truth-spp" in advice(entry(floor=0.2))[-1]
     assert len(advice(entry(floor=None))) == 1
+    made = entry()
+    made.found.hidden.append(made.found.bars.pop())
+    assert advice(made)[-1].startswith("a single frame, indirect part: no error exceeds the noise of the truth")
 
 
 def test_tables_and_file_hold_all_parts(tmp_path):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +26,14 @@ from .truth import Progress, Truth
 class Attribution:
     """The result of `attribute`: bars, settings that may lower the error, ms of a frame, and the picture of one frame.
 
-    `picture`: radiance, (h, w, 3), W/(m2 sr).
+    `picture`: radiance, (h, w, 3), W/(m2 sr). `hidden`: bars whose error the noise of the truth hides.
     """
 
     bars: list[Bar]
     raises: list[Raise]
     frame_ms: float
     picture: NDArray[np.float32]
+    hidden: list[Bar] = field(default_factory=list)
 
 
 def attribute(
@@ -49,7 +50,8 @@ def attribute(
     """Return what the error of `settings` is due to, in a single frame and in a still picture.
 
     `truth_of` takes a number of indirect bounces (None: all) and whether only visible surfaces send light, and returns
-    that truth. `timed`: frames for each time. Raises GiError for the path tracer, and for a truth that is black.
+    that truth. `timed`: frames for each time. Raises GiError for the path tracer, for a truth that is black, and if its
+    noise hides all errors.
     """
     if not technique_of(settings.gi).stages:
         raise GiError(f"--attribute exchanges the stages of a technique, and {settings.gi} has none")
@@ -60,6 +62,10 @@ def attribute(
         bars = [study.bar(layer, frames) for frames in study.counts for layer in LAYERS if study.is_lit(layer)]
         if not bars:
             raise GiError("the truth is black, so there is no error to attribute")
+        hidden = [bar for bar in bars if bar.whole.total <= 0.0]
+        bars = [bar for bar in bars if bar.whole.total > 0.0]
+        if not bars:
+            raise GiError("no error exceeds the noise of the truth, so there is none to attribute; raise --truth-spp")
         frame_ms = time_frame(study, settings, timed)
         raises = measure_raises(study, bars, timed)
-        return Attribution(bars, raises, frame_ms, study.pictures(settings, 1)["full"][0])
+        return Attribution(bars, raises, frame_ms, study.pictures(settings, 1)["full"][0], hidden)

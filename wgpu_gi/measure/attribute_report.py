@@ -89,17 +89,22 @@ def tables(entry: Entry) -> list[tuple[str, Table]]:
     """Return a table for each bar, and one of the settings that were tried, each with its title."""
     found = [(_bar_title(entry, bar), _bar_table(bar)) for bar in entry.found.bars]
     if entry.found.raises:
-        found.append((f"{entry.title}: settings for the largest parts, full image", _raise_table(entry.found)))
+        layer = LAYERS[entry.found.bars[0].layer]
+        found.append((f"{entry.title}: settings for the largest parts, {layer}", _raise_table(entry.found)))
     return found
 
 
 def advice(entry: Entry) -> list[str]:
     """Return a sentence for each kind of picture: which setting to raise, and what it costs.
 
-    Another one if the truth is noisy.
+    More if the truth is noisy.
     """
     bars = entry.found.bars
     sentences = [_advice(bar, entry.found.raises) for bar in bars if bar.layer == bars[0].layer]
+    sentences += [
+        f"{_picture(bar)}, {LAYERS[bar.layer]}: no error exceeds the noise of the truth; raise --truth-spp"
+        for bar in entry.found.hidden
+    ]
     noisy = [bar for bar in bars if (bar.floor or 0.0) > MOST_FLOOR * bar.whole.total]
     if noisy:
         worst = max(noisy, key=lambda bar: (bar.floor or 0.0) / max(bar.whole.total, 1e-12))
