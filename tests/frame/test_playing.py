@@ -35,7 +35,8 @@ def test_a_renderer_shows_the_scene_at_its_time(scene):
         rest = picture(renderer)
         for time in (0.0, 0.7, 0.2):
             renderer.time = time
-            assert np.array_equal(picture(renderer), still(scene, time)), time
+            # A moved instance keeps its place in the tables, so positions may differ in their last bit.
+            assert np.allclose(picture(renderer), still(scene, time), rtol=1e-6, atol=1e-6), time
         renderer.animation, renderer.time = "dim", DIM
         assert np.array_equal(picture(renderer), still(scene, DIM, 1))
         renderer.time = None
