@@ -50,9 +50,9 @@ def test_an_error_of_the_given_technique_is_certified(capsys):
 
 
 def test_certificate_of_a_picture(capsys):
-    assert main(["render", "cornell", *SMALL, "--gi", "none", "--certify", "20", "-o", "a.png"]) == 0
+    assert main(["render", "cornell", *SMALL, "--gi", "none", "--certify", "50", "-o", "a.png"]) == 0
     printed = capsys.readouterr().out.splitlines()
-    assert printed[1].startswith("relMSE ") and "from 20 path-traced pixels" in printed[1]
+    assert printed[1].startswith("relMSE ") and "from 50 path-traced pixels" in printed[1]
     with Image.open("a.png") as picture:
         assert picture.text["certificate"] in printed[1]
 

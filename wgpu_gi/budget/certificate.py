@@ -22,7 +22,9 @@ from ..scene.rules import is_whole, shown
 from .intervals import Draw, Estimate, Interval, bias_interval, draw_pixels, error_interval, error_mean, truth_mean
 
 PIXELS = 200  # of a certificate, unless told otherwise
-MOST_PIXELS = 1_000_000
+# In five of six pictures of 48x27, relMSE's interval held in 95 to 97 % of 150 draws of 50 pixels, in 84 to 96 % of 24,
+# in 33 to 75 % of 4; in the sixth, many-light in a street, whose error is in few pixels, in 53 % of 50 and 87 % of 200.
+LEAST_PIXELS, MOST_PIXELS = 50, 1_000_000
 # Each replicate of a pixel has so many paths; a first round traces so many replicates. As long as more than NOISE_SHARE
 # of an estimate's variance is the tracer's noise, the next round doubles them, up to MOST_REPLICATES.
 PATHS, REPLICATES, MOST_REPLICATES = 16, 8, 128
@@ -64,8 +66,10 @@ def check_pixels(pixels: Any, name: str = "certify") -> int:
     """Return the number of pixels of a certificate; True is PIXELS. Raises GiError for wrong values of `name`."""
     if pixels is True:
         return PIXELS
-    if not is_whole(pixels) or not 2 <= pixels <= MOST_PIXELS:
-        raise GiError(f"{name} must be a whole number of pixels from 2 to {MOST_PIXELS}, not {shown(pixels)}")
+    if not is_whole(pixels) or not LEAST_PIXELS <= pixels <= MOST_PIXELS:
+        raise GiError(
+            f"{name} must be a whole number of pixels from {LEAST_PIXELS} to {MOST_PIXELS}, not {shown(pixels)}"
+        )
     return int(pixels)
 
 
