@@ -1,7 +1,7 @@
 """Compares what a budget of time chooses with an exhaustive search: every technique at every quality, in 12 scenes.
 
     python tools/try_budgets.py curves FOLDER    # error against time of every candidate
-    python tools/try_budgets.py choices FOLDER   # what `budget.refine` chooses and reaches
+    python tools/try_budgets.py choices FOLDER   # what `budget.refine` chooses and reaches in a new view
     python tools/try_budgets.py report FOLDER    # the table of tools/README.md, and typical figures
 
 Results are kept in FOLDER by scene; what is there is not measured again. Names of scenes may follow. The error is that
@@ -39,7 +39,7 @@ TRACED, PATHS, TRUTH_SEED = 4000, 256, 0x7472_7574
 NOTED = 1.12  # frames from one noted error to the next
 # A curve is measured for so many seconds; it ends before if it is flat (half of its frames leave this share of the
 # error), or if it does not come within a factor of NEAR of the best.
-MEASURED_SECONDS = 2.0
+MEASURED_SECONDS = 10.0
 FLAT_FRAMES, FLAT_SECONDS, FLAT, NEAR_SECONDS, NEAR = 12, 0.25, 0.97, 0.8, 2.0
 
 Clock = Callable[[], float]
@@ -139,11 +139,11 @@ def measure_choices(name: str, folder: Path, clock: Clock, budgets: list[float])
     missing = [budget for budget in budgets if budget not in {row["budget"] for row in rows}]
     if not missing:
         return
-    os.environ["WGPU_GI_CACHE"] = str(folder / "cache" / name)
     with Renderer(scene_of(name), size=SIZE) as renderer:
         truth = Truth(renderer, folder / f"{name}.npz")
         warm_up(renderer)
         for budget in missing:
+            os.environ["WGPU_GI_CACHE"] = str(folder / "cache" / f"{name}-{budget:g}")
             renderer.settings = Settings(seed=5)
             outcome = render_within(renderer, budget, None, clock=clock)
             rows.append(

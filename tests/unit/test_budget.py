@@ -10,9 +10,21 @@ import numpy as np
 import pytest
 
 import wgpu_gi as gi
-from wgpu_gi.budget.front import TYPICAL, Candidate, Figures, averages_samples, best, candidates, expected, within
+from wgpu_gi.budget.front import (
+    TYPICAL,
+    Candidate,
+    Choice,
+    Figures,
+    averages_samples,
+    best,
+    candidates,
+    expected,
+    within,
+)
 from wgpu_gi.budget.front_cache import FrontCache
+from wgpu_gi.budget.outcome import Outcome, missed_words
 from wgpu_gi.budget.probe import likely_floor, probe_sizes
+from wgpu_gi.pictures.tables import Table
 from wgpu_gi.renderer import Settings
 from wgpu_gi.settings import apply_quality
 from wgpu_gi.techniques.shared.sampling import OPEN_FRAMES, pixel_offset
@@ -165,3 +177,12 @@ def test_any_number_of_points_of_an_open_picture_is_even(count):
     assert np.abs(points.mean(0) - 0.5).max() < 0.75 / math.sqrt(count) / 1.5
     halves = (points < 0.5).mean(0)
     assert np.abs(halves - 0.5).max() <= 2 / count + 1e-9
+
+
+def test_the_sentence_says_what_took_time_and_what_would_have_been_better():
+    missed = missed_words(Choice(MEDIUM, 9, 0.5, 0.0123), 0.71)
+    outcome = Outcome(Settings(), Candidate("none", "low"), 3, 0.5, 0.35, None, "done", 0.0, 0.4, missed, Table(""))
+    assert outcome.sentence() == (
+        "none, low: 3 frames in 0.50 s, 0.4 s of them to compile and to start; expected relMSE 0.35;"
+        " many-light, medium would reach 0.012, but would compile for about 0.71 s first; done"
+    )

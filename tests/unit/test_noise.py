@@ -18,6 +18,15 @@ def test_expected_relmse_is_that_of_pictures_with_this_noise():
     assert expected_relmse(noisy, error) == pytest.approx(relmse(noisy, truth), rel=0.05)
 
 
+def test_bright_dots_of_noise_do_not_hide_themselves():
+    random = np.random.default_rng(2)
+    truth = np.tile(np.where(np.arange(64) < 32, 1.0, 8.0)[None, :, None], (64, 1, 3))
+    dots = random.random((64, 64, 1)) < 0.02
+    noisy = truth + np.where(dots, 30.0, 0.0)
+    error = np.where(dots, 30.0, 0.0) * np.ones(3)
+    assert expected_relmse(noisy, error) == pytest.approx(relmse(noisy, truth), rel=0.1)
+
+
 @pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
 def test_expected_relmse_does_not_depend_on_exposure(scale):
     picture = np.full((4, 4, 3), scale, np.float32)

@@ -60,6 +60,15 @@ class FrameSeries:
         """Seconds that the next step is expected to take."""
         return float(np.median(self._seconds[-RECENT:])) * self._per_step
 
+    @property
+    def start_seconds(self) -> float:
+        """Seconds that the first step took longer than the others; 0 if this candidate had its pipelines."""
+        return 0.0 if self._was_warm else self._start()
+
+    def _start(self) -> float:
+        frame = float(np.median(self._seconds[-RECENT:]))
+        return max(self._first - frame * self._per_step, 0.0)
+
     def is_review_due(self) -> bool:
         """Return whether the first steps are done, or twice as many as at the last review."""
         if self._steps < self._review_at:
@@ -100,7 +109,7 @@ class FrameSeries:
         """Return the candidate's figures, corrected by the frames so far: their time and, from two on, their noise."""
         frame = float(np.median(self._seconds[-RECENT:]))
         scale = frame / max(figures.frame_seconds(self._pixels), 1e-9)
-        start = max(self._first - frame * self._per_step, 0.0)
+        start = self._start()
         figures = replace(
             figures,
             cold=figures.cold if self._was_warm or not self._steps else start,

@@ -10,20 +10,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..errors import GiError
 from ..options import Settings
 from ..pictures.tables import Table
 from ..renderer import Renderer
 from .certificate import Certificate, certify
-from .frame_series import FrameSeries, words_of
+from .frame_series import FrameSeries
 from .front import LEAST_FLOOR, Candidate, Choice, averages_samples, best, candidates, expected, within
 from .front_cache import FrontCache
+from .outcome import Outcome, missed_words, table_of
 from .probe import SHOW, Probe, probe_seconds, rendered
 
-# Most of the time that probes may take. With a quarter, a first picture of 2 s had 1.3 and 1.4 times the error of the
-# best candidate in the Cornell box and the courtyard. Other shares were not compared.
+# Most of the time that probes may take, as far as it can be told before. With a quarter, a first picture of 2 s had 1.3
+# and 1.4 times the error of the best candidate in the Cornell box and the courtyard. Other shares were not compared.
 PROBE_SHARE = 0.15
 TRUTH_SHARE = 0.25  # of the probes' time that goes to traced pixels
 TRACER_SECONDS = 0.15  # to compile the tracer of pixels; so 2 s are too short for a first probe
@@ -38,33 +39,6 @@ NOISE_LEFT = 0.1  # share of the error at which the noise cannot be why the esti
 READ_SECONDS, CERTIFY_SECONDS = 0.005, 1.0  # of a read-back and of a certificate, until one was measured
 
 Report = Callable[[float, str], None]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What was rendered, and why it ended. The renderer has the picture.
-
-    seconds: from the call, without those of the certificate if only the time was given. estimated_relmse: floor plus
-    noise. probe_seconds: part of `seconds`. table: what each candidate was expected to reach.
-    """
-
-    settings: Settings
-    candidate: Candidate
-    frames: int
-    seconds: float
-    estimated_relmse: float
-    certificate: Certificate | None
-    reason: str
-    probe_seconds: float
-    table: Table
-
-    def sentence(self) -> str:
-        """Return what was chosen, what it reached, and why it stopped."""
-        probed = f", {self.probe_seconds:.2g} s of them to measure candidates" if self.probe_seconds else ""
-        return (
-            f"{words_of(self.candidate, self.frames)} in {self.seconds:.2f} s{probed}; expected relMSE"
-            f" {self.estimated_relmse:.2g}; {self.reason}"
-        )
 
 
 def render_within(
@@ -115,6 +89,7 @@ class _Budget:
         self.certificate: Certificate | None = None
         self.refuted: set[Candidate] = set()  # a certificate found them above the error, by more than their noise
         self.certificate_seconds = CERTIFY_SECONDS
+        self.had_rendered = frozenset(rendered(renderer))
         self.cache = FrontCache(renderer)
         self.known = {c: f for c, f in self.cache.load().items() if c in settings}
 
@@ -171,10 +146,9 @@ class _Budget:
     def _worth_probing(self, seconds: float) -> Candidate | None:
         """Return the most promising candidate that was not measured and whose probe takes at most `seconds`.
 
-        None if there is none that could beat those that were measured.
+        None if there is none that could be the best.
         """
         choices, figures, warm = self.choices(), expected(self.settings, self.known), rendered(self.renderer)
-        measured = [choice for c, choice in choices.items() if figures[c].measured]
         # The first probe traces pixels, too.
         if not self.probe_seconds:
             seconds = seconds * (1.0 - TRUTH_SHARE) - TRACER_SECONDS
@@ -187,7 +161,7 @@ class _Budget:
             return None
         promising = self.best(others)
         hopeful = promising._replace(relmse=promising.relmse / OPTIMISM)
-        if measured and self.best([*measured, hopeful]) is not hopeful:
+        if self.best([*choices.values(), hopeful]) is not hopeful:
             return None
         return promising.candidate
 
@@ -196,7 +170,9 @@ class _Budget:
     def refine(self, show: tuple[str, ...], stop: Callable[[], bool]) -> Outcome:
         """Render frames of the best candidate until the time or the error is met."""
         switches, reason = 0, ""
-        picture = self._start(self.best(self.choices().values()).candidate, show)
+        choice = self.best(self.choices().values())
+        missed = self._missed(choice)
+        picture = self._start(choice.candidate, show)
         while not reason:
             if stop():
                 reason = "stopped by the caller"
@@ -211,11 +187,13 @@ class _Budget:
                 # Go over to another candidate if this one turns out to be slower, or to err more, than expected.
                 rival = self._rival(picture)
                 if rival is not None:
-                    picture, switches = self._start(rival, show), switches + 1
+                    picture, switches, missed = self._start(rival, show), switches + 1, None
                 elif is_refuted:
                     reason = f"more frames cannot reach relMSE {self.error:g}: what is left is bias"
         self._learn(picture)
         self.cache.store(self.known)
+        # What this candidate took to compile tells about the other.
+        colds = {c: f.cold for c, f in expected(self.settings, self.known).items()}
         return Outcome(
             settings=picture.settings,
             candidate=picture.candidate,
@@ -225,8 +203,27 @@ class _Budget:
             certificate=self.certificate,
             reason=reason,
             probe_seconds=self.probe_seconds,
+            start_seconds=picture.start_seconds,
+            missed="" if missed is None else missed_words(missed, colds[missed.candidate]),
             table=self._table(picture.candidate),
         )
+
+    def _missed(self, chosen: Choice) -> Choice | None:
+        """Return the choice that would be best if its pipelines existed; None if it is hardly better, or has them."""
+        figures, warm = expected(self.settings, self.known), rendered(self.renderer)
+        ready = (within(c, f, self.pixels, self.left, None, is_warm=True) for c, f in figures.items())
+        better = min(ready, key=lambda choice: choice.relmse)
+        # Nothing is missed by a picture that reaches the error.
+        enough = max(WORTH_SWITCHING * chosen.relmse, self.error or 0.0)
+        if self.seconds is None or better.candidate in {*warm, chosen.candidate} or better.relmse > enough:
+            return None
+        return better
+
+    def _table(self, chosen: Candidate) -> Table:
+        """Return what each candidate was expected to reach in the whole time, with its pipelines."""
+        figures = expected(self.settings, self.known)
+        reached = [within(c, f, self.pixels, self.seconds, self.error, is_warm=True) for c, f in figures.items()]
+        return table_of(figures, reached, chosen, self.had_rendered, self.pixels)
 
     def _start(self, candidate: Candidate, show: tuple[str, ...]) -> FrameSeries:
         figures = expected(self.settings, self.known)[candidate]
@@ -303,21 +300,3 @@ class _Budget:
             self.refuted.add(picture.candidate)
         picture.review()
         return ""
-
-    def _table(self, chosen: Candidate) -> Table:
-        """Return what each candidate was expected to reach in the whole time."""
-        figures, rows = expected(self.settings, self.known), []
-        for c, f in figures.items():
-            reached = within(c, f, self.pixels, self.seconds, self.error, is_warm=True)
-            rows.append(
-                (
-                    f"{'> ' if c == chosen else ''}{c}",
-                    f"{1e3 * f.frame_seconds(self.pixels):.1f}",
-                    str(reached.frames),
-                    f"{reached.relmse:.2g}",
-                    "measured" if f.measured else "expected",
-                )
-            )
-        rows.sort(key=lambda row: float(row[3]))
-        head = ("candidate", "ms a frame", "frames", "relMSE", "figures")
-        return Table("\n".join("".join(f"{cell:<22}" for cell in row).rstrip() for row in (head, *rows)), head, rows)

@@ -13,7 +13,8 @@ from ..scene.load import is_usd, lit, lit_at
 from ..scene.pose import check_time
 from ..scene.scene import Environment, Scene
 from .amounts import checked_error, checked_seconds, seconds_of
-from .refine import Outcome, render_within
+from .outcome import Outcome
+from .refine import render_within
 
 
 class Budget(NamedTuple):

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..budget.certificate import Certificate
-from ..budget.refine import Outcome, render_within
+from ..budget.outcome import Outcome
+from ..budget.refine import render_within
 from ..budget.request import Budget
 from ..options import picture_count, technique_of
 from ..renderer import Renderer

@@ -33,7 +33,7 @@ class Picture(np.ndarray):
     """A buffer `name` as a numpy array, displayed with 2^`exposure`; arrays computed from it inherit both.
 
     None exposes each array automatically by its own values. A number makes several arrays comparable. `certificate`
-    (`budget.certificate`) states the errors of the picture if they were asked for, and `outcome` (`budget.refine`) how
+    (`budget.certificate`) states the errors of the picture if they were asked for, and `outcome` (`budget.outcome`) how
     a budget of time or error was met; arrays computed from it have neither.
     """
 
