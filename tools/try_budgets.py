@@ -36,6 +36,7 @@ TECHNIQUES = ("many-light", "path", "ssdo", "ssil", "none", "ssao")
 SIZE = (160, 90)
 BUDGETS = (0.5, 2.0, 10.0)
 TRACED, PATHS, TRUTH_SEED = 4000, 256, 0x7472_7574
+NO_PICTURE = 10.0  # relMSE of a candidate that has no frame in time
 NOTED = 1.12  # frames from one noted error to the next
 # A curve is measured for so many seconds; it ends before if it is flat (half of its frames leave this share of the
 # error), or if it does not come within a factor of NEAR of the best.
@@ -172,32 +173,27 @@ def warm_up(renderer: Renderer) -> None:
 def report(names: list[str], folder: Path) -> None:
     """Print the table, the means of every fixed preset, and the medians of the candidates' figures."""
     curves = {name: json.loads((folder / f"{name}.json").read_text()) for name in names}
-    chosen_logs: dict[float, list[float]] = {budget: [] for budget in BUDGETS}
-    print("| scene | " + " | ".join(f"{budget:g} s: chosen, best" for budget in BUDGETS) + " |\n|" + "---|" * 4)
-    for name in names:
-        cells = []
-        for row in json.loads((folder / f"{name}.choices.json").read_text()):
-            ends = {c: error_at(found["points"], row["budget"]) for c, found in curves[name].items()}
-            best = min(ends, key=ends.__getitem__)
-            ratio = row["relmse"] / max(ends[best], 1e-7)
-            chosen_logs[row["budget"]].append(math.log(max(ratio, 1e-3)))
-            cells.append(f"{row['candidate']} {row['relmse']:.2g}, {best} {ends[best]:.2g}: {ratio:.2f}")
-        print(f"| {name} | " + " | ".join(cells) + " |")
+    # Errors over the best of the scene, at each budget in the scenes where a choice was measured.
+    over_best: dict[str, dict[float, list[float]]] = {}
     print(
-        "\n| geometric mean of error over the best | " + " | ".join(f"{b:g} s" for b in BUDGETS) + " |\n|" + "---|" * 4
+        "| scene | " + " | ".join(f"{budget:g} s: chosen; best; quotient" for budget in BUDGETS) + " |\n|" + "---|" * 4
     )
-    print("| **chosen** | " + " | ".join(f"{math.exp(np.mean(chosen_logs[b])):.2f}" for b in BUDGETS) + " |")
-    for candidate in curves[names[0]]:
-        means = []
-        for budget in BUDGETS:
-            logs = [
-                math.log(
-                    min(error_at(c[candidate]["points"], budget), 1e3)
-                    / max(min(error_at(f["points"], budget) for f in c.values()), 1e-7)
-                )
-                for c in curves.values()
-            ]
-            means.append(f"{math.exp(np.mean(logs)):.2f}")
+    for name in names:
+        cells = dict.fromkeys(BUDGETS, "")
+        for row in json.loads((folder / f"{name}.choices.json").read_text()):
+            budget = row["budget"]
+            ends = {c: error_at(found["points"], budget) for c, found in curves[name].items()}
+            best = min(ends, key=ends.__getitem__)
+            for candidate, error in {"**chosen**": row["relmse"], **ends}.items():
+                ratio = min(error, NO_PICTURE) / max(ends[best], 1e-7)
+                over_best.setdefault(candidate, {b: [] for b in BUDGETS})[budget].append(max(ratio, 1e-3))
+            ratio = row["relmse"] / max(ends[best], 1e-7)
+            cells[budget] = f"{row['candidate']} {row['relmse']:.2g}; {best} {ends[best]:.2g}; {ratio:.2f}"
+        print(f"| {name} | " + " | ".join(cells.values()) + " |")
+    print("\n| geometric mean, largest over the best | " + " | ".join(f"{b:g} s" for b in BUDGETS))
+    print("|" + "---|" * 4)
+    for candidate, ratios in over_best.items():
+        means = (f"{math.exp(np.mean(np.log(r))):.2f}, {max(r):.2f}" if r else "" for r in ratios.values())
         print(f"| {candidate} | " + " | ".join(means) + " |")
     print("\nTypical figures: cold, warm, seconds a frame, noise, floor (medians)")
     for candidate in curves[names[0]]:

@@ -9,15 +9,18 @@ from dataclasses import replace
 import numpy as np
 
 from ..options import Settings, technique_of
-from ..pictures.noise import expected_relmse
+from ..pictures.noise import expected_relmse, without_noise
 from ..renderer import Renderer
 from .front import LEAST_NOISE, Candidate, Figures, averages_samples
-from .probe import rendered, run_frame
+from .probe import SHOW, rendered, run_frame
 
 # A run of the path tracer takes as many samples as fit into these seconds and this share of the time.
 RUN_SECONDS, RUN_SHARE, MOST_PER_RUN = 0.25, 0.02, 16
 REVIEWED = 3  # steps after which their time and their noise are known
 CHECK_GROWTH = 1.5  # frames from one check of the error to the next
+# From so many frames on, standard errors are exact enough to take the noise off. In a generated room (textured-12), 3
+# frames told 30 times the actual noise, and 0.5 s went to direct light, with 4.5 times the error of the best.
+ENOUGH_FRAMES = 8
 RECENT = 9  # steps whose median predicts the next
 
 
@@ -118,8 +121,10 @@ class FrameSeries:
             per_pixel=figures.per_pixel * scale,
         )
         if self.frames > 1:
-            picture = self._renderer.read_back("radiance")
-            noise = expected_relmse(picture, self._renderer.read_back("standard_error")) * self.frames
+            picture, deviation = (np.asarray(self._renderer.read_back(name), np.float64) for name in SHOW)
+            if self.frames >= ENOUGH_FRAMES:
+                picture = without_noise(picture, deviation)
+            noise = expected_relmse(picture, deviation) * self.frames
             figures = replace(figures, noise=max(noise, LEAST_NOISE) if math.isfinite(noise) else figures.noise)
         return figures
 
