@@ -36,7 +36,7 @@ TECHNIQUES = ("many-light", "path", "ssdo", "ssil", "none", "ssao")
 SIZE = (160, 90)
 BUDGETS = (0.5, 2.0, 10.0)
 TRACED, PATHS, TRUTH_SEED = 4000, 256, 0x7472_7574
-NO_PICTURE = 10.0  # relMSE of a candidate that has no frame in time
+NO_PICTURE = 100.0  # relMSE of a candidate that has no frame in time
 NOTED = 1.12  # frames from one noted error to the next
 # A curve is measured for so many seconds; it ends before if it is flat (half of its frames leave this share of the
 # error), or if it does not come within a factor of NEAR of the best.
