@@ -264,6 +264,7 @@ def test_plan_gives_the_reason_of_every_skip():
         "emitters": "nothing emits light",
         "transmission": "no material transmits light",
         "composite/display": "no output needs",
+        "bounces/further": "none finds no indirect light",
     }
     for name, row in rows.items():
         assert (row.split()[1] == "culled") == (name in lacks), row
@@ -310,7 +311,8 @@ def test_skipped_passes_change_no_buffer(name, monkeypatch):
     forced = completed(scene, show=None, diffuse=False)
     culled = {line.split()[0] for line in forced.plan().splitlines()[1:] if line.split()[1] == "culled"}
     of_pictures = {"environment/leaves", "environment/sum", "environment/prefilter"} if scene.environment else set()
-    assert culled <= {"deform", "shadow/opaque", "direct/edges", "emitters", "composite/display", *of_pictures}, culled
+    always = {"deform", "bounces/further", "composite/display"}
+    assert culled <= {*always, "shadow/opaque", "direct/edges", "emitters", *of_pictures}, culled
     for buffer in plain.buffers:
         rounding = 1e-5 if buffer in ("radiance", "direct") else 0.0
         # Differences of means of frames.
