@@ -152,7 +152,7 @@ def declare_reference(graph: Graph, settings: PathOptions, scene: PathInputs) ->
     # Halves have -1 for what is not known yet.
     results = buffers("radiance", "standard_error") | buffers("halves", nonnegative=False)
     tiles = -(-width // 8) * -(-height // 8)
-    learned = declare_learned(graph, layers, tiles, settings.path.adaptive)
+    learned = declare_learned(graph, scene, layers, tiles, settings.path.adaptive)
     trace = graph.compute(
         "path/trace",
         "reference/path.wgsl",

@@ -13,6 +13,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ...gpu.wgsl.load import load
 from ..shared.bounds import SAVES
+from ..shared.scene_inputs import SceneInputs
 
 LEARNED = "path/learned"  # the buffer's name
 _SHADER = "reference/learn_guide.wgsl"
@@ -41,7 +42,7 @@ def missing_paths(graph: Graph) -> int:
     return int(graph.read_back(LEARNED)[int(load(_SHADER).constants["MISSING"])])
 
 
-def declare_learned(graph: Graph, layers: dict[str, Buffer], tiles: int, adaptive: bool) -> Buffer:
+def declare_learned(graph: Graph, scene: SceneInputs, layers: dict[str, Buffer], tiles: int, adaptive: bool) -> Buffer:
     """Declare the passes that learn from the runs before; return the buffer that they and the path tracer share.
 
     `layers` has the path tracer's results. It comes later in a frame, so these passes see those of the run before. They
@@ -61,6 +62,7 @@ def declare_learned(graph: Graph, layers: dict[str, Buffer], tiles: int, adaptiv
         _SHADER,
         over=grids * constant["SIDE"],
         writes={"learned": learned},
+        constants=scene.constants(_SHADER),
     )
     errors = graph.buffer("path/tile_errors", dtype=np.dtype((np.float32, 4)), count=HALVES * tiles)
     graph.compute(
