@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import signal
 import struct
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.terminal import interrupted
 from PIL import Image
 
 from wgpu_gi.__main__ import main
@@ -251,36 +251,24 @@ def test_no_adapter_is_one_sentence(folder):
     assert not os.listdir(folder)
 
 
-def interrupted(shows: bytes, *arguments: str) -> tuple[int, bytes]:
-    """Interrupt a render on a terminal, once its progress bar shows `shows`; return exit code and messages."""
-    master, slave = pytest.importorskip("pty").openpty()
-    process = start("render", "-o", "out.exr", "--gi", "path", *arguments, stdout=slave, stderr=slave)
-    os.close(slave)
-    seen = b""
-    while shows not in seen:
-        seen += os.read(master, 4096)
-    process.send_signal(signal.SIGINT)
-    while True:
-        try:
-            seen += os.read(master, 4096)
-        except OSError:  # the terminal is closed by its last user
-            break
-    return process.wait(timeout=30), seen
+PATH = ("render", "-o", "out.exr", "--gi", "path")
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to a single process")
 def test_interrupt_before_the_first_picture_leaves_no_file(folder):
     """The first run of the path tracer would take minutes."""
-    code, seen = interrupted(b"rendering", "--size", "1280x720", "--spp", "100000", "--set", "path.samples_per_run=64")
+    code, seen = interrupted(
+        b"rendering", *PATH, "--size", "1280x720", "--spp", "100000", "--set", "path.samples_per_run=64"
+    )
     assert code == 130
     assert b"interrupted; no file was left half-written" in seen
     assert b"Traceback" not in seen
     assert not os.listdir(folder)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to a single process")
 def test_interrupt_saves_the_picture_so_far(folder):
-    code, seen = interrupted(b" 1%", "--size", "32x18", "--spp", "20000", "--set", "path.samples_per_run=1")
+    code, seen = interrupted(rb"[1-9]%", *PATH, "--size", "32x18", "--spp", "20000", "--set", "path.samples_per_run=1")
     assert code == 130
     assert b"Traceback" not in seen
     done = int(re.search(rb"holds the picture so far, (\d+) of 20000 spp", seen)[1])
