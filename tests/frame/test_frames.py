@@ -15,9 +15,9 @@ import pytest
 from PIL import Image
 
 from wgpu_gi.__main__ import main
-from wgpu_gi.cli import frames as cli_frames
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
+from wgpu_gi.sequence import blocks
 
 TINY = ["--size", "32x18", "--spp", "2", "--set", "camera.frames=2"]
 SMALL_LIGHTS = ["--set", "vpl.count=128", "--set", "vpl.paths=1024", "--set", "ism.resolution=32"]
@@ -46,8 +46,8 @@ def assert_same_files(one: Path, other: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("gi", [*TECHNIQUES, "temporal", "motion", "antialias"])
 def test_shards_and_resumed_runs_equal_one_run(gi, folder, monkeypatch):
-    monkeypatch.setattr(cli_frames, "BLOCK", 2)
-    monkeypatch.setattr(cli_frames, "WARM_UP", 2)
+    monkeypatch.setattr(blocks, "BLOCK", 2)
+    monkeypatch.setattr(blocks, "WARM_UP", 2)
     arguments = ["--gi", gi, *SMALL_LIGHTS]
     if gi == "temporal":
         arguments = ["--gi", "many-light", *SMALL_LIGHTS, "--set", "temporal.frames=16"]

@@ -11,8 +11,8 @@ import pytest
 from helpers.animated import animated_scene
 
 from wgpu_gi.__main__ import main
-from wgpu_gi.cli import frames as cli_frames
 from wgpu_gi.scene.built_in.scenes import BUILTIN_SCENES
+from wgpu_gi.sequence import blocks
 
 TINY = ["--size", "32x18", "--set", "camera.frames=2", "--gi", "none"]
 
@@ -53,8 +53,8 @@ def test_a_time_holds_the_animation(capsys):
 
 @pytest.mark.parametrize("more", [["--camera-path", "path.json"], ["--layers", "motion", "--set", "camera.frames=1"]])
 def test_shards_and_resumed_runs_of_an_animation_equal_one_run(more, folder, monkeypatch):
-    monkeypatch.setattr(cli_frames, "BLOCK", 2)
-    monkeypatch.setattr(cli_frames, "WARM_UP", 2)
+    monkeypatch.setattr(blocks, "BLOCK", 2)
+    monkeypatch.setattr(blocks, "WARM_UP", 2)
     keys = [{"frame": 9 * i, "position": [i, 1, 4], "target": [0, 0.5, 0]} for i in (0, 1)]
     Path("path.json").write_text(json.dumps(keys))
     arguments = ["--frames", "0:6", "--fps", "5", *more]

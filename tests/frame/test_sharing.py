@@ -179,7 +179,7 @@ def test_lost_device_ends_a_sequence_cleanly(lost, after, tmp_path, monkeypatch,
         if len(written) == after:
             lost()
 
-    monkeypatch.setattr("wgpu_gi.cli.frame_files.save_image", save_some)
+    monkeypatch.setattr("wgpu_gi.sequence.files.save_image", save_some)
     if not after:
         lost()
     command = ["render", "cornell", "-o", "f_{frame}.npy", "--frames", "0:9", "--turntable", "--gi", "none"]

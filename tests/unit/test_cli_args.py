@@ -23,6 +23,7 @@ from wgpu_gi.cli.messages import Messages
 from wgpu_gi.errors import GiError
 from wgpu_gi.pictures.image import load_image
 from wgpu_gi.scene.scene import DirectionalLight, Scene
+from wgpu_gi.sequence import source
 
 DEFAULTS = ("many-light", None, 64, 0, False)  # gi, bounces, spp, seed, diffuse
 
@@ -67,7 +68,7 @@ def fake_load(name, environment, lights, max_memory=None, strict=False, point_si
 def stand_ins(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(cli_common, "Renderer", FakeRenderer)
-    monkeypatch.setattr(cli_common, "read_scene", fake_load)
+    monkeypatch.setattr(source, "read_scene", fake_load)
     monkeypatch.setattr(cli_common, "choose_camera", lambda scene, selector, folder: f"camera {selector}")
     monkeypatch.setattr(FakeRenderer, "interrupt", None)
 

@@ -17,7 +17,9 @@ LAYERS = [
     ("__init__", "__main__"),
     ("cli",),
     ("viewer",),
-    ("measure",),
+    ("farm",),
+    ("dataset",),
+    ("measure", "sequence"),
     ("rendering",),
     ("budget",),
     ("renderer",),
@@ -30,7 +32,7 @@ LAYERS = [
     ("scene", "gpu"),
     ("settings", "camera", "pictures"),
     ("records",),
-    ("errors", "extras", "float_limits", "resources", "version", "webgpu_limits"),
+    ("errors", "extras", "float_limits", "reports", "resources", "version", "webgpu_limits"),
 ]
 LEVEL = {unit: len(LAYERS) - number for number, units in enumerate(LAYERS) for unit in units}
 # The layers within `techniques`: the systems stand beside one another, on the deferred base and what all share.

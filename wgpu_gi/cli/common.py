@@ -8,27 +8,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from numpy.typing import ArrayLike
-
 from ..buffers import buffers_of, views_of
 from ..camera import Camera
 from ..errors import GiError, known_names
 from ..options import TECHNIQUES, Settings, uses
-from ..pictures.exposure import automatic_exposure, is_exposed
-from ..pictures.image import DISPLAYED_FORMATS
 from ..renderer import Renderer
+from ..reports import Report
 from ..scene.files.camera_files import choose_camera
-from ..scene.files.environment_files import load_environment
-from ..scene.files.light_texts import parse_light, relight
-from ..scene.files.memory import MAX_MEMORY
-from ..scene.files.notes import Notes
-from ..scene.load import GLOW_NOTE, NO_CAMERA_NOTE, NO_LIGHT_NOTE, is_usd, read_scene
+from ..scene.load import GLOW_NOTE, NO_CAMERA_NOTE, NO_LIGHT_NOTE, is_usd
 from ..scene.pose import outside, start_of
 from ..scene.scene import Scene
+from ..sequence.source import SceneSource
 from ..settings import apply_quality, assign, cells_of, describe, format_rows, validate
 from ..version import __version__
 from .budgets import flag_of_time, settle_time
-from .messages import Messages, Report
+from .messages import Messages
 
 FLAGS = {"spp": "--spp", "seed": "--seed", "path.visible_only": "--visible-only"}  # settings with a flag of their own
 REASONS = {
@@ -113,49 +107,25 @@ def without_effect(settings: Settings, texts: Sequence[str]) -> list[str]:
     return notes
 
 
-def load_scene(
-    source: str,
-    env: str | None,
-    lights: Sequence[str],
-    changes: Sequence[str],
-    max_memory: int = MAX_MEMORY,
-    strict: bool = False,
-    point_size: float | None = None,
-    time: float | None = None,
-) -> Scene:
-    """Load a scene, set its environment, add `lights` and apply `changes` to lights; all in command-line syntax."""
-    notes = Notes(strict)
-    added = [parse_light(text) for text in lights]
-    environment = None if env is None else load_environment(env, notes, max_memory=max_memory)
-    scene = read_scene(
+def source_of(arguments: Namespace, source: str) -> SceneSource:
+    """Return what the arguments say about loading a scene; `settle_time` has been called."""
+    return SceneSource(
         source,
-        environment=environment,
-        lights=added,
-        max_memory=max_memory,
-        strict=strict,
-        point_size=point_size,
-        time=time,
+        arguments.env,
+        tuple(arguments.light),
+        tuple(arguments.relight),
+        arguments.max_memory,
+        arguments.strict,
+        arguments.point_size,
+        arguments.time,
     )
-    scene.notes.extend(notes.sentences)
-    for text in changes:
-        relight(scene, text)
-    return scene
 
 
 def prepare_scene(arguments: Namespace, source: str, say: Messages) -> tuple[Scene, Camera]:
     """Load the scene of the arguments, choose its camera and print its notes."""
     settle_time(arguments, None)
     with say.timed(f"loading {source}"):
-        scene = load_scene(
-            source,
-            arguments.env,
-            arguments.light,
-            arguments.relight,
-            arguments.max_memory,
-            arguments.strict,
-            arguments.point_size,
-            arguments.time,
-        )
+        scene = source_of(arguments, source).load()
         camera = choose_camera(scene, arguments.camera, Path(source).parent)
     settle_time(arguments, scene)
     notes = [*scene.notes, *outside(scene, time_of(arguments, source, scene), arguments.animation)]
@@ -185,11 +155,17 @@ def time_of(arguments: Namespace, source: str, scene: Scene) -> float | None:
     return start_of(scene, time, arguments.animation)
 
 
-def renderer_from(arguments: Namespace, settings: Settings, say: Messages) -> Renderer:
-    """Load the scene and return its renderer. Note settings without effect; warn of a slow adapter."""
+def noted_scene(arguments: Namespace, settings: Settings, say: Messages) -> tuple[Scene, Camera]:
+    """Load the scene of the arguments, choose its camera, print its notes, and those on settings without effect."""
     scene, camera = prepare_scene(arguments, arguments.scene, say)
     for note in without_effect(settings, arguments.set):
         say.note(note)
+    return scene, camera
+
+
+def renderer_from(arguments: Namespace, settings: Settings, say: Messages) -> Renderer:
+    """Load the scene and return its renderer. Note settings without effect; warn of a slow adapter."""
+    scene, camera = noted_scene(arguments, settings, say)
     renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
     renderer.time, renderer.animation = time_of(arguments, arguments.scene, scene), arguments.animation
     warn_of_cpu(renderer.adapter_name, renderer.is_cpu, say)
@@ -222,13 +198,6 @@ def checked_buffers(names: Sequence[str], gi: str) -> list[str]:
         if name not in known:
             raise GiError(f"--gi {gi} has no buffer {name!r}; {known_names(name, known)}")
     return list(dict.fromkeys(names))
-
-
-def exposure_for(output: str, settings: Settings, name: str, layer: ArrayLike) -> float | None:
-    """Return the exposure of a buffer in a file, None for linear files and for buffers that hold no light."""
-    if Path(output).suffix.lower() not in (*DISPLAYED_FORMATS, ".mp4") or not is_exposed(name):
-        return None
-    return automatic_exposure(layer) if settings.exposure is None else settings.exposure
 
 
 def metadata_of(arguments: Namespace, settings: Settings, adapter_name: str) -> dict[str, object]:

@@ -1,11 +1,6 @@
 """`wgpu-gi render --frames`: renders a sequence, in shards on several machines; resumes a stopped run.
 
-The animation of a scene plays: frame F shows the second F / fps, from the start again after the end. `--time` holds it.
-A picture depends only on its command, not on what the process rendered before; in an animation up to rounding, since
-meshes that have moved stay apart from those at rest.
-
-Techniques with a temporal history render blocks of frames. Each block starts without history, with warm-up frames that
-are not written.
+`sequence` says what a frame shows, and which frames are rendered together.
 """
 
 from __future__ import annotations
@@ -13,97 +8,69 @@ from __future__ import annotations
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
 
+from ..camera import Camera
 from ..errors import GiError
 from ..options import Settings
 from ..pictures.exposure import exposure_text
 from ..pictures.video import check_video, is_video, video_file
-from ..renderer import Renderer
-from ..rendering import read_pictures, with_alpha
-from ..scene.files.camera_paths import CameraAt, load_camera_path, turntable
-from ..scene.player import find_animation
-from ..scene.pose import looped
-from .common import checked_buffers, exposure_for, metadata_of, renderer_from, rendering
-from .frame_files import FrameFiles, Pictures
-from .messages import Messages, Report
+from ..scene.files.camera_paths import load_camera_path
+from ..scene.scene import Scene
+from ..sequence.blocks import blocks_of
+from ..sequence.files import FrameFiles, Pictures
+from ..sequence.job import Job, Timeline, index_or_camera
+from ..sequence.render import JobRenderer, part_of
+from .common import checked_buffers, metadata_of, noted_scene, rendering, source_of, time_of, warn_of_cpu
+from .messages import Messages
 
-# Frames per block, and warm-up frames before each block. The warm-up adds a quarter to the cost; 8 frames fill the
-# average that the viewer uses.
-BLOCK, WARM_UP = 32, 8
 MOST_FPS = 1000
-
-TimeAt = Callable[[int], float | None]  # seconds in the animation at a frame; None: the scene as it stands
-
-
-@dataclass(frozen=True)
-class Job:
-    """The frames to render, with their cameras, times and buffers."""
-
-    frames: range
-    shard: tuple[int, int]  # (I, N), from 1
-    camera_at: CameraAt
-    time_at: TimeAt
-    show: tuple[str, ...]
-    exists: Callable[[int], bool]  # tells whether the files of a frame exist
-    check: bool = False
-    timings: bool = False
-    denoise: bool = False
-
-    def turn_to(self, renderer: Renderer, frame: int) -> None:
-        """Set camera and time of a frame."""
-        renderer.camera, renderer.time = self.camera_at(frame), self.time_at(frame)
 
 
 def render_frames(arguments: Namespace, settings: Settings, shown: list[str], say: Messages) -> int:
     """Render the missing frames; return the exit code. Raises GiError for an error that the user can fix."""
     # Check the arguments before any slow step.
-    layers = checked_buffers(arguments.layers.split(","), settings.gi) if arguments.layers else []
-    _check(arguments, shown, settings)
+    layers = layers_of(arguments, settings)
+    check_sequence(arguments, shown, settings)
     files = None if is_video(arguments.output) else FrameFiles(arguments.output, shown, layers, settings.transparent)
-    path = None if arguments.camera_path is None else load_camera_path(arguments.camera_path)
+    make_job = job_maker(arguments, settings, shown, layers)
 
     # Load the scene and list what to render.
-    renderer = renderer_from(arguments, settings, say)
-    renderer.moving = settings.camera.frames == 1  # pictures of more frames average jittered ones
-    sequence = Job(
-        frames=arguments.frames,
-        shard=arguments.shard or (1, 1),
-        camera_at=path or _without_path(arguments, renderer, say),
-        time_at=_times(arguments, renderer),
-        show=with_alpha((*shown, *layers), settings, arguments.denoise),
-        exists=(lambda frame: False) if files is None else files.exist,
-        check=arguments.check,
-        timings=arguments.timings,
-        denoise=arguments.denoise,
-    )
+    scene, camera = noted_scene(arguments, settings, say)
+    job = make_job(scene, camera)
+    timeline = Timeline(job, scene)
+    if not timeline.moves:
+        say.note("nothing moves, so all frames are the same; see --turntable and --camera-path")
+    renderer = job.renderer(scene)
+    warn_of_cpu(renderer.adapter_name, renderer.is_cpu, say)
+    sequence = JobRenderer(job, renderer, timeline)
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
     if files is not None:
-        files.claim(_command(arguments, shown, layers, metadata, renderer), _cameras(sequence, renderer))
+        files.claim(command_of(arguments, job, metadata, timeline), timeline.cameras())
 
     # The first frame sets the exposure of all frames.
     def measure() -> float | None:
-        return _exposure(renderer, settings, sequence, arguments.output, shown[0], say)
+        with rendering(renderer, say, "exposure of the first frame") as report:
+            return sequence.exposure(arguments.output, report)
 
+    exists = (lambda frame: False) if files is None else files.exist
     start = time.perf_counter()
     exposure = None
-    if not all(map(sequence.exists, sequence.frames)):
+    if not all(map(exists, job.frames)):
         exposure = measure() if files is None else files.exposure(measure)
     if exposure is not None:
         metadata["exposure"] = exposure_text(exposure, settings.exposure is None)
 
     # Render and write.
     count = 0
+    shard = arguments.shard or (1, 1)
     if files is None:
         with video_file(arguments.output, arguments.size, arguments.fps) as add:
-            for _, pictures in _render(renderer, sequence, say):
+            for _, pictures in _render(sequence, shard, exists, say):
                 add(shown[0], pictures[shown[0]], exposure or 0.0)
                 count += 1
     else:
-        for frame, pictures in _render(renderer, sequence, say):
-            shown_at = {} if renderer.time is None else {"time": renderer.time}
-            files.add(frame, pictures, exposure, metadata | shown_at)
+        for frame, pictures in _render(sequence, shard, exists, say):
+            files.add(frame, pictures, exposure, metadata | timeline.shown_at(frame))
             count += 1
 
     # Print the reports and the result.
@@ -118,7 +85,12 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
     return 0
 
 
-def _check(arguments: Namespace, shown: Sequence[str], settings: Settings) -> None:
+def layers_of(arguments: Namespace, settings: Settings) -> list[str]:
+    """Return the buffers of --layers. Raises GiError for one that the technique lacks."""
+    return checked_buffers(arguments.layers.split(","), settings.gi) if arguments.layers else []
+
+
+def check_sequence(arguments: Namespace, shown: Sequence[str], settings: Settings) -> None:
     """Raise GiError for flags that do not go together, and for a rate out of range."""
     if not 1 <= arguments.fps <= MOST_FPS:
         raise GiError(f"--fps must lie between 1 and {MOST_FPS}, not {arguments.fps}")
@@ -135,128 +107,64 @@ def _check(arguments: Namespace, shown: Sequence[str], settings: Settings) -> No
     check_video(arguments.output, arguments.size)
 
 
-def _plays(arguments: Namespace, renderer: Renderer) -> bool:
-    return bool(renderer.scene.animations) and arguments.time is None
+def job_maker(
+    arguments: Namespace, settings: Settings, shown: Sequence[str], layers: Sequence[str]
+) -> Callable[[Scene, Camera], Job]:
+    """Read the camera path of the arguments; return a function that makes the job of the loaded scene and its camera.
+
+    Raises GiError for a wrong camera path.
+    """
+    path = None if arguments.camera_path is None else load_camera_path(arguments.camera_path)
+
+    def make(scene: Scene, camera: Camera) -> Job:
+        return Job(
+            source=source_of(arguments, arguments.scene),
+            camera=index_or_camera(scene, camera),
+            settings=settings,
+            size=arguments.size,
+            frames=arguments.frames,
+            shown=tuple(shown),
+            layers=tuple(layers),
+            time=time_of(arguments, arguments.scene, scene),
+            animation=arguments.animation,
+            fps=arguments.fps,
+            path=path,
+            turntable=arguments.turntable,
+            adapter=arguments.adapter,
+            denoise=arguments.denoise,
+            check=arguments.check,
+            timings=arguments.timings,
+        )
+
+    return make
 
 
-def _times(arguments: Namespace, renderer: Renderer) -> TimeAt:
-    """Return the time of each frame: that of the animation if it plays, else that of the arguments."""
-    if not _plays(arguments, renderer):
-        held = renderer.time
-        return lambda frame: held
-    duration = find_animation(renderer.scene, arguments.animation).duration
-    return lambda frame: looped(frame / arguments.fps, duration)
-
-
-def _without_path(arguments: Namespace, renderer: Renderer, say: Messages) -> CameraAt:
-    if arguments.turntable:
-        return turntable(renderer.camera, renderer.scene, arguments.frames)
-    if not _plays(arguments, renderer):
-        say.note("nothing moves, so all frames are the same; see --turntable and --camera-path")
-    camera = renderer.camera
-    return lambda frame: camera
-
-
-def _command(
-    arguments: Namespace, shown: Sequence[str], layers: Sequence[str], metadata: dict[str, object], renderer: Renderer
-) -> dict[str, object]:
-    """Return what must be equal in all shards; the adapter may differ."""
-    frames = arguments.frames
+def command_of(arguments: Namespace, job: Job, metadata: dict[str, object], timeline: Timeline) -> dict[str, object]:
+    """Return what must be equal in all runs that share the frames; the adapter may differ."""
     return {
         **{name: value for name, value in metadata.items() if name != "adapter"},
-        "size": list(arguments.size),
-        "frames": [frames.start, frames.stop, frames.step],
+        "size": list(job.size),
+        "frames": [job.frames.start, job.frames.stop, job.frames.step],
         "exposure": "automatic" if arguments.exposure is None else arguments.exposure,
-        "show": list(shown),
-        "layers": list(layers),
-        **({"fps": arguments.fps} if _plays(arguments, renderer) else {}),
+        "show": list(job.shown),
+        "layers": list(job.layers),
+        **({"fps": job.fps} if timeline.plays else {}),
     }
 
 
-def _cameras(sequence: Job, renderer: Renderer) -> dict[int, dict[str, object]]:
-    """Return the pose and the lens of every frame, and its time, for use as the cameras of a data set."""
-    cameras: dict[int, dict[str, object]] = {}
-    for frame in sequence.frames:
-        sequence.turn_to(renderer, frame)
-        camera = renderer.posed_camera
-        cameras[frame] = {
-            "world_from_view": camera.world_from_view.tolist(),
-            "yfov": camera.yfov,
-            "orthographic_height": camera.orthographic_height,
-            **({} if renderer.time is None else {"time": renderer.time}),
-        }
-    return cameras
-
-
-def _exposure(
-    renderer: Renderer, settings: Settings, sequence: Job, output: str, name: str, say: Messages
-) -> float | None:
-    """Return the exposure of all frames, None if the file has none. Automatic exposure renders the first frame."""
-    given = exposure_for(output, settings, name, [[0.0]])
-    if given is None or settings.exposure is not None:
-        return given
-    sequence.turn_to(renderer, sequence.frames[0])
-    with rendering(renderer, say, "exposure of the first frame") as report:
-        renderer.run(report, show=sequence.show)
-    return exposure_for(output, settings, name, read_pictures(renderer, (name,), settings, sequence.denoise)[name])
-
-
-def _render(renderer: Renderer, sequence: Job, say: Messages) -> Iterator[tuple[int, Pictures]]:
+def _render(
+    sequence: JobRenderer, shard: tuple[int, int], exists: Callable[[int], bool], say: Messages
+) -> Iterator[tuple[int, Pictures]]:
     """Yield number and pictures of the frames of this shard that do not exist yet."""
-    frames, exists = sequence.frames, sequence.exists
+    frames = sequence.job.frames
     if all(map(exists, frames)):
         return
-    with rendering(renderer, say) as report:
-        # `has_history` is known once a frame is declared. `motion` also depends on the previous frame.
-        sequence.turn_to(renderer, frames[0])
-        renderer.step(show=sequence.show)
-        has_history = renderer.has_history or "motion" in sequence.show
-        blocks = list(_blocks(frames, sequence.shard, BLOCK if has_history else 1))
-        needed = [block for block in blocks if not all(map(exists, block))]
-        runs = [_with_warm_up(frames, block, exists) if has_history else (block[0],) for block in needed]
-        total, done = sum(map(len, runs)), 0
-        for block, run in zip(needed, runs, strict=True):
-            if has_history:
-                renderer.forget()
-            for frame in run:
-                sequence.turn_to(renderer, frame)
-                pictures = _pictures(renderer, sequence, _part_of(report, done, total))
-                done += 1
-                if frame in block and not exists(frame):
-                    yield frame, pictures
-
-
-def _blocks(frames: range, shard: tuple[int, int], length: int) -> Iterator[range]:
-    """Yield the blocks of `frames` that belong to one shard."""
-    index, count = shard
-    for start in range((index - 1) * length, len(frames), count * length):
-        yield frames[start : start + length]
-
-
-def _with_warm_up(frames: range, block: range, exists: Callable[[int], bool]) -> tuple[int, ...]:
-    """Return the frames to render for a block: from its first warm-up frame to its last missing frame."""
-    start = frames.index(block[0])
-    end = start + max(i for i, frame in enumerate(block) if not exists(frame))
-    return tuple(frames[max(start - WARM_UP, 0) : end + 1])
-
-
-def _pictures(renderer: Renderer, sequence: Job, report: Report) -> Pictures:
-    """Render a frame and return its buffers."""
-    show = sequence.show
-    options: dict[str, Any] = {"show": show, "check": sequence.check, "timings": sequence.timings}
-    pictures: Pictures = {}
-    if "motion" in show and not renderer.moving:
-        # Only the first step has motion: nothing changes in the later steps.
-        renderer.step(**options)
-        pictures["motion"] = renderer.read_back("motion")
-    renderer.run(report, **options)
-    return {**read_pictures(renderer, show, renderer.settings, sequence.denoise), **pictures}
-
-
-def _part_of(report: Report, done: int, total: int) -> Report:
-    """Return a report for one frame, after `done` of `total`, that converts its fraction to that of all frames."""
-
-    def part(fraction: float, what: str | None = None) -> None:
-        report((done + fraction) / total, what or f"frame {done + 1} of {total}")
-
-    return part
+    with rendering(sequence.renderer, say) as report:
+        has_history = sequence.has_history()
+        blocks = list(blocks_of(frames, has_history, shard))
+        counts = [sequence.frames_to_render(block, has_history, exists) for block in blocks]
+        total, done = sum(counts), 0
+        for block, count in zip(blocks, counts, strict=True):
+            if count:
+                yield from sequence.render(block, has_history, exists, part_of(report, done, total))
+                done += count

@@ -10,19 +10,13 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from typing import Any, Protocol
+from typing import Any
 
+from ..reports import Report
 from .interrupt import check
 
 BAR_SECONDS = 1.0  # delay of the bar: a step of two seconds shows it for one second
 LINE_SECONDS = 30.0  # between lines if stderr is no terminal: 120 lines per hour
-
-
-class Report(Protocol):
-    """Takes the fraction done, 0 to 1, and optionally the name of the current step."""
-
-    def __call__(self, fraction: float, what: str | None = None, /) -> None:
-        """Show the progress."""
 
 
 class Messages:

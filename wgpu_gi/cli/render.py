@@ -10,13 +10,13 @@ from ..buffers import buffers_of, views_of
 from ..errors import GiError
 from ..options import Settings, check_size
 from ..pictures.exposure import exposure_text
-from ..pictures.image import check_output, save_image
+from ..pictures.image import check_output, exposure_for, save_image
 from ..pictures.picture import Picture
 from ..renderer import Renderer
 from ..rendering import check_denoise, read_pictures, with_alpha
 from .budgets import budget_of, check_budget
 from .certificates import certificate_of, pixels_of
-from .common import checked_buffers, exposure_for, list_names, metadata_of, renderer_from, settings_from
+from .common import checked_buffers, list_names, metadata_of, renderer_from, settings_from
 from .interrupt import INTERRUPTED
 from .messages import Messages
 from .picture import Made, content_of, make, texts_of
@@ -72,7 +72,7 @@ def _render(arguments: Namespace, settings: Settings, shown: list[str], pixels: 
     # Write the file.
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
     metadata |= texts_of(made, budget, arguments.quality, content, certificate)
-    exposure = exposure_for(arguments.output, settings, shown[0], layers[shown[0]])
+    exposure = exposure_for(arguments.output, settings.exposure, shown[0], layers[shown[0]])
     told = ""
     if exposure is not None:
         metadata["exposure"] = exposure_text(exposure, settings.exposure is None)

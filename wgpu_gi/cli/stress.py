@@ -19,8 +19,9 @@ from ..measure.stress.studio import Studio, techniques
 from ..options import Settings, check_size
 from ..pictures.atomic_file import check_writable
 from ..scene.scene import Scene
+from ..sequence.source import load_scene
 from ..settings import QUALITIES, apply_quality, assign, validate
-from .common import load_scene, warn_of_cpu
+from .common import warn_of_cpu
 from .messages import Messages
 
 FOUND, INTERRUPTED = 1, 130

@@ -20,7 +20,7 @@ from ..errors import GiError
 from .atomic_file import atomic_file, check_writable
 from .color import linear_from_srgb
 from .display import checked
-from .exposure import NOT_EXPOSED
+from .exposure import NOT_EXPOSED, automatic_exposure, is_exposed
 from .exr_files import read_exr
 from .writers import EXR_MAIN_NAME, WRITERS
 
@@ -43,6 +43,16 @@ def check_output(path: str | Path, layers: Sequence[str] = ("radiance",), transp
     if len(layers) > 1 and path.suffix.lower() in ONE_LAYER_FORMATS:
         raise GiError(f"{path}: {path.suffix} holds one buffer; for {', '.join(layers)} use .exr or .npz")
     check_writable(path)
+
+
+def exposure_for(path: str | Path, given: float | None, name: str, layer: ArrayLike) -> float | None:
+    """Return the EV of the buffer `name` in a picture or video: `given`, or automatic.
+
+    None for linear files and for buffers that hold no light.
+    """
+    if Path(path).suffix.lower() not in (*DISPLAYED_FORMATS, ".mp4") or not is_exposed(name):
+        return None
+    return automatic_exposure(layer) if given is None else given
 
 
 def save_image(

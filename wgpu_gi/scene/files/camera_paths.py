@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -45,7 +45,7 @@ def turntable(camera: Camera, scene: Scene, frames: range) -> CameraAt:
     return at
 
 
-def load_camera_path(path: str | Path) -> CameraAt:
+def load_camera_path(path: str | Path) -> CameraPath:
     """Load a camera that moves through keyframes, from JSON such as [{"frame": 0, "position": ..., "target": ...}].
 
     A key has the fields of a camera file and its `frame`; frames must ascend. Position, target, up and angle follow
@@ -66,14 +66,24 @@ def load_camera_path(path: str | Path) -> CameraAt:
         if after <= before:
             raise GiError(f"camera path {path}: frame {after} comes after frame {before}; sort the keys by frame")
 
-    def at(frame: int) -> Camera:
-        value = _through(frames, values, frame)
-        try:
-            return Camera.look_at(value[:3], value[3:6], value[6:9], float(value[9]), path.stem)  # type: ignore[arg-type]
-        except GiError as error:
-            raise GiError(f"camera path {path}, frame {frame}: {error}") from None
+    return CameraPath(path, frames, values)
 
-    return at
+
+@dataclass(frozen=True)
+class CameraPath:
+    """A camera on splines through `values` at `frames`: position, target, up and angle in each row of (n, 10)."""
+
+    file: Path
+    frames: list[int]
+    values: NDArray[np.float64]
+
+    def __call__(self, frame: int) -> Camera:
+        """Return the camera of a frame."""
+        value = _through(self.frames, self.values, frame)
+        try:
+            return Camera.look_at(value[:3], value[3:6], value[6:9], float(value[9]), self.file.stem)  # type: ignore[arg-type]
+        except GiError as error:
+            raise GiError(f"camera path {self.file}, frame {frame}: {error}") from None
 
 
 def _key(where: str, key: Any) -> tuple[int, list[float]]:

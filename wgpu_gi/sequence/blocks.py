@@ -1,0 +1,30 @@
+"""Blocks: runs of frames that must be rendered together, in order, by techniques with a temporal history.
+
+Each block starts without history, with warm-up frames that are not written, so a frame does not depend on how the
+blocks are shared among processes. Without a history, a block is one frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+# Frames per block, and warm-up frames before each block. The warm-up adds a quarter to the cost; 8 frames fill the
+# average that the viewer uses.
+BLOCK, WARM_UP = 32, 8
+
+
+def blocks_of(frames: range, has_history: bool, shard: tuple[int, int] = (1, 1)) -> Iterator[range]:
+    """Yield the blocks of `frames` that belong to one shard (I, N), from 1."""
+    index, count = shard
+    length = BLOCK if has_history else 1
+    for start in range((index - 1) * length, len(frames), count * length):
+        yield frames[start : start + length]
+
+
+def run_of(frames: range, block: range, has_history: bool, exists: Callable[[int], bool]) -> tuple[int, ...]:
+    """Return the frames to render for a block with missing ones: from its first warm-up frame to its last missing."""
+    if not has_history:
+        return (block[0],)
+    start = frames.index(block[0])
+    end = start + max(i for i, frame in enumerate(block) if not exists(frame))
+    return tuple(frames[max(start - WARM_UP, 0) : end + 1])
