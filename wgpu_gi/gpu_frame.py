@@ -18,7 +18,7 @@ from .gpu.device import Device
 from .gpu.graph import Graph
 from .options import Settings, check_size, picture_count, samples_of, technique_of, varies, why_aliased
 from .pixel_tracer import PixelTracer
-from .scene.scene import Scene
+from .scene.scene import Instance, Scene
 from .techniques.shared.composite import MEANS
 from .techniques.shared.scene_inputs import SceneInputs
 from .techniques.shared.technique import Kept, Shot
@@ -210,6 +210,10 @@ class GpuFrame:
             self.upload = SceneUpload(self._device, settings.diffuse)
             self.invalidate(declaration=True)
         return self.upload
+
+    def expect_motion(self, view: View, instances: list[Instance]) -> None:
+        """Prepare the GPU's copy of the scene for motion of these instances; call before the first frame."""
+        self.fitting_upload(view.settings).expect_motion(instances)
 
     def scene_upload(self, view: View) -> SceneUpload:
         """Return the GPU's copy of the scene as the last frame showed it; without a frame, as `view` has it."""

@@ -173,6 +173,15 @@ class Renderer(KnownAttributes):
         with self._alone():
             self._gpu.forget()
 
+    def expect_motion(self) -> None:
+        """Prepare for all motion of the animation; call before the first frame, with the time set.
+
+        A picture then does not depend, by rounding, on which instances have moved before it.
+        """
+        with self._alone():
+            view, rest = self._view(), {id(i) for i in self.scene.instances}
+            self._gpu.expect_motion(view, [i for i in view.scene.instances if id(i) not in rest])
+
     def reload(self) -> bool:
         """Return True if shader files have changed; the next step then loads them.
 

@@ -1,7 +1,8 @@
 """Renders the frames of a job, block by block.
 
-A picture depends only on its job, not on what the process rendered before; in an animation up to rounding, since
-meshes that have moved stay apart from those at rest.
+A picture depends only on its job, bit for bit, not on what the process rendered before: in the same order or another,
+in one process or many. In an animation in which the whole scene travels by more than four times its radius, up to
+rounding: the origin of GPU coordinates follows it.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ class JobRenderer:
     def __init__(self, job: Job, renderer: Renderer, timeline: Timeline) -> None:
         self.job, self.renderer, self.timeline = job, renderer, timeline
         renderer.moving = job.settings.camera.frames == 1  # pictures of more frames average jittered ones
+        if timeline.plays:
+            self.turn_to(job.frames[0])
+            renderer.expect_motion()
 
     def turn_to(self, frame: int) -> None:
         """Set camera and time of a frame."""

@@ -16,7 +16,7 @@ from ..camera import Camera
 from ..gpu.device import Device
 from ..gpu.wgsl.load import load
 from ..scene.check import check_scene
-from ..scene.scene import Light, Material, Scene, values_of
+from ..scene.scene import Instance, Light, Material, Scene, values_of
 from .area_cdf import AreaCdf
 from .deformation import Deformation
 from .direct_lights import build_direct_lights
@@ -167,6 +167,13 @@ class SceneUpload:
         self._unsent.clear()
         self.features = self._find_features(scene, materials)
         self._fill_info(scene, self._table)
+
+    def expect_motion(self, instances: list[Instance]) -> None:
+        """Prepare for motion of these instances; call before the first `update`.
+
+        What `update` sends then does not depend on whether they have moved before.
+        """
+        self._hierarchy.expect_motion(instances)
 
     def update_draws(self, scene: Scene) -> DrawList:
         """Return the draw list of raster passes, sent to the GPU if it changed; call after `update`."""

@@ -11,6 +11,8 @@ of a table's row; the host has their boxes, and their nodes and triangles in the
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -130,6 +132,10 @@ class TwoLevelBvh:
             self._build_top(boxes - self.origin, instances)
             self._layout, self._matrices = layout, matrices
         self._number_materials(meshes, material_index)
+
+    def expect_motion(self, instances: Iterable[Instance]) -> None:
+        """Store the meshes of these instances in local space from the next layout on, as if they had moved before."""
+        self._moved |= {id(i) for i in instances}
 
     def placement(self, mesh: Mesh) -> Placement:
         """Return the place of a mesh in the buffers."""
