@@ -56,7 +56,7 @@ def test_shards_and_resumed_runs_equal_one_run(gi, folder, monkeypatch):
     if gi == "motion":
         arguments = ["--gi", "none", "--layers", "motion"]
     assert frames(*arguments, output="whole/f_{frame:03d}.npy") == 0
-    for part in ("2/3", "1/3", "3/3"):
+    for part in ("2-3/3", "1/3"):
         assert frames(*arguments, "--shard", part, output="parts/f_{frame:03d}.npy") == 0
     assert_same_files(folder / "whole", folder / "parts")
     # Resume after an interruption.
@@ -188,6 +188,8 @@ def test_all_frames_have_the_exposure_of_the_first(capsys, folder):
         (["-o", "{frame}.png", "--frames", "0:9:0"], "0:240"),
         (["-o", "{frame}.png", "--frames", "0:3", "--shard", "0/2"], "1/N"),
         (["-o", "{frame}.png", "--frames", "0:3", "--shard", "3/2"], "1/N"),
+        (["-o", "{frame}.png", "--frames", "0:3", "--shard", "2-3/2"], "3-5/8"),
+        (["-o", "{frame}.png", "--frames", "0:3", "--shard", "2-1/2"], "3-5/8"),
         (["-o", "{frame}.png", "--frames", "0:3", "--camera-path", "none.json"], "does not exist"),
         (["-o", "{frame}.png", "--frames", "0:3", "--camera-path", "a.json", "--turntable"], "--turntable"),
         (["-o", "{frame}.bmp", "--frames", "0:3"], ".bmp"),

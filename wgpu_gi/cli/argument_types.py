@@ -10,6 +10,7 @@ from typing import NamedTuple
 from ..budget.amounts import checked_error, seconds_of
 from ..errors import GiError
 from ..scene.files.memory import GIB
+from ..sequence.shards import Shards
 
 
 class Amount(NamedTuple):
@@ -52,12 +53,13 @@ def parse_seeds(text: str) -> range:
     return seeds
 
 
-def parse_shard(text: str) -> tuple[int, int]:
-    """Parse text such as 2/8 as (I, N)."""
-    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
-    if match is None or not 1 <= int(match[1]) <= int(match[2]):
-        raise ArgumentTypeError(f"a shard is I/N from 1/N to N/N, such as 2/8, not {text!r}")
-    return int(match[1]), int(match[2])
+def parse_shards(text: str) -> Shards:
+    """Parse text such as 2/8, or 3-5/8 for parts 3 to 5."""
+    match = re.fullmatch(r"(\d{1,6})(?:-(\d{1,6}))?/(\d{1,6})", text)
+    first, last, count = (int(match[1]), int(match[2] or match[1]), int(match[3])) if match else (0, 0, 0)
+    if not 1 <= first <= last <= count:
+        raise ArgumentTypeError(f"a shard is I/N from 1/N to N/N, such as 2/8, or several, such as 3-5/8, not {text!r}")
+    return Shards(range(first, last + 1), count)
 
 
 def parse_memory(text: str) -> int:

@@ -56,9 +56,9 @@ animations:
 
 sequences:
   --frames A:B renders frames A to B-1 and skips those whose files exist, so the same command resumes a stopped run.
-  --shard I/N renders part I of N; frames do not depend on the split. A .json beside the frames holds the command, every
-  camera and its time; a different command is refused. Techniques with a temporal history clear it every 32 frames and
-  then render 8 warm-up frames that are not written.
+  --shard I/N renders part I of N, I-J/N parts I to J; frames do not depend on the split. A .json beside the frames
+  holds the command, every camera and its time; a different command is refused. Techniques with a temporal history clear
+  it every 32 frames and then render 8 warm-up frames that are not written.
   --camera-path FILE holds a list of keys: [{"frame": 0, "position": [0, 1, 5], "target": [0, 1, 0]}, ...].
 """
 

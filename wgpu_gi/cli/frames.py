@@ -20,6 +20,7 @@ from ..sequence.blocks import blocks_of
 from ..sequence.files import FrameFiles, Pictures
 from ..sequence.job import Job, Timeline, index_or_camera
 from ..sequence.render import JobRenderer, part_of
+from ..sequence.shards import ALL, Shards
 from .common import checked_buffers, metadata_of, noted_scene, rendering, source_of, time_of, warn_of_cpu
 from .messages import Messages
 
@@ -62,14 +63,14 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
 
     # Render and write.
     count = 0
-    shard = arguments.shard or (1, 1)
+    shards = arguments.shard or ALL
     if files is None:
         with video_file(arguments.output, arguments.size, arguments.fps) as add:
-            for _, pictures in _render(sequence, shard, exists, say):
+            for _, pictures in _render(sequence, shards, exists, say):
                 add(shown[0], pictures[shown[0]], exposure or 0.0)
                 count += 1
     else:
-        for frame, pictures in _render(sequence, shard, exists, say):
+        for frame, pictures in _render(sequence, shards, exists, say):
             files.add(frame, pictures, exposure, metadata | timeline.shown_at(frame))
             count += 1
 
@@ -153,15 +154,15 @@ def command_of(arguments: Namespace, job: Job, metadata: dict[str, object], time
 
 
 def _render(
-    sequence: JobRenderer, shard: tuple[int, int], exists: Callable[[int], bool], say: Messages
+    sequence: JobRenderer, shards: Shards, exists: Callable[[int], bool], say: Messages
 ) -> Iterator[tuple[int, Pictures]]:
-    """Yield number and pictures of the frames of this shard that do not exist yet."""
+    """Yield number and pictures of the frames of these shards that do not exist yet."""
     frames = sequence.job.frames
     if all(map(exists, frames)):
         return
     with rendering(sequence.renderer, say) as report:
         has_history = sequence.has_history()
-        blocks = list(blocks_of(frames, has_history, shard))
+        blocks = list(blocks_of(frames, has_history, shards))
         counts = [sequence.frames_to_render(block, has_history, exists) for block in blocks]
         total, done = sum(counts), 0
         for block, count in zip(blocks, counts, strict=True):

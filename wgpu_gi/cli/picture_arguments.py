@@ -16,7 +16,7 @@ from .argument_types import (
     parse_memory,
     parse_pixels,
     parse_rate,
-    parse_shard,
+    parse_shards,
     parse_size,
     parse_time,
 )
@@ -171,7 +171,7 @@ def add_render_arguments(parser: ArgumentParser) -> None:
     add("--turntable", action="store_true", help="move the camera once round the scene")
     add("--camera-path", metavar="FILE", help="move the camera along the keys of a .json file")
     add("--layers", default="", metavar="A,B,C", help="buffers to write to an .npz beside each frame")
-    add("--shard", type=parse_shard, metavar="I/N", help="render part I of N of the frames, from 1/N to N/N")
+    add("--shard", type=parse_shards, metavar="I/N", help="render part I of N of the frames, or parts I-J/N")
     add(
         "--fps", type=int, default=24, metavar="N", help="frames per second of the animation and of an .mp4, default 24"
     )

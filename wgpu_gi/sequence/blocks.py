@@ -8,17 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from .shards import ALL, Shards
+
 # Frames per block, and warm-up frames before each block. The warm-up adds a quarter to the cost; 8 frames fill the
 # average that the viewer uses.
 BLOCK, WARM_UP = 32, 8
 
 
-def blocks_of(frames: range, has_history: bool, shard: tuple[int, int] = (1, 1)) -> Iterator[range]:
-    """Yield the blocks of `frames` that belong to one shard (I, N), from 1."""
-    index, count = shard
+def blocks_of(frames: range, has_history: bool, shards: Shards = ALL) -> Iterator[range]:
+    """Yield the blocks of `frames` that belong to `shards`, in order."""
     length = BLOCK if has_history else 1
-    for start in range((index - 1) * length, len(frames), count * length):
-        yield frames[start : start + length]
+    for number, start in enumerate(range(0, len(frames), length)):
+        if shards.hold(number):
+            yield frames[start : start + length]
 
 
 def run_of(frames: range, block: range, has_history: bool, exists: Callable[[int], bool]) -> tuple[int, ...]:
