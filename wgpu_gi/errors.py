@@ -16,6 +16,14 @@ class GiError(Exception):
     """
 
 
+class LostDevice(GiError):
+    """The driver has lost the device of a renderer; a new Renderer opens another."""
+
+
+class DiskFull(GiError):
+    """A file system has no space left for a file, or the user's quota is used up."""
+
+
 class GiWarning(UserWarning):
     """What the user should know about a scene or a picture: what was approximated, assumed, damaged or left out."""
 

@@ -19,6 +19,7 @@ EXTRAS = {
     "video": Extra("videos (.mp4)", ("av",)),
     "viewer": Extra("wgpu-gi view", ("glfw", "imgui-bundle")),
     "jupyter": Extra("gi.show in notebooks", ("rendercanvas", "anywidget", "ipywidgets", "simplejpeg")),
+    "farm": Extra("wgpu-gi farm (Dask)", ("distributed",)),
     "denoise": Extra("render --denoise (Open Image Denoise)", ("pyoidn",)),
     "truth": Extra("references for tests", ("mitsuba",)),
 }

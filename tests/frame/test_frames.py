@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from wgpu_gi.__main__ import main
 from wgpu_gi.options import TECHNIQUES
 from wgpu_gi.pictures.image import load_image
 from wgpu_gi.sequence import blocks
+from wgpu_gi.sequence.claims import Claims
 
 TINY = ["--size", "32x18", "--spp", "2", "--set", "camera.frames=2"]
 SMALL_LIGHTS = ["--set", "vpl.count=128", "--set", "vpl.paths=1024", "--set", "ism.resolution=32"]
@@ -124,6 +127,32 @@ def test_killed_run_leaves_no_broken_frame(folder):
     for picture in pictures:
         assert load_image(picture).shape == (18, 32, 3)
         assert load_image(picture.with_suffix(".npz"), "depth").shape == (18, 32)
+
+
+def test_commands_at_once_share_the_frames(folder, capsys):
+    """A command leaves the frames that another claims to it, waits for them, and renders those that it gives up."""
+    arguments = ["--gi", "none", "--exposure", "0"]
+    assert frames(*arguments, output="whole/{frame}.npy") == 0
+    capsys.readouterr()
+
+    def finish_one_of_two() -> None:
+        while not Path("shared/6.npy").exists() or "waiting for process" not in "".join(told):
+            told.append(capsys.readouterr().err)
+            time.sleep(0.02)
+        shutil.copy("whole/3.npy", "shared/3.npy")
+        other.drop([4])
+        other._write()
+
+    told: list[str] = []
+    Path("shared").mkdir()
+    with Claims("shared/job.json") as other:
+        assert other.take([3, 4]) == [3, 4]
+        thread = threading.Thread(target=finish_one_of_two)
+        thread.start()
+        assert frames(*arguments, output="shared/{frame}.npy") == 0
+        thread.join()
+    assert "shared/{frame}.npy: 6 new frames" in capsys.readouterr().out
+    assert_same_files(folder / "whole", folder / "shared")
 
 
 def test_video_shows_the_frames():

@@ -16,7 +16,8 @@ from ..pictures.exposure import exposure_text
 from ..pictures.video import check_video, is_video, video_file
 from ..scene.files.camera_paths import load_camera_path
 from ..scene.scene import Scene
-from ..sequence.blocks import blocks_of
+from ..sequence.blocks import block_count, block_of
+from ..sequence.claims import Claim, Claims, wait_for
 from ..sequence.files import FrameFiles, Pictures
 from ..sequence.job import Job, Timeline, index_or_camera
 from ..sequence.render import JobRenderer, part_of
@@ -25,6 +26,7 @@ from .common import checked_buffers, metadata_of, noted_scene, rendering, source
 from .messages import Messages
 
 MOST_FPS = 1000
+CLAIM_SECONDS = 5.0  # of work that a command claims at once
 
 
 def render_frames(arguments: Namespace, settings: Settings, shown: list[str], say: Messages) -> int:
@@ -33,6 +35,8 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
     layers = layers_of(arguments, settings)
     check_sequence(arguments, shown, settings)
     files = None if is_video(arguments.output) else FrameFiles(arguments.output, shown, layers, settings.transparent)
+    if files is not None:
+        files.make_folder()
     make_job = job_maker(arguments, settings, shown, layers)
 
     # Load the scene and list what to render.
@@ -66,13 +70,14 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
     shards = arguments.shard or ALL
     if files is None:
         with video_file(arguments.output, arguments.size, arguments.fps) as add:
-            for _, pictures in _render(sequence, shards, exists, say):
+            for _, pictures in _render(sequence, shards, exists, None, say):
                 add(shown[0], pictures[shown[0]], exposure or 0.0)
                 count += 1
     else:
-        for frame, pictures in _render(sequence, shards, exists, say):
-            files.add(frame, pictures, exposure, metadata | timeline.shown_at(frame))
-            count += 1
+        with Claims(files.job_file) as claims:
+            for frame, pictures in _render(sequence, shards, exists, claims, say):
+                files.add(frame, pictures, exposure, metadata | timeline.shown_at(frame))
+                count += 1
 
     # Print the reports and the result.
     if arguments.plan:
@@ -154,18 +159,50 @@ def command_of(arguments: Namespace, job: Job, metadata: dict[str, object], time
 
 
 def _render(
-    sequence: JobRenderer, shards: Shards, exists: Callable[[int], bool], say: Messages
+    sequence: JobRenderer, shards: Shards, exists: Callable[[int], bool], claims: Claims | None, say: Messages
 ) -> Iterator[tuple[int, Pictures]]:
-    """Yield number and pictures of the frames of these shards that do not exist yet."""
+    """Yield number and pictures of the frames of these shards that do not exist yet; others may render some of them."""
     frames = sequence.job.frames
     if all(map(exists, frames)):
         return
     with rendering(sequence.renderer, say) as report:
         has_history = sequence.has_history()
-        blocks = list(blocks_of(frames, has_history, shards))
-        counts = [sequence.frames_to_render(block, has_history, exists) for block in blocks]
-        total, done = sum(counts), 0
-        for block, count in zip(blocks, counts, strict=True):
-            if count:
-                yield from sequence.render(block, has_history, exists, part_of(report, done, total))
-                done += count
+
+        def block(number: int) -> range:
+            return block_of(frames, has_history, number)
+
+        def is_done(number: int) -> bool:
+            return all(map(exists, block(number)))
+
+        numbers = shards.numbers(block_count(frames, has_history))
+        counts = {number: sequence.frames_to_render(block(number), has_history, exists) for number in numbers}
+        missing = [number for number, count in counts.items() if count]
+        total, done = sum(counts.values()), 0
+        for number in missing if claims is None else _shared(missing, is_done, claims, say):
+            yield from sequence.render(block(number), has_history, exists, part_of(report, done, total))
+            done += counts[number]
+
+
+def _shared(missing: list[int], is_done: Callable[[int], bool], claims: Claims, say: Messages) -> Iterator[int]:
+    """Yield blocks to render, shared with other commands that render the same; end when all are done."""
+    # Claim so many at once that the claims cost little, but so few that others get their share.
+    taken, length, start = 0, 1, time.perf_counter()
+    while taken < len(missing):
+        batch = missing[taken : taken + length]
+        taken += length
+        for number in claims.take(batch):
+            yield number
+            claims.drop([number])
+        length = max(1, round(taken * CLAIM_SECONDS / max(time.perf_counter() - start, 1e-3)))
+    # Wait for the others, and take over what they leave.
+    told = False
+
+    def tell(others: list[Claim], count: int) -> None:
+        nonlocal told
+        if not told:
+            say.note(f"waiting for {' and '.join(map(str, others))} to render the last {count} blocks of frames")
+        told = True
+
+    while free := wait_for(claims, missing, is_done, tell):
+        yield from free
+        claims.drop(free)

@@ -24,7 +24,7 @@ from wgpu.backends.wgpu_native import ffi, lib
 from wgpu.backends.wgpu_native._api import libf
 from wgpu.backends.wgpu_native.extras import set_instance_extras
 
-from ..errors import GiError
+from ..errors import GiError, LostDevice
 from ..webgpu_limits import MAX_TEXTURE_SIDE
 from .capabilities import COSTS, capabilities_of
 from .messages import reason
@@ -191,7 +191,7 @@ class Device:
             if not self._lost:
                 _open.cache_clear()
             self._lost = True
-            return GiError(
+            return LostDevice(
                 f"the driver of {self.adapter_name!r} has lost the device, as after a crash or a reset of the GPU;"
                 " start again with a new Renderer"
             )

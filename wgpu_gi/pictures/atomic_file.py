@@ -5,13 +5,14 @@ A symbolic link stays; the file that it leads to is replaced. Devices and pipes 
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..errors import GiError
+from ..errors import DiskFull, GiError
 
 
 @contextmanager
@@ -68,4 +69,5 @@ def _errors_for(path: str | Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise GiError(f"{path}: cannot be written ({error.strerror or error})") from None
+        kind = DiskFull if error.errno in (errno.ENOSPC, errno.EDQUOT) else GiError
+        raise kind(f"{path}: cannot be written ({error.strerror or error})") from None

@@ -15,12 +15,21 @@ from .shards import ALL, Shards
 BLOCK, WARM_UP = 32, 8
 
 
+def block_count(frames: range, has_history: bool) -> int:
+    """Return the number of blocks of `frames`."""
+    return -(-len(frames) // BLOCK) if has_history else len(frames)
+
+
+def block_of(frames: range, has_history: bool, number: int) -> range:
+    """Return block `number`, from 0."""
+    length = BLOCK if has_history else 1
+    return frames[number * length : (number + 1) * length]
+
+
 def blocks_of(frames: range, has_history: bool, shards: Shards = ALL) -> Iterator[range]:
     """Yield the blocks of `frames` that belong to `shards`, in order."""
-    length = BLOCK if has_history else 1
-    for number, start in enumerate(range(0, len(frames), length)):
-        if shards.hold(number):
-            yield frames[start : start + length]
+    for number in shards.numbers(block_count(frames, has_history)):
+        yield block_of(frames, has_history, number)
 
 
 def run_of(frames: range, block: range, has_history: bool, exists: Callable[[int], bool]) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 
@@ -14,6 +15,10 @@ class Shards(NamedTuple):
     def hold(self, number: int) -> bool:
         """Tell whether block `number`, from 0, belongs to these parts."""
         return number % self.total + 1 in self.parts
+
+    def numbers(self, count: int) -> Iterator[int]:
+        """Yield those of the block numbers below `count` that belong to these parts."""
+        return filter(self.hold, range(count))
 
 
 ALL = Shards(range(1, 2), 1)

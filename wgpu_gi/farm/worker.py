@@ -1,0 +1,219 @@
+"""What a Dask worker does: it loads the scene of a job once, keeps it with its pipelines, and renders blocks.
+
+A process keeps one job, the last that it was asked for. Workers with several threads render one block at a time.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..errors import GiError, LostDevice
+from ..pictures.exposure import exposure_text
+from ..renderer import Renderer
+from ..scene.digest import digest
+from ..scene.scene import Scene
+from ..sequence.blocks import block_of
+from ..sequence.files import FrameFiles, Pictures
+from ..sequence.job import Job, Timeline
+from ..sequence.render import JobRenderer
+
+LOST_DEVICE = 70  # exit code of a worker that has lost its device twice (EX_SOFTWARE of sysexits.h)
+
+
+class UnfitWorker(GiError):
+    """A worker cannot take part in the job: its scene differs or cannot be read, or it does not see the folder."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is to be rendered and where to, the same for all workers.
+
+    `scene_digest` is that of the client's scene, see `digest_of`. With `gather`, the files of a frame are returned
+    instead of written, and `existing` are the frames whose files the client has. `token` is a file in the folder of the
+    output, and what it holds. `name` is a digest of all that a picture depends on.
+    """
+
+    name: str
+    job: Job
+    scene_digest: str
+    files: FrameFiles
+    metadata: dict[str, object]
+    gather: bool = False
+    existing: frozenset[int] = field(default_factory=frozenset)
+    token: tuple[str, str] | None = None
+
+    def exists(self, frame: int) -> bool:
+        """Tell whether the files of a frame exist."""
+        return frame in self.existing if self.gather else self.files.exist(frame)
+
+
+class Findings(NamedTuple):
+    """What the first worker finds out for all: see `JobRenderer`."""
+
+    has_history: bool
+    exposure: float | None
+
+
+class Done(NamedTuple):
+    """What became of a block: the frames rendered for it, warm-up not counted, and with `gather` their files."""
+
+    frames: tuple[int, ...]
+    files: dict[int, dict[str, bytes]]  # by frame and extension
+    seconds: float
+
+
+def digest_of(scene: Scene) -> str:
+    """Return a digest of a loaded scene with its cameras and animations."""
+    return digest((scene, scene.cameras, scene.animations))
+
+
+# -------------------------------------------------------------------------------------- Tasks
+
+
+def check(work: Work) -> str:
+    """Load the job; return the name of the adapter. Raises UnfitWorker, or GiError without an adapter."""
+    if work.token is not None:
+        _check_token(*work.token)
+    with _loaded(work) as state:
+        return state.renderer.adapter_name
+
+
+def find_out(work: Work) -> Findings:
+    """Find out what all workers need to know; renders the first frame."""
+
+    def answer(state: _Loaded) -> Findings:
+        exposure = state.sequence.exposure(work.files.output, _silent)
+        return Findings(state.sequence.has_history(), exposure)
+
+    return _with_new_device(work, answer)
+
+
+def render_blocks(payload: dict[str, Any], numbers: list[int]) -> list[Done]:
+    """Render the missing frames of blocks; `payload` holds "work" and "findings"."""
+    work, findings = payload["work"], payload["findings"]
+    return [_with_new_device(work, partial(_block, work, findings, number)) for number in numbers]
+
+
+def _block(work: Work, findings: Findings, number: int, state: _Loaded) -> Done:
+    """Render the missing frames of a block and write them, or keep the contents of their files."""
+    start, frames, files = time.perf_counter(), [], {}
+    block = block_of(work.job.frames, findings.has_history, number)
+    metadata = {**work.metadata, "adapter": state.renderer.adapter_name}
+    if findings.exposure is not None:
+        is_automatic = work.job.settings.exposure is None
+        metadata["exposure"] = exposure_text(findings.exposure, is_automatic)
+    for frame, pictures in state.sequence.render(block, findings.has_history, work.exists, _silent):
+        more = metadata | state.sequence.timeline.shown_at(frame)
+        if work.gather:
+            files[frame] = _contents(work.files, frame, pictures, findings.exposure, more)
+        else:
+            work.files.add(frame, pictures, findings.exposure, more)
+        frames.append(frame)
+    return Done(tuple(frames), files, time.perf_counter() - start)
+
+
+def _contents(
+    files: FrameFiles, frame: int, pictures: Pictures, exposure: float | None, metadata: dict[str, object]
+) -> dict[str, bytes]:
+    """Return the contents of the files of a frame by extension: the layers first, as they are written."""
+    with tempfile.TemporaryDirectory(prefix="wgpu_gi-") as folder:
+        local = files.moved_to(Path(folder))
+        local.add(frame, pictures, exposure, metadata)
+        return {path.suffix: path.read_bytes() for path in local.paths(frame)}
+
+
+def _silent(_fraction: float, _what: str | None = None, /) -> None:
+    """Report nothing."""
+
+
+def _check_token(file: str, text: str) -> None:
+    """Raise UnfitWorker if the client's token is not in the folder of the output, or nothing can be written there."""
+    try:
+        found = Path(file).read_text(encoding="utf-8")
+    except OSError:
+        found = ""
+    folder = os.path.dirname(file)
+    if found != text:
+        raise UnfitWorker(
+            f"the folder {folder} is not shared with the worker on {platform.node()}; give one that all machines see,"
+            " or add --gather, which sends the pictures back"
+        )
+    if not os.access(folder, os.W_OK):
+        raise UnfitWorker(f"the worker on {platform.node()} may not write to the folder {folder}; add --gather")
+
+
+# -------------------------------------------------------------------------------------- The job that is kept
+
+
+class _Loaded(NamedTuple):
+    """A job with its scene on the GPU."""
+
+    name: str
+    renderer: Renderer
+    sequence: JobRenderer
+
+
+_lock = threading.RLock()
+_kept: list[_Loaded] = []  # one at most
+
+
+@contextmanager
+def _loaded(work: Work) -> Iterator[_Loaded]:
+    """Yield the job of the work, alone; load it if it is not the one that is kept."""
+    with _lock:
+        if not _kept or _kept[0].name != work.name:
+            release()
+            _kept.append(_load(work))
+        yield _kept[0]
+
+
+def release() -> None:
+    """Free the job that this process keeps."""
+    with _lock:
+        while _kept:
+            _kept.pop().renderer.close()
+
+
+def _load(work: Work) -> _Loaded:
+    """Load the scene and open the adapter. Raises UnfitWorker if the scene is not the client's."""
+    job, source = work.job, work.job.source.scene
+    where = f"{source if isinstance(source, str) else 'the scene'} on the worker on {platform.node()}"
+    try:
+        scene = job.source.load()
+    except GiError as error:
+        raise UnfitWorker(f"{where} cannot be loaded: {error}") from None
+    if digest_of(scene) != work.scene_digest:
+        raise UnfitWorker(
+            f"{where} is another than here; copy the scene with its textures to every machine, and install the same"
+            " versions of optional packages"
+        )
+    renderer = job.renderer(scene)
+    return _Loaded(work.name, renderer, JobRenderer(job, renderer, Timeline(job, scene)))
+
+
+def _with_new_device(work: Work, use: Callable[[_Loaded], Any]) -> Any:
+    """Use the loaded job; if the driver loses the device, load it anew, once. A second loss ends the process."""
+    with _lock:
+        try:
+            with _loaded(work) as state:
+                return use(state)
+        except LostDevice:
+            _kept.clear()
+        except MemoryError:
+            release()
+            raise
+        try:
+            with _loaded(work) as state:
+                return use(state)
+        except LostDevice:
+            os._exit(LOST_DEVICE)  # the driver does not recover in this process; a nanny starts another
