@@ -62,6 +62,13 @@ def parse_shards(text: str) -> Shards:
     return Shards(range(first, last + 1), count)
 
 
+def parse_tasks(text: str) -> int:
+    """Parse a number of tasks."""
+    if re.fullmatch(r"[1-9]\d{0,5}", text) is None:
+        raise ArgumentTypeError(f"a number of tasks is 1 or more, such as 100, not {text!r}")
+    return int(text)
+
+
 def parse_memory(text: str) -> int:
     """Parse a number of GiB as bytes."""
     try:

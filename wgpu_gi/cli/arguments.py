@@ -10,6 +10,7 @@ from ..version import __version__
 from .epilogs import (
     BENCH_EPILOG,
     COMPARE_EPILOG,
+    FARM_EPILOG,
     INFO_EPILOG,
     MAIN_EPILOG,
     RENDER_EPILOG,
@@ -17,13 +18,14 @@ from .epilogs import (
     STRESS_EPILOG,
     VIEW_EPILOG,
 )
+from .farm_arguments import add_farm_commands
 from .measure_arguments import (
     add_bench_arguments,
     add_compare_arguments,
     add_report_arguments,
     add_stress_arguments,
 )
-from .picture_arguments import add_picture_arguments, add_render_arguments, add_view_arguments
+from .picture_arguments import add_message_arguments, add_picture_arguments, add_render_arguments, add_view_arguments
 
 USAGE = "[OPTIONS] [SCENE]"
 REPORT_USAGE = "[OPTIONS] [REPORT.json ...]"
@@ -35,6 +37,13 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise GiError instead of printing the usage."""
         raise GiError(f"{message} (see {self.prog} -h)")
+
+    def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
+        """Parse as the base class; of a command, also keep the arguments as they were typed, as `words`."""
+        found, rest = super().parse_known_args(args, namespace)
+        if not hasattr(found, "words"):
+            found.words = list(args or ())
+        return found, rest
 
 
 def build_parser() -> Parser:
@@ -68,31 +77,27 @@ def build_parser() -> Parser:
     render = command("render", "render a scene to a picture, or to a sequence of pictures", RENDER_EPILOG, USAGE)
     add_picture_arguments(render, size="640x360")
     add_render_arguments(render)
-    _add_messages(render, "the output of --plan and --timings")
+    add_message_arguments(render, "the output of --plan and --timings")
     view = command("view", "show a scene in a window", VIEW_EPILOG, USAGE)
     add_picture_arguments(view, size="960x540")
     add_view_arguments(view)
-    _add_messages(view, "copied commands")
+    add_message_arguments(view, "copied commands")
     add_compare_arguments(command("compare", "measure the error of a picture against a truth", COMPARE_EPILOG))
     bench = command("bench", "measure error and time of techniques", BENCH_EPILOG, "[OPTIONS] [SCENE ...]")
     add_bench_arguments(bench)
-    _add_messages(bench, "the tables")
+    add_message_arguments(bench, "the tables")
+    farm = command("farm", "render a sequence on many machines", FARM_EPILOG, "COMMAND [OPTIONS] [SCENE]")
+    add_farm_commands(farm)
     stress = command("stress", "test techniques on random scenes", STRESS_EPILOG, "[OPTIONS]")
     add_stress_arguments(stress)
-    _add_messages(stress, "failures")
+    add_message_arguments(stress, "failures")
     report = command(
         "report", "measure an adapter: what it has, whether it is right, how fast", REPORT_EPILOG, REPORT_USAGE
     )
     add_report_arguments(report)
-    _add_messages(report, "the verdict")
+    add_message_arguments(report, "the verdict")
     info = command(
         "info", "list adapters, drivers and versions, and what is missing; or what a scene holds", INFO_EPILOG
     )
     info.add_argument("scene", nargs="?", metavar="SCENE", help="list its parts, cameras and animations instead")
     return parser
-
-
-def _add_messages(parser: Parser, asked: str) -> None:
-    group = parser.add_argument_group("messages").add_mutually_exclusive_group()
-    group.add_argument("-v", "--verbose", action="store_true", help="also print sizes and times of loading")
-    group.add_argument("-q", "--quiet", action="store_true", help=f"print only errors and {asked}")

@@ -159,3 +159,23 @@ examples:
 
 The exit code is 0 if an adapter can be used, and for a scene that loads, else 2.
 """
+
+FARM_EPILOG = """\
+examples:
+  wgpu-gi farm template --for slurm --to job.sh scene.glb -o out/{frame:04d}.exr --frames 0:2400 --turntable
+"""
+
+TEMPLATE_EPILOG = """\
+examples:
+  wgpu-gi farm template --for slurm --to job.sh scene.glb -o out/{frame:04d}.exr --frames 0:2400 --turntable
+  wgpu-gi farm template --for openjd --to job.json --program /opt/gi/wgpu-gi scene.glb -o {frame}.png --frames 0:99
+  wgpu-gi farm template --for opencue --tasks 200 scene.glb -o out/{frame}.exr --frames 0:2400 --gi path
+
+It takes the arguments of `wgpu-gi render`. Each task renders its part of the frames into the same folder, which all
+machines must see under the same name, as well as the scene; file names become absolute. Frames that exist are skipped,
+so a task, or the whole job, may run again. A task ends with 0 if all its frames are there, with 2 after an error in its
+arguments or its scene, which will come again.
+  openjd       Open Job Description 2023-09 with task chunks, as JSON: chunks of tasks take about five minutes
+  slurm        a script for sbatch: an array of tasks
+  opencue      a job specification for Cuebot; the variables SHOW and SHOT give show and shot
+"""

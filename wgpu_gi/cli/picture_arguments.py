@@ -190,3 +190,10 @@ def add_view_arguments(parser: ArgumentParser) -> None:
         metavar="N",
         help="while the view moves, use so many pixels that N frames per second are shown; default 25, at least 15",
     )
+
+
+def add_message_arguments(parser: ArgumentParser, asked: str) -> None:
+    """Add how much is printed; `asked` is what `-q` leaves."""
+    group = parser.add_argument_group("messages").add_mutually_exclusive_group()
+    group.add_argument("-v", "--verbose", action="store_true", help="also print sizes and times of loading")
+    group.add_argument("-q", "--quiet", action="store_true", help=f"print only errors and {asked}")

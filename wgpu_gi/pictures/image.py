@@ -35,6 +35,12 @@ LARGEST_PICTURE = 4 << 30  # bytes in memory, of all layers together
 
 def check_output(path: str | Path, layers: Sequence[str] = ("radiance",), transparent: bool = False) -> None:
     """Raise GiError now if `layers` could not be written to `path` later: format, alpha of radiance, folder, rights."""
+    check_format(path, layers, transparent)
+    check_writable(path)
+
+
+def check_format(path: str | Path, layers: Sequence[str] = ("radiance",), transparent: bool = False) -> None:
+    """Raise GiError if the format of a file, by its name, cannot hold `layers`, or the alpha of radiance."""
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise GiError(f"{path}: unknown picture format {path.suffix!r}; use one of {' '.join(FORMATS)}")
@@ -42,7 +48,6 @@ def check_output(path: str | Path, layers: Sequence[str] = ("radiance",), transp
         raise GiError(f"{path}: {path.suffix} holds no transparency; use .png, .webp or .exr")
     if len(layers) > 1 and path.suffix.lower() in ONE_LAYER_FORMATS:
         raise GiError(f"{path}: {path.suffix} holds one buffer; for {', '.join(layers)} use .exr or .npz")
-    check_writable(path)
 
 
 def exposure_for(path: str | Path, given: float | None, name: str, layer: ArrayLike) -> float | None:
