@@ -134,10 +134,15 @@ def checked_pixels(pixels: ArrayLike, size: tuple[int, int]) -> NDArray[np.uint3
     return found.astype(np.uint32)
 
 
-def check_counts(spp: Any, replicates: Any, seed: Any) -> None:
-    """Raise GiError unless `spp` paths can be divided into `replicates` parts, and for a seed below 0."""
+def check_seed(seed: Any) -> None:
+    """Raise GiError for a seed below 0."""
     if not is_whole(seed) or seed < 0:
         raise GiError(f"seed must be a whole number from 0 on, not {shown(seed)}")
+
+
+def check_counts(spp: Any, replicates: Any, seed: Any) -> None:
+    """Raise GiError unless `spp` paths can be divided into `replicates` parts, and for a seed below 0."""
+    check_seed(seed)
     if not is_whole(replicates) or replicates < 2:
         raise GiError(f"replicates must be a whole number from 2 on, not {shown(replicates)}")
     if not is_whole(spp) or spp < replicates:

@@ -11,7 +11,8 @@ from PIL import Image
 
 import wgpu_gi as gi
 from wgpu_gi.__main__ import main
-from wgpu_gi.budget.certificate import certify
+from wgpu_gi.budget.certificate import Certificate, certify
+from wgpu_gi.budget.intervals import Interval
 from wgpu_gi.measure.metrics import bias, relmse
 from wgpu_gi.renderer import Renderer
 
@@ -93,6 +94,8 @@ def test_wrong_pixels_get_a_sentence():
         for seed in (-1, "x"):
             with pytest.raises(gi.GiError, match="seed must"):
                 renderer.trace_pixels([[0, 0]], 16, seed=seed)
+            with pytest.raises(gi.GiError, match="seed must"):
+                certify(renderer, seed=seed)
         with pytest.raises(gi.GiError, match="spp must be"):
             renderer.trace_pixels([[0, 0]], 4)
         for count in (0, 1, 49, -3, 2.5, float("nan"), "many"):
@@ -110,3 +113,11 @@ def test_command_prints_and_stores_a_certificate(tmp_path, capsys):
     for wrong in (["--certify", "1"], ["--certify", "--show", "depth"], ["--certify", "--frames", "0:2"]):
         assert main(["render", "cornell", *wrong]) == 2
         assert "--certify" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("pixels", "words"), [(1, "from 1 path-traced pixel of 16"), (50, "from 50 path-traced pixels of 16")]
+)
+def test_sentence_counts_its_pixels(pixels, words):
+    interval = Interval(0.1, 0.05, 0.2)
+    assert words in Certificate(interval, interval, pixels, 16, 1.0).sentence()

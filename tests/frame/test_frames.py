@@ -207,6 +207,7 @@ def test_all_frames_have_the_exposure_of_the_first(capsys, folder):
         (["-o", "a.png", "--turntable"], "--frames"),
         (["-o", "a.png", "--shard", "1/2"], "--frames"),
         (["-o", "a{frame}.png"], "--frames"),
+        (["-o", "a.png", "--fps", "30"], "--fps needs several frames"),
         (["-o", "a.png", "--frames", "0:3"], "{frame}"),
         (["-o", "a{frame}{frame}.png", "--frames", "0:3"], "{frame}"),
         (["-o", "{frame}/a.png", "--frames", "0:3"], "{frame}"),

@@ -135,7 +135,7 @@ def test_controls_change_the_picture(view):
 
 
 def test_controls_play_the_animation():
-    view = notebook.show(animated_scene(), size=SIZE, time=0.25, gi="none")
+    view = notebook.show(animated_scene(), size=SIZE, at=0.25, gi="none")
     controls, session = view.controls, view.session
     assert (controls.animation.options, controls.time.value, controls.time.max) == (("slide", "dim"), 0.25, SLIDE)
     settle(view)
@@ -214,3 +214,11 @@ def test_pictures_are_displayed_by_the_notebook():
 def test_scene_that_does_not_load_is_one_sentence():
     with pytest.raises(gi.GiError, match="nowhere"):
         gi.show("nowhere.glb")
+
+
+def test_time_in_the_animation_is_given_once():
+    """As `at`, like that of `render`, or as `time`."""
+    view = notebook.show(animated_scene(), size=SIZE, time=0.25, gi="none")
+    assert view.controls.time.value == 0.25
+    with pytest.raises(gi.GiError, match=r"at=0\.25 and time=0\.5 are both the time"):
+        gi.show(animated_scene(), size=SIZE, at=0.25, time=0.5)

@@ -13,6 +13,7 @@ from unit.bench_data import MACHINE, measurement, report, scene_report
 from wgpu_gi.__main__ import main
 from wgpu_gi.cli import bench as cli_bench
 from wgpu_gi.cli import bench_survey
+from wgpu_gi.cli.arguments import build_parser
 from wgpu_gi.measure.bench_report import load_json, save_json
 from wgpu_gi.measure.ranking import Point
 from wgpu_gi.measure.survey import Survey
@@ -222,6 +223,13 @@ def test_bad_input_is_one_sentence(arguments, words, capsys):
     assert words in errors[0]
     assert printed.out == ""
     assert os.listdir() == ["small.npz"]
+
+
+def test_attribution_takes_the_frames_of_the_still_picture():
+    """What its advice says to raise, such as camera.frames=96."""
+    words = ["bench", "--attribute", "--quality", "low", "--gi", "many-light", "--set", "camera.frames=96"]
+    (candidate,) = cli_bench.candidates_from(build_parser().parse_args(words))
+    assert candidate.settings.camera.frames == 96 and not candidate.settings.camera.jitter
 
 
 def test_interruption_leaves_nothing(monkeypatch, capsys):

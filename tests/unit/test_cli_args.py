@@ -18,6 +18,7 @@ from wgpu_gi.cli import certificates
 from wgpu_gi.cli import common as cli_common
 from wgpu_gi.cli import info as cli_info
 from wgpu_gi.cli import messages as cli_messages
+from wgpu_gi.cli import render as cli_render
 from wgpu_gi.cli.interrupt import handled, held, interruptible
 from wgpu_gi.cli.messages import Messages
 from wgpu_gi.errors import GiError
@@ -229,6 +230,25 @@ def test_interrupted_picture_is_saved(arguments, words, certified, monkeypatch, 
     with PIL.Image.open("out.png") as picture:
         assert picture.text["interrupted"] == words
         assert picture.text.get("certificate") == ("relMSE 1" if certified else None)
+
+
+@pytest.mark.parametrize("step", ["read_pictures", "save_image"])
+def test_interrupted_picture_is_saved_however_often_it_is_interrupted(step, monkeypatch, capsys):
+    own = getattr(cli_render, step)
+
+    def interrupted(*arguments, **named):
+        signal.raise_signal(signal.SIGINT)
+        return own(*arguments, **named)
+
+    monkeypatch.setattr(cli_render, step, interrupted)
+    monkeypatch.setattr(certificates, "certify", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr(FakeRenderer, "interrupt", KeyboardInterrupt)
+    monkeypatch.setattr(FakeRenderer, "before_interrupt", 7)
+    assert main(["render", "--size", "8x8"]) == 130
+    printed = capsys.readouterr()
+    assert "no certificate: interrupted" in printed.err and "no file was left" not in printed.err
+    with PIL.Image.open("out.png") as picture:
+        assert picture.text["interrupted"] == "7 of 24 frames"
 
 
 def test_programming_errors_are_not_caught(monkeypatch):

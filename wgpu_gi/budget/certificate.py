@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import GiError
-from ..pixel_tracer import PixelTruth
+from ..pixel_tracer import PixelTruth, check_seed
 from ..renderer import Renderer
 from ..scene.rules import is_whole, shown
 from .intervals import Draw, Estimate, Interval, bias_interval, draw_pixels, error_interval, error_mean, truth_mean
@@ -47,8 +47,8 @@ class Certificate:
         e, b = self.relmse, self.bias
         return (
             f"relMSE {e.value:.3g} (95 %: {e.low:.3g} to {e.high:.3g}), bias {100 * b.value:+.2g} %"
-            f" (95 %: {100 * b.low:+.2g} to {100 * b.high:+.2g}), from {self.pixels} path-traced pixels of"
-            f" {self.samples} samples, {self.seconds:.1f} s"
+            f" (95 %: {100 * b.low:+.2g} to {100 * b.high:+.2g}), from {self.pixels}"
+            f" path-traced pixel{'s' * (self.pixels != 1)} of {self.samples} samples, {self.seconds:.1f} s"
         )
 
     def texts(self) -> dict[str, str]:
@@ -84,11 +84,12 @@ def certify(
     """Return what the renderer's picture, as it stands, errs by; nothing may have changed since its last step.
 
     `picture` (h, w, 3), linear radiance, takes its place, such as its denoised radiance. `progress` receives the
-    fraction done, 0 to 1. Raises GiError if the truth is black, so that no relative error exists, and before the first
-    frame.
+    fraction done, 0 to 1. Raises GiError if the truth is black, so that no relative error exists, before the first
+    frame, and for wrong numbers.
     """
     start = time.perf_counter()
     count = check_pixels(pixels)
+    check_seed(seed)
     picture = np.asarray(renderer.read_back("radiance") if picture is None else picture, np.float64)
     if picture.shape != (renderer.size[1], renderer.size[0], 3):
         raise GiError(f"a picture to certify must have the renderer's size, not the shape {picture.shape}")

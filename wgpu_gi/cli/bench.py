@@ -105,7 +105,8 @@ def candidates_from(arguments: Namespace) -> list[Candidate]:
     for flag, texts in (("--set", arguments.set), ("--sweep", arguments.sweep)):
         for text in texts:
             name = text.partition("=")[0].strip()
-            if name in OWN_SETTINGS:
+            # --attribute takes the frames of the still picture from there.
+            if name in OWN_SETTINGS and not (arguments.attribute and name == "camera.frames"):
                 raise GiError(f"bench sets {name} itself, so it does not take {flag} {text}: {OWN_SETTINGS[name]}")
     variants = [" ".join(texts) for texts in product(*map(_swept, arguments.sweep))]
     return [_candidate(arguments, *choice) for choice in product(names, qualities, variants)]

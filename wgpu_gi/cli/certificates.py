@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..budget.certificate import Certificate, certify, check_pixels
 from ..errors import GiError
 from ..renderer import Renderer
-from .interrupt import handled
+from .interrupt import handled, ignored
 from .messages import Messages
 
 
@@ -28,7 +28,7 @@ def pixels_of(arguments: Namespace, shown: Sequence[str]) -> int:
 def certificate_of(renderer: Renderer, pixels: int, picture: NDArray, say: Messages) -> Certificate | None:
     """Certify a picture (h, w, 3 or 4) of the renderer; None, with a note, if Ctrl-C is pressed or it has no error."""
     try:
-        with say.progress("certifying") as report:
+        with ignored(False), say.progress("certifying") as report:
             return certify(renderer, pixels, picture=picture[..., :3], progress=report)
     except KeyboardInterrupt:
         handled()

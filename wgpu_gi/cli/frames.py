@@ -25,7 +25,7 @@ from ..sequence.shards import ALL, Shards
 from .common import checked_buffers, metadata_of, noted_scene, rendering, source_of, time_of, warn_of_cpu
 from .messages import Messages
 
-MOST_FPS = 1000
+FPS, MOST_FPS = 24, 1000
 CLAIM_SECONDS = 5.0  # of work that a command claims at once
 
 
@@ -69,7 +69,7 @@ def render_frames(arguments: Namespace, settings: Settings, shown: list[str], sa
     count = 0
     shards = arguments.shard or ALL
     if files is None:
-        with video_file(arguments.output, arguments.size, arguments.fps) as add:
+        with video_file(arguments.output, arguments.size, fps_of(arguments)) as add:
             for _, pictures in _render(sequence, shards, exists, None, say):
                 add(shown[0], pictures[shown[0]], exposure or 0.0)
                 count += 1
@@ -96,9 +96,14 @@ def layers_of(arguments: Namespace, settings: Settings) -> list[str]:
     return checked_buffers(arguments.layers.split(","), settings.gi) if arguments.layers else []
 
 
+def fps_of(arguments: Namespace) -> int:
+    """Return the frames per second of the animation and of a video."""
+    return FPS if arguments.fps is None else int(arguments.fps)
+
+
 def check_sequence(arguments: Namespace, shown: Sequence[str], settings: Settings) -> None:
     """Raise GiError for flags that do not go together, and for a rate out of range."""
-    if not 1 <= arguments.fps <= MOST_FPS:
+    if not 1 <= fps_of(arguments) <= MOST_FPS:
         raise GiError(f"--fps must lie between 1 and {MOST_FPS}, not {arguments.fps}")
     if arguments.camera_path is not None and (arguments.turntable or arguments.camera is not None):
         raise GiError("--camera-path gives the camera of every frame; leave out --turntable and --camera")
@@ -133,7 +138,7 @@ def job_maker(
             layers=tuple(layers),
             time=time_of(arguments, arguments.scene, scene),
             animation=arguments.animation,
-            fps=arguments.fps,
+            fps=fps_of(arguments),
             path=path,
             turntable=arguments.turntable,
             adapter=arguments.adapter,

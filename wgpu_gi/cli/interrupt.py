@@ -3,6 +3,7 @@
 Python drops exceptions within callbacks from C and within `__del__`; modules written in C turn them into ImportError.
 There Ctrl-C is only recorded, and `check` raises it: after the imports, and at each report of progress. It is also only
 recorded while there is a picture to save (`held`): between two reports of progress, the GPU may hold half a frame.
+While that picture is written, Ctrl-C is `ignored`.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ INTERRUPTED = 130  # exit code: 128 + SIGINT, the convention of shells
 
 _came = 0  # how often Ctrl-C was pressed during this command
 _waits: Callable[[], bool] | None = None  # tells whether it must wait
+_ignored = False  # whether it does nothing
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
     """Handle Ctrl-C during the block, in the main thread of a process that does not ignore it."""
-    global _came, _waits
-    _came, _waits = 0, None
+    global _came, _waits, _ignored
+    _came, _waits, _ignored = 0, None, False
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield
@@ -52,6 +54,17 @@ def held(waits: Callable[[], bool] = lambda: True) -> Iterator[None]:
     check()
 
 
+@contextmanager
+def ignored(now: bool = True) -> Iterator[None]:
+    """Let Ctrl-C do nothing during the block; with False as `now`, a block within such a block, let it act."""
+    global _ignored
+    before, _ignored = _ignored, now
+    try:
+        yield
+    finally:
+        _ignored = before
+
+
 def handled() -> int:
     """Forget that Ctrl-C was pressed: the command answers to it, and goes on. Return how often it was pressed."""
     global _came
@@ -71,8 +84,10 @@ def check() -> None:
 
 
 def _interrupt(_number: int, frame: FrameType | None) -> None:
-    """Record Ctrl-C; raise it, except in a callback from wgpu's C code."""
+    """Record Ctrl-C, unless it is ignored; raise it, except in a callback from wgpu's C code."""
     global _came
+    if _ignored:
+        return
     _came += 1
     caller: Any = frame
     while caller is not None:

@@ -172,9 +172,8 @@ def add_render_arguments(parser: ArgumentParser) -> None:
     add("--camera-path", metavar="FILE", help="move the camera along the keys of a .json file")
     add("--layers", default="", metavar="A,B,C", help="buffers to write to an .npz beside each frame")
     add("--shard", type=parse_shards, metavar="I/N", help="render part I of N of the frames, or parts I-J/N")
-    add(
-        "--fps", type=int, default=24, metavar="N", help="frames per second of the animation and of an .mp4, default 24"
-    )
+    fps = "frames per second of the animation and of an .mp4, default 24"
+    add("--fps", type=int, metavar="N", help=fps)
 
 
 def add_view_arguments(parser: ArgumentParser) -> None:

@@ -6,6 +6,7 @@ import time
 from argparse import Namespace
 
 from ..budget.certificate import PIXELS, Certificate
+from ..budget.request import Budget
 from ..buffers import buffers_of, views_of
 from ..errors import GiError
 from ..options import Settings, check_size
@@ -17,7 +18,7 @@ from ..rendering import check_denoise, read_pictures, with_alpha
 from .budgets import budget_of, check_budget
 from .certificates import certificate_of, pixels_of
 from .common import checked_buffers, list_names, metadata_of, renderer_from, settings_from
-from .interrupt import INTERRUPTED
+from .interrupt import INTERRUPTED, ignored
 from .messages import Messages
 from .picture import Made, content_of, make, texts_of
 
@@ -47,7 +48,7 @@ def render(arguments: Namespace) -> int:
 
 
 def _render(arguments: Namespace, settings: Settings, shown: list[str], pixels: int, say: Messages) -> int:
-    """Load the scene, render the picture and write it; return the exit code."""
+    """Load the scene, render the picture and save it; return the exit code."""
     # Render, until the picture is complete, its budget is met, or Ctrl-C is pressed.
     renderer = renderer_from(arguments, settings, say)
     if renderer.time is None and renderer.scene.animations:
@@ -61,6 +62,22 @@ def _render(arguments: Namespace, settings: Settings, shown: list[str], pixels: 
     options = {"check": arguments.check, "timings": arguments.timings}
     show = with_alpha(shown, settings, arguments.denoise)
     made = make(renderer, budget, techniques, arguments.quality, say, show, options)
+    # A picture that Ctrl-C ended is saved, however often it is pressed again.
+    with ignored(made.interrupts > 0):
+        return _save(arguments, renderer, shown, pixels, budget, made, start, say)
+
+
+def _save(
+    arguments: Namespace,
+    renderer: Renderer,
+    shown: list[str],
+    pixels: int,
+    budget: Budget | None,
+    made: Made,
+    start: float,
+    say: Messages,
+) -> int:
+    """Certify the picture, write its file and print the results; return the exit code. `start` is when it began."""
     settings = renderer.settings
     layers = read_pictures(renderer, shown, settings, arguments.denoise)
     seconds = time.perf_counter() - start
@@ -114,6 +131,7 @@ def check_single(arguments: Namespace) -> None:
         "--camera-path": arguments.camera_path,
         "--layers": arguments.layers,
         "--shard": arguments.shard,
+        "--fps": arguments.fps is not None,
         "{frame}": "{frame" in arguments.output,
     }
     for name, given in of_sequences.items():

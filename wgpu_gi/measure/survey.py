@@ -75,12 +75,12 @@ def survey_scene(
             scene,
             camera,
             size,
-            spp=_truth_spp(traced),
+            spp=_truth_spp(*max((p.ms, spp) for spp, p, _ in traced if p.gi == "path")),
             diffuse=diffuse,
             adapter=adapter,
             progress=lambda what, fraction: report(what, (1 + 3 * fraction) / steps),
         )
-        points = [p for point, picture in traced if (p := _measured(point, picture, truth))]
+        points = [p for _, point, picture in traced if (p := _measured(point, picture, truth))]
 
         # Each technique, as long as there is time.
         left_out = []
@@ -122,8 +122,8 @@ def _picture_seconds(renderer: Renderer) -> float:
 
 def _path_pictures(
     renderer: Renderer, diffuse: bool, report: Callable[[float], None]
-) -> Iterator[tuple[Point, NDArray]]:
-    """Yield pictures of the path tracer with 1, 2, 4 ... samples, each also denoised, as points without errors."""
+) -> Iterator[tuple[int, Point, NDArray]]:
+    """Yield pictures of the path tracer with 1, 2, 4 ... samples, each also denoised: samples, point without errors."""
     settings = Settings(gi="path", spp=1, diffuse=diffuse)
     settings.camera.jitter = False
     renderer.settings = settings
@@ -139,20 +139,18 @@ def _path_pictures(
         renderer.graph.device.wait()
         ms = 1e3 * (time.perf_counter() - start)
         picture = renderer.read_back("radiance")
-        yield Point("path", "", f"{spp} spp", ms, math.nan, math.nan), picture
+        yield spp, Point("path", "", f"{spp} spp", ms, math.nan, math.nan), picture
         if smoother is not None:
             smooth, more = smoother(picture, renderer.read_back("standard_error"))
-            yield Point("path, denoised", "", f"{spp} spp", ms + more, math.nan, math.nan), smooth
+            yield spp, Point("path, denoised", "", f"{spp} spp", ms + more, math.nan, math.nan), smooth
         done = max(done, min(ms / (1e3 * PATH_SECONDS), 1.0))
         report(done)
         spp *= 2
 
 
-def _truth_spp(traced: list[tuple[Point, NDArray]]) -> int:
-    """Return the samples of the truth, a power of two, that take at most TRUTH_SECONDS."""
-    longest = max((point for point, _ in traced if point.gi == "path"), key=lambda p: p.ms)
-    per_sample = longest.ms / int(longest.samples.split()[0])
-    spp = 2 ** math.floor(math.log2(1e3 * TRUTH_SECONDS / per_sample))
+def _truth_spp(ms: float, samples: int) -> int:
+    """Return the samples of the truth, a power of two, that take at most TRUTH_SECONDS if `samples` take `ms`."""
+    spp = 2 ** math.floor(math.log2(1e3 * TRUTH_SECONDS * samples / ms))
     return min(max(spp, LEAST_TRUTH_SPP), MOST_TRUTH_SPP)
 
 

@@ -51,6 +51,7 @@ def show(
     size: tuple[int, int] = (640, 360),
     camera: Camera | str | int | dict[str, Any] | None = None,
     environment: Environment | str | Path | None = None,
+    at: float | None = None,
     time: float | None = None,
     animation: str | int | None = None,
     gi: str | None = None,
@@ -62,13 +63,15 @@ def show(
 
     Drag to orbit, shift + drag to pan, right drag to look around, wheel to zoom, double-click to set the pivot; F
     frames the scene, Home returns to the start camera, the space bar plays and pauses the animation. Running the cell
-    again closes its earlier view. Arguments are those of `render`; the view changes a copy of `settings`. Raises
-    GiError for bad values.
+    again closes its earlier view. Arguments are those of `render`; the view changes a copy of `settings`. A number as
+    `time` is `at`: a view has no budget. Raises GiError for bad values.
     """
+    if at is not None and time is not None:
+        raise GiError(f"at={at!r} and time={time!r} are both the time in the animation; leave out time")
     chosen = settings_of(settings, {"gi": gi}, quality)
     if settings is None:
         chosen.path.samples_per_run = 1  # shows the first sample at once
-    lighted, seconds, notes = lit_at(scene, environment, time, animation)
+    lighted, seconds, notes = lit_at(scene, environment, time if at is None else at, animation)
     warn_of(notes, stacklevel=2)
     renderer = Renderer(lighted, size=size, camera=camera, settings=chosen, adapter=adapter)
     renderer.time, renderer.animation = seconds, animation

@@ -10,14 +10,16 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
+
 from ..budget.front import OPEN_SPP
 from ..options import Settings, technique_of
-from ..pictures.noise import expected_relmse
+from ..pictures.noise import expected_relmse, without_noise
 from ..renderer import Renderer
 from ..techniques.shared.sampling import OPEN_FRAMES
 
 NEEDS = ("radiance", "standard_error")
-LEAST_FRAMES = 4  # frames or samples from which a standard error means something
+LEAST_FRAMES = 8  # frames or samples that `without_noise` needs
 GROWTH = 1.25  # of the frames from one measurement of the noise to the next: reading back costs time
 
 
@@ -64,7 +66,8 @@ class Refinement:
         if self.error is None or done < self._measure_at:
             return False
         self._measure_at = GROWTH * done
-        self.noise = expected_relmse(*map(renderer.read_back, NEEDS))
+        picture, deviation = (np.asarray(renderer.read_back(name), np.float64) for name in NEEDS)
+        self.noise = expected_relmse(without_noise(picture, deviation), deviation)
         return self.noise <= self.error
 
     def words(self, renderer: Renderer) -> str:
