@@ -16,13 +16,14 @@ from ..errors import DiskFull, GiError
 
 
 @contextmanager
-def atomic_file(path: str | Path) -> Iterator[Path]:
+def atomic_file(path: str | Path, within: Path | None = None) -> Iterator[Path]:
     """Yield a temporary name to write to; the file is renamed to `path` at the end, unless an exception was raised.
 
-    Raises GiError if the file system refuses.
+    The temporary file lies beside `path`, or in the folder `within`, which must be of the same file system. Raises
+    GiError if the file system refuses.
     """
     final = Path(os.path.realpath(path))
-    temporary = _temporary_name(final)
+    temporary = _temporary_name(within / final.name if within else final)
     try:
         with _errors_for(path):
             _refuse_special(path)
