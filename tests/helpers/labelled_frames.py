@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from wgpu_gi import Camera
 from wgpu_gi.dataset.frame_data import FrameData, ObjectData
+from wgpu_gi.dataset.matrices import matrices
 
 SIZE = (24, 17)
 CATEGORIES = {1: "disc", 3: "blob"}
@@ -53,15 +52,8 @@ def frame(number: int, size: tuple[int, int] = SIZE) -> FrameData:
         occlusion=random.random((height, width)) < 0.1,
         objects=objects,
         categories=CATEGORIES,
-        cameras=cameras(Camera.look_at(random.uniform(2, 3, 3), random.uniform(-1, 1, 3)), size),
+        cameras=matrices(Camera.look_at(random.uniform(2, 3, 3), random.uniform(-1, 1, 3)), size),
     )
-
-
-def cameras(camera: Camera, size: tuple[int, int]) -> dict[str, np.ndarray]:
-    """Return the matrices that writers read."""
-    focal = size[1] / 2 / math.tan(camera.yfov / 2)
-    pixel_from_camera = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1.0]])
-    return {"opencv_pixel_from_camera": pixel_from_camera, "opengl_world_from_view": camera.world_from_view}
 
 
 def record(number: int) -> dict[str, object]:

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import killed_writers
-from helpers.labelled_frames import CATEGORIES, DATA, cameras, frame, record
+from helpers.labelled_frames import CATEGORIES, DATA, frame, record
 
 from wgpu_gi import Camera, GiError
 from wgpu_gi.dataset.frame_data import FrameData, ObjectData
+from wgpu_gi.dataset.matrices import matrices
 from wgpu_gi.dataset.writers import make_writers
 from wgpu_gi.dataset.writers.store import Parts, Store
 from wgpu_gi.pictures.image import load_image
@@ -222,7 +223,7 @@ def test_transforms_lead_points_of_one_frame_to_the_right_pixels_of_another(tmp_
     for number, camera in enumerate(poses):
         depth = _depth_of_floor(camera, size)
         black = np.zeros((*depth.shape, 3), np.float32)
-        data = FrameData(size, picture=black, depth_z=depth, cameras=cameras(camera, size))
+        data = FrameData(size, picture=black, depth_z=depth, cameras=matrices(camera, size))
         writer.write(number, data, {})
     assert writer.finish() == 0
     file = json.loads((tmp_path / "nerf/transforms.json").read_text())
