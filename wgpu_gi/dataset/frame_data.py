@@ -26,8 +26,8 @@ class ObjectData:
     amodal_pixels: int | None = None  # pixels of the picture that it would cover alone
     visible_fraction: float | None = None  # visible_pixels / amodal_pixels
     box: Box | None = None  # of its visible pixels; None: no pixel shows it
-    amodal_box: Box | None = None  # of the whole object; may reach beyond the picture
-    amodal_box_clipped: Box | None = None  # the part of amodal_box within the picture
+    amodal_box: Box | None = None  # of its projected vertices, beyond the picture, too; None: it reaches behind the eye
+    amodal_box_clipped: Box | None = None  # of the pixels that it would cover alone
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class FrameData:
 
     size: tuple[int, int]  # width, height in pixels
     picture: NDArray[np.float32] | None = None  # (h, w, 3), linear Rec.709 radiance, W/(m2 sr)
-    direct: NDArray[np.float32] | None = None  # (h, w, 3), the part of it that was not reflected between surfaces
-    indirect: NDArray[np.float32] | None = None  # (h, w, 3), the rest
+    direct: NDArray[np.float32] | None = None  # (h, w, 3), emission, and light reflected once
+    indirect: NDArray[np.float32] | None = None  # (h, w, 3), the rest of the picture
     standard_error: NDArray[np.float32] | None = None  # (h, w, 3), of the picture's noise
     depth_ray: NDArray[np.float32] | None = None  # (h, w), metres along the ray; 0 where nothing is seen
     depth_z: NDArray[np.float32] | None = None  # (h, w), metres along the camera's axis; 0 where nothing is seen
