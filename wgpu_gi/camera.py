@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,16 @@ from .float_limits import LARGEST_YFOV, MAX_COORDINATE, SMALLEST_YFOV
 from .records import KnownAttributes
 
 YFOV_DEG = math.degrees(SMALLEST_YFOV), math.degrees(LARGEST_YFOV)  # range of full vertical angles
+
+
+class Window(NamedTuple):
+    """Which part of a larger picture a picture is: its first pixel in it (x, y), and the size of the `whole`.
+
+    A camera's angle, height and projection are those of the whole.
+    """
+
+    corner: tuple[int, int]
+    whole: tuple[int, int]
 
 
 @dataclass(repr=False, slots=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .buffers import Source
-from .camera import Camera
+from .camera import Camera, Window
 from .errors import GiError
 from .frame import declare_frame
 from .gpu.device import Device
@@ -31,7 +31,8 @@ DRAWN = 1 << 16  # frames after which random numbers repeat
 class View(NamedTuple):
     """What a frame shows: a scene from a camera, at a size; the exposure of `settings` is that of `display`.
 
-    `moving`: it is a frame of a moving picture, to be anti-aliased over time.
+    `moving`: it is a frame of a moving picture, to be anti-aliased over time. `window`: the part of a
+    larger picture that it is.
     """
 
     scene: Scene
@@ -39,6 +40,7 @@ class View(NamedTuple):
     size: tuple[int, int]
     settings: Settings
     moving: bool = False
+    window: Window | None = None
 
     @property
     def aliased(self) -> str | None:
@@ -108,7 +110,7 @@ class GpuFrame:
         settings, camera, frames = view.settings, view.camera, view.frames
         pose = (np.asarray(camera.world_from_view).tobytes(), camera.yfov, camera.orthographic_height)
         aliased = view.aliased
-        seen = (Fingerprint(view.scene), pose, view.size, show, frames, aliased)
+        seen = (Fingerprint(view.scene), pose, view.size, show, frames, aliased, view.window)
         before = self._inputs or ()
         refining, self.refining = self.refining, False
         still = not force and seen == before[: len(seen)]
@@ -199,6 +201,7 @@ class GpuFrame:
             None if self._moving < 0 else self._moving,
             self.kept,
             self._preview,
+            view.window,
         )
         return technique_of(settings.gi).inputs(shot, settings)
 

@@ -11,7 +11,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from .buffers import BUFFERS, buffers_of, check_buffers
-from .camera import Camera
+from .camera import Camera, Window
 from .errors import GiError, warn_of
 from .gpu.describe import table
 from .gpu.device import open_device
@@ -75,6 +75,7 @@ class Renderer(KnownAttributes):
         "settings",
         "size",
         "time",
+        "window",
     )
 
     def __init__(
@@ -99,6 +100,7 @@ class Renderer(KnownAttributes):
             warn_of(notes, stacklevel=2)
         self.scene: Scene = scene
         self.size = size
+        self.window: Window | None = None  # the part of a larger picture that pictures are
         self.camera: Camera = camera_of(scene, camera)
         self.settings = Settings() if settings is None else settings
         self.time: float | None = None
@@ -353,7 +355,8 @@ class Renderer(KnownAttributes):
         with self._alone():
             view = self._view()
             upload, settings = self._gpu.scene_upload(view), view.settings
-            seen = upload.view(view.camera, view.size, settings.camera.jitter, transparent=settings.transparent)
+            jitter, transparent = settings.camera.jitter, settings.transparent
+            seen = upload.view(view.camera, view.size, jitter, transparent=transparent, window=view.window)
             return self._gpu.pixels.trace(
                 upload, seen, settings, chosen, spp=spp, seed=seed, replicates=replicates, progress=progress
             )
@@ -389,7 +392,7 @@ class Renderer(KnownAttributes):
         return self._pose.at(self.scene, self.camera, self.time, self.animation)
 
     def _view(self) -> View:
-        return View(*self._posed(), self.size, replace(self.settings, exposure=self.exposure), self.moving)
+        return View(*self._posed(), self.size, replace(self.settings, exposure=self.exposure), self.moving, self.window)
 
     def _check_values(self) -> None:
         """Raise GiError for settings, a size, a camera or a scene that cannot be rendered.

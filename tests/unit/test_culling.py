@@ -17,11 +17,12 @@ from wgpu_gi.upload.draw_list import Clusters, DrawList, build_draw_list
 from wgpu_gi.upload.mesh_data import NONE
 from wgpu_gi.upload.two_level_bvh import TwoLevelBvh
 
-VIEW = np.dtype([("clip_from_world", "<f4", (4, 4))])
+VIEW = np.dtype([("clip_from_world", "<f4", (4, 4)), *((name, "<u4", 2) for name in ("size", "whole", "corner"))])
 
 
 def view_of(camera, size=(64, 36), offset=(0.5, 0.5), origin=(0, 0, 0), near=1e-6, far=1e3):
     view = np.zeros(1, VIEW)
+    view["size"] = view["whole"] = size
     view["clip_from_world"] = camera.clip_from_world(size, np.asarray(origin, float), near, far, offset).T
     return view
 

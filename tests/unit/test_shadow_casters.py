@@ -25,7 +25,8 @@ def view_of(camera, scale, size=(64, 36)):
     view = np.zeros((), VIEW)
     matrix = camera.world_from_view
     height = np.tan(camera.yfov / 2) if camera.orthographic_height is None else camera.orthographic_height / 2
-    view["position"], view["forward"], view["size"] = matrix[:3, 3], -matrix[:3, 2], size
+    view["position"], view["forward"] = matrix[:3, 3], -matrix[:3, 2]
+    view["size"] = view["whole"] = size
     view["right"], view["up"] = matrix[:3, 0] * height * size[0] / size[1], matrix[:3, 1] * height
     view["orthographic"] = camera.orthographic_height is not None
     view["clip_from_world"] = camera.clip_from_world(size, np.zeros(3), 1e-6 * scale, 1e3 * scale, (0.5, 0.5)).T

@@ -32,7 +32,7 @@ def view_of(camera, size=(640, 360)):
     height = math.tan(camera.yfov / 2) if camera.orthographic_height is None else camera.orthographic_height / 2
     view["position"], view["forward"] = matrix[:3, 3], -matrix[:3, 2]
     view["right"], view["up"] = matrix[:3, 0] * height * size[0] / size[1], matrix[:3, 1] * height
-    view["orthographic"], view["size"] = camera.orthographic_height is not None, size
+    view["orthographic"], view["whole"] = camera.orthographic_height is not None, size
     return view
 
 

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera
+from ..camera import Camera, Window
 from ..gpu.device import Device
 from ..gpu.wgsl.load import load
 from ..scene.check import check_scene
@@ -267,8 +267,9 @@ class SceneUpload:
         transparent: bool = False,
         footprint: float = 0.0,
         anisotropy: int = 1,
+        window: Window | None = None,
     ) -> NDArray[np.void]:
-        """Return the View uniform of a camera for a picture of `size` (width, height).
+        """Return the View uniform of a camera for a picture of `size` (width, height), or for a `window` of that size.
 
         With `jitter` each ray goes through a random point of its pixel, otherwise all go through `offset`. Textures are
         averaged over a square of `footprint` pixels (0: read at a point), by at most `anisotropy` samples along its
@@ -277,23 +278,25 @@ class SceneUpload:
         one that `check_camera` accepts, or a technique's own.
         """
         view = np.zeros((), self._view_dtype)
+        corner, whole = window or Window((0, 0), size)
         # The camera's position and axes; `right` and `up` reach from the middle to the edges of the picture.
         matrix = np.asarray(camera.world_from_view, np.float64)
         half_height = np.tan(camera.yfov / 2)
         if camera.orthographic_height is not None:
             half_height = camera.orthographic_height / 2
         view["position"] = matrix[:3, 3] - self.origin
-        view["right"] = matrix[:3, 0] * half_height * size[0] / size[1]
+        view["right"] = matrix[:3, 0] * half_height * whole[0] / whole[1]
         view["up"] = matrix[:3, 1] * half_height
         view["forward"] = -matrix[:3, 2]
         view["orthographic"] = camera.orthographic_height is not None
         view["jitter"], view["size"], view["offset"] = jitter, size, offset
+        view["whole"], view["corner"] = whole, corner
         view["background"] = 0.0 if transparent else 1.0
         view["footprint"], view["anisotropy"] = footprint, anisotropy
         # The projection; the far plane, which only orthographic cameras have, lies behind the scene.
         radius = max(self._hierarchy.radius, 1e-30)
         far = max(float((self._hierarchy.centre - view["position"]) @ view["forward"]) + radius, radius)
-        clip = camera.clip_from_world(size, self.origin, NEAR * radius, far, offset)
+        clip = camera.clip_from_world(whole, self.origin, NEAR * radius, far, offset)
         view["clip_from_world"] = clip.T
         return view
 

@@ -28,7 +28,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         // Find the surface that the ray through the point sees.
         let place = (vec2f(vec2u(point % SIDE, point / SIDE)) + 0.5) / f32(SIDE);
         var rays: Rays;
-        rays.main = camera_ray(vec2f(pixel) + place);
+        rays.main = camera_ray(vec2f(whole_pixel(pixel)) + place);
         rays.limit = FLOAT_MAX;
         rays.seed = PASSING;
         rays.index = point;

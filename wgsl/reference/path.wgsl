@@ -44,11 +44,11 @@ const PAIRS_PER_VERTEX: u32 = 3u;
 fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) local: u32) {
     let pixel = pixel_of(params.first_workgroup + workgroup.x, local, params.row_stride);
     if (all(pixel < view.size)) {
-        trace_paths(pixel, pixel.y * view.size.x + pixel.x, params.seed);
+        trace_paths(whole_pixel(pixel), pixel.y * view.size.x + pixel.x, params.seed);
     }
 }
 
-// Traces more paths of a pixel, whose means are elements `pixel_index` of the buffers.
+// Traces more paths of a pixel of the whole picture, whose means are elements `pixel_index` of the buffers.
 fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
     let pixel_seed = hash2(pixel.x, hash2(pixel.y, seed));
 
@@ -62,7 +62,7 @@ fn trace_paths(pixel: vec2u, pixel_index: u32, seed: u32) {
     }
     // lavapipe (Mesa 22.3) compiles a shader anew for every dispatch if it branches on uniforms alone, and keeps each
     // copy: hence `select`, `&`, and here a condition that is always true but varies.
-    let has_lights = (scene.light_count > 0u) & (pixel.x < view.size.x);
+    let has_lights = (scene.light_count > 0u) & (pixel.x < view.whole.x);
     // Squares are summed about the mean so far, which keeps their difference accurate.
     let centre = old.emission.rgb + old.direct + old.indirect;
 

@@ -16,6 +16,6 @@ fn main_listed(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocatio
     let index = (params.first_workgroup + workgroup.x) * 64u + local;
     let entry = pixel_list.entries[min(index, 4095u)];
     if (all(entry.xy < view.size)) {
-        trace_paths(entry.xy, index, entry.z);
+        trace_paths(whole_pixel(entry.xy), index, entry.z);
     }
 }

@@ -18,7 +18,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let index = pixel.y * view.size.x + pixel.x;
-    let ray = camera_ray(vec2f(pixel) + 0.5);
+    let ray = camera_ray(vec2f(whole_pixel(pixel)) + 0.5);
     let hit = trace_firm(ray, FLOAT_MAX);
     if (hit.triangle == NONE) {
         albedo[index] = vec4f(0.0);

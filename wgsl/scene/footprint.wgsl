@@ -67,7 +67,7 @@ fn pixel_footprint(ray: Ray, t: Triangle, hit: Hit) -> HitFootprint {
         return no_footprint();
     }
     // The steps to the next pixels: of parallel rays they move the origin, of others the end of the direction.
-    let steps = mat2x3f(view.right * (2.0 / f32(view.size.x)), view.up * (2.0 / f32(view.size.y))) * view.footprint;
+    let steps = mat2x3f(view.right * (2.0 / f32(view.whole.x)), view.up * (2.0 / f32(view.whole.y))) * view.footprint;
     let parallel = view.orthographic != 0u;
     let by_origin = select(0.0, 1.0, parallel) * steps;
     let by_direction = select(dot(ray.direction, view.forward), 0.0, parallel) * steps;

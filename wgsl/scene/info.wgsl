@@ -9,10 +9,12 @@ struct View {
     background: f32,   // factor on the environment where the camera sees it: 1, or 0 for a transparent background
     forward: vec3f,    // unit
     footprint: f32,    // pixels, side of the square that textures are averaged over; 0: points
-    size: vec2u,       // pixels
+    size: vec2u,       // pixels of this picture, which may be a window of a larger one
     offset: vec2f,     // point of each pixel that unjittered rays go through, pixels from its top left corner
     clip_from_world: mat4x4f,  // reversed depth: near / view depth, or 1 .. 0 to the far end if orthographic
     anisotropy: f32,   // most samples of a texture along the longer axis of a footprint
+    whole: vec2u,      // pixels of the whole picture, to which `right`, `up` and `clip_from_world` belong
+    corner: vec2u,     // the window's first pixel in the whole picture
 }
 
 struct SceneInfo {
@@ -38,19 +40,24 @@ struct Ray {
     direction: vec3f,  // need not be of unit length
 }
 
-// Returns the ray through the point of a pixel that rasterisation samples.
-fn pixel_ray(pixel: vec2u) -> Ray {
-    return camera_ray(vec2f(pixel) + view.offset);
+// Returns a pixel of this picture as one of the whole picture: what random numbers and patterns depend on.
+fn whole_pixel(pixel: vec2u) -> vec2u {
+    return pixel + view.corner;
 }
 
-// Returns the ray through a point of the picture, in pixels from its top left corner.
+// Returns the ray through the point of a pixel of this picture that rasterisation samples.
+fn pixel_ray(pixel: vec2u) -> Ray {
+    return camera_ray(vec2f(whole_pixel(pixel)) + view.offset);
+}
+
+// Returns the ray through a point of the whole picture, in pixels from its top left corner.
 fn camera_ray(pixel: vec2f) -> Ray {
     return ray_of(view, pixel);
 }
 
-// Returns the ray through a point of a view's picture.
+// Returns the ray through a point of the whole picture of a view.
 fn ray_of(v: View, pixel: vec2f) -> Ray {
-    let ndc = pixel / vec2f(v.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+    let ndc = pixel / vec2f(v.whole) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
     let offset = ndc.x * v.right + ndc.y * v.up;
     let parallel = v.orthographic != 0u;
     return Ray(

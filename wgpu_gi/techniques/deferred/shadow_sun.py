@@ -98,7 +98,7 @@ def _view_spheres(
     """
     eye, forward = (np.asarray(view[name], np.float64) for name in ("position", "forward"))
     right, up = (np.asarray(view[name], np.float64) for name in ("right", "up"))
-    pixel = 2 * float(np.linalg.norm(up)) / float(view["size"][1])  # at unit depth, unless parallel
+    pixel = 2 * float(np.linalg.norm(up)) / float(view["whole"][1])  # at unit depth, unless parallel
     corner = float(np.hypot(np.linalg.norm(right), np.linalg.norm(up)))  # off the axis, at unit depth, unless parallel
     parallel = bool(view["orthographic"])
     depths = _visible_depths(surface_samples - eye, right, up, forward, parallel)

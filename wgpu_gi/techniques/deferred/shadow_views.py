@@ -209,7 +209,7 @@ def _fit_suns(
     if settings.sun is not None or not suns:
         return suns, largest
     # Use the least side that needs as few maps: a map costs more than its texels.
-    side = min(largest, max(_power_of_two(2 * int(view["size"].max()) - 1), SMALLEST))
+    side = min(largest, max(_power_of_two(2 * int(view["whole"].max()) - 1), SMALLEST))
     while side < largest:
         fewer_texels = fit(side)
         if sum(len(sun.maps) for sun in fewer_texels.values()) <= sum(len(sun.maps) for sun in suns.values()):

@@ -118,7 +118,7 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
     state.update(
         upload,
         shot.scene,
-        lambda: upload.view(shot.camera, shot.size, False),
+        lambda: upload.view(shot.camera, shot.size, False, window=shot.window),
         settings.direct,
         settings.shadow,
         beyond_picture,
@@ -132,7 +132,7 @@ def deferred_inputs(shot: Shot, settings: DeferredOptions, *, beyond_picture: bo
     # The frames so far share the pixel.
     footprint = sample_footprint(settings.camera, max(shot.frame, 0) + 1)
     anisotropy = settings.camera.anisotropy
-    view = upload.view(shot.camera, shot.size, False, offset, settings.transparent, footprint, anisotropy)
+    view = upload.view(shot.camera, shot.size, False, offset, settings.transparent, footprint, anisotropy, shot.window)
     state.note_motion(upload, shot.scene, graph, view)
     number, ahead = max(shot.frame, 0), max(-shot.frame, 0)
     graph.uniform("sequence", np.array((shot.drawn + number, number, ahead), SEQUENCE))

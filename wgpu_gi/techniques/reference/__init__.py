@@ -89,9 +89,9 @@ class LongPaths:
 
 def path_inputs(shot: Shot, settings: PathOptions) -> PathInputs:
     """Set the uniforms `scene` and `view`; return the inputs of the passes."""
-    shot.graph.uniform(
-        "view", shot.upload.view(shot.camera, shot.size, settings.camera.jitter, transparent=settings.transparent)
-    )
+    jitter, transparent = settings.camera.jitter, settings.transparent
+    view = shot.upload.view(shot.camera, shot.size, jitter, transparent=transparent, window=shot.window)
+    shot.graph.uniform("view", view)
     return PathInputs(**vars(share_scene(shot.graph, shot.upload)), runs=_runs(settings, shot.kept))
 
 

@@ -21,6 +21,7 @@ from ...upload.scene_upload import SceneUpload
 SLACK = 4e-6  # error of a sum over its absolute terms: 67 float32 roundings; this code and the shaders make ten
 
 # Planes of clip space: -w <= x <= w, -w <= y <= w, 0 <= z <= w.
+LEFT, RIGHT, BOTTOM, TOP = range(4)
 SIDES = np.array(
     [(1, 0, 0, 1), (-1, 0, 0, 1), (0, 1, 0, 1), (0, -1, 0, 1), (0, 0, 1, 0), (0, 0, -1, 1)],
     np.float64,
@@ -33,7 +34,14 @@ def frustum_planes(records: NDArray[np.void]) -> tuple[NDArray[np.float64], NDAr
     A point lies in a view if plane . (x, y, z, 1) >= 0 for all of its planes.
     """
     rows = records["clip_from_world"].astype(np.float64).transpose(0, 2, 1)
-    return SIDES @ rows, np.abs(SIDES) @ np.abs(rows)
+    sides = np.tile(SIDES, (len(records), 1, 1))
+    if "whole" in (records.dtype.names or ()):
+        # A camera may show a window of its picture; y points up.
+        low = 2.0 * records["corner"] / records["whole"] - 1.0
+        high = 2.0 * (records["corner"] + records["size"]) / records["whole"] - 1.0
+        sides[:, LEFT, 3], sides[:, RIGHT, 3] = -low[:, 0], high[:, 0]
+        sides[:, BOTTOM, 3], sides[:, TOP, 3] = high[:, 1], -low[:, 1]
+    return sides @ rows, np.abs(sides) @ np.abs(rows)
 
 
 def visible(records: NDArray[np.void], boxes: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -124,5 +132,9 @@ class CameraDraws:
     def __call__(self, encoder: Any) -> None:
         """Record the draws."""
         assert self.upload.draws is not None
-        self.culling.update(np.frombuffer(self.view.data, self.view.dtype), self.upload.draws)
+        views = np.frombuffer(self.view.data, self.view.dtype)
+        self.culling.update(views, self.upload.draws)
+        if (views["whole"] != views["size"]).any():
+            # The target is that of the whole picture, so that rasterisation rounds alike in all of its windows.
+            encoder.set_scissor_rect(*views["corner"][0].tolist(), *views["size"][0].tolist())
         encoder.draw_all(self.culling.calls(self.masked))

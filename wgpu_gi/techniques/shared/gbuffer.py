@@ -33,6 +33,7 @@ SURFACE = np.dtype((np.uint32, 4))
 class Gbuffer:
     """One layer of surfaces. Buffers have one element per pixel, rows from the top.
 
+    visibility and depth have the size of the whole picture, of which passes fill the view's window.
     visibility: triangle and instance, each plus 1; 0: none. depth: reversed, near / view depth. distance: metres along
     the pixel's ray; 0: no surface. surfaces: packed as in `wgsl/shared/gbuffer/surface.wgsl`. emission:
     radiance of the surface, or of the environment without one, W/(m2 sr). seen_tiles: tiles of 8x8 pixels that show a
@@ -133,8 +134,10 @@ def _declare_visibility(
     """Declare the raster passes of a layer, behind the depth `nearer` if given; return visibility and depth."""
     # Without instances the second number is always 0; a one-channel texture reads as 0 there, too.
     ids = "rg32uint" if scene.features["HAS_INSTANCES"] else "r32uint"
-    visibility = graph.texture(f"{name}/visibility{suffix}", ids)
-    depth = graph.texture(f"{name}/depth{suffix}", "depth32float")
+    whole_width, whole_height = np.frombuffer(graph.uniforms[view].data, graph.uniforms[view].dtype)["whole"][0].tolist()
+    size = whole_width, whole_height
+    visibility = graph.texture(f"{name}/visibility{suffix}", ids, size=size)
+    depth = graph.texture(f"{name}/depth{suffix}", "depth32float", size=size)
     shader = "shared/gbuffer/visibility.wgsl"
     behind = graph.neutral("texture_2d") if nearer is None else nearer
     fragment = "fragment_see_through" if scene.features["HAS_SEE_THROUGH"] else "fragment_masked"

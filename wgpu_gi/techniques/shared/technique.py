@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar, get_type_hints
 
-from ...camera import Camera
+from ...camera import Camera, Window
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
 from ...scene.scene import Scene
@@ -42,6 +42,7 @@ class Shot:
     `frame`: number in a still picture, 0 to `frames` - 1; negative for the warm-up frames before. `drawn`: number of
     the frames before this picture whose random numbers it must not repeat. `moving`: number of the frame in a moving
     picture that is anti-aliased over time, else None. `preview`: the view moves, and a still picture will start over.
+    `window`: the part of a larger picture that the picture is; None: it is whole.
     """
 
     graph: Graph
@@ -55,6 +56,7 @@ class Shot:
     moving: int | None
     kept: Kept
     preview: bool
+    window: Window | None = None
 
 
 @dataclass

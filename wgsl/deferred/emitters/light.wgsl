@@ -40,7 +40,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     let point = point_of_hit(triangle, hit_on_triangle(ray, triangle, seen.x, seen.y));
     let r = receiver(point.position, surface.normal, surface.geometric_normal, gbuffer_brdf(surface), -ray.direction);
     let offset = ray_offset(surface.geometric_normal, SLIVERS * point.terms);
-    let found = scattered_from_emitters(r, offset, pixel, sequence.index, params.seed);
+    let found = scattered_from_emitters(r, offset, whole_pixel(pixel), sequence.index, params.seed);
     let index = pixel.y * view.size.x + pixel.x;
     let tint = emitter_tint(r.brdf, r.normal, -ray.direction);
     let sum = sum_of(found) / tint;

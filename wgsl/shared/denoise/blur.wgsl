@@ -80,7 +80,7 @@ fn tent_reach(pixel: vec2u, lobes: bool) -> f32 {
         return f32(RADIUS);
     }
     let roughness = load_surface(grid_pixel(pixel)).roughness;
-    let angle = 2.0 * length(view.right) / f32(view.size.x);
+    let angle = 2.0 * length(view.right) / f32(view.whole.x);
     let lobe = 1.0 + roughness * roughness / angle;
     return select(min(lobe, f32(RADIUS)), f32(RADIUS), view.orthographic != 0u);
 }

@@ -39,12 +39,12 @@ struct Plane {
 }
 
 fn tangent_plane(pixel: vec2u, depth: f32, view_normal: vec3f) -> Plane {
-    let size = vec2f(view.size);
+    let size = vec2f(view.whole);
     let half = vec2f(length(view.right), length(view.up));
     let width = 2.0 * half.x / size.x;
     // Change along the normal, per pixel, of a ray of unit view depth, or of a parallel ray's origin.
     let across = view_normal.xy * vec2f(1.0, -half.y * size.x / (half.x * size.y));
-    let ndc = (vec2f(pixel) + view.offset) / size * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+    let ndc = (vec2f(whole_pixel(pixel)) + view.offset) / size * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
     let facing = dot(view_normal, vec3f(ndc * half, 1.0)) / width;
     let along = view_normal.z / width;
     let parallel = view.orthographic != 0u;

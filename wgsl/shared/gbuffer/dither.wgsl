@@ -1,4 +1,4 @@
-// The number by which a pixel shows a see-through triangle or what lies behind it.
+// The number by which a pixel of the whole picture shows a see-through triangle or what lies behind it.
 //
 // Over the picture, an ordered dither (Bayer 1973) with Owen scrambling, so that squares of 2^k pixels spread evenly over
 // [0, 1); over frames, a shuffled van der Corput sequence that rotates it. Both differ by triangle, so that stacked surfaces

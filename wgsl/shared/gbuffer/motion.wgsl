@@ -50,8 +50,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     // Subtract the jitter of both frames; motion is the surface's alone.
-    let place = (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view_before.size) - 0.5 + view_before.offset;
-    let moved = vec2f(pixel) + view.offset - place;
+    let place = (clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view_before.whole) - 0.5 + view_before.offset;
+    let moved = vec2f(whole_pixel(pixel)) + view.offset - place;
     let from_camera = position - view_before.position;
     let along_ray = select(
         length(from_camera), dot(from_camera, view_before.forward), view_before.orthographic != 0u);

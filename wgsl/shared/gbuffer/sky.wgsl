@@ -31,7 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
         if (any(pixel >= view.size)) {
             break;
         }
-        if (textureLoad(visibility, pixel, 0).x > 0u) {
+        if (textureLoad(visibility, whole_pixel(pixel), 0).x > 0u) {
             shows_surface = true;
         } else {
             let index = pixel.y * view.size.x + pixel.x;

@@ -74,10 +74,10 @@ fn fragment_see_through(in: MaskedVaryings) -> @location(0) vec2u {
     if (!is_see_through(mask.material)) {
         is_open = is_open || is_open_over(mask, footprint, false);
     } else {
-        let pixel = vec2u(in.clip.xy);
+        let pixel = vec2u(in.clip.xy);  // of the whole picture
         var chance: f32;
         if (HAS_TINTS && is_glass(mask.material)) {
-            let ray = pixel_ray(pixel);
+            let ray = camera_ray(vec2f(pixel) + view.offset);
             let t = load_triangle(in.ids.x);
             chance = passage_of_hit(t, hit_on_triangle(ray, t, in.ids.x, in.ids.y), ray.direction, false).chance;
         } else {

@@ -21,7 +21,8 @@ fn point_of_hit(t: Triangle, hit: Hit) -> HitPoint {
     return HitPoint(point, terms);
 }
 
-// Returns the triangle and the instance that a pixel shows; the triangle is NONE if the pixel shows no surface.
+// Returns the triangle and the instance that a pixel shows; the triangle is NONE if the pixel shows no surface. The
+// buffer is that of the whole picture.
 fn load_visibility(pixel: vec2u) -> vec2u {
-    return textureLoad(visibility, pixel, 0).xy - 1u;
+    return textureLoad(visibility, whole_pixel(pixel), 0).xy - 1u;
 }
