@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from .camera import Window
 from .errors import GiError
 from .gpu.device import Device
 from .records import KnownAttributes
@@ -125,6 +126,26 @@ def why_aliased(settings: Settings) -> str | None:
     if not settings.camera.jitter:
         return "camera.jitter is false"
     return "camera.antialias is 1" if settings.camera.antialias == 1 else None
+
+
+def check_whole(size: tuple[int, int]) -> None:
+    """Raise GiError if a picture of this size (width, height) cannot be rendered window by window."""
+    if not isinstance(size, (tuple, list)) or len(size) != 2 or not all(map(is_whole, size)):
+        raise GiError(f"size must be (width, height) in whole pixels, not {shown(size)}")
+    if min(size) < 1 or max(size) > MAX_TEXTURE_SIDE:
+        raise GiError(f"size {size[0]}x{size[1]}: a picture has 1 to {MAX_TEXTURE_SIDE} pixels a side")
+
+
+def check_window(size: tuple[int, int], window: Window | None) -> None:
+    """Raise GiError unless a picture of this size lies at the window's corner in a whole picture."""
+    if window is None:
+        return
+    if not isinstance(window, Window) or not isinstance(window.corner, tuple) or len(window.corner) != 2:
+        raise GiError(f"window must be Window(corner, whole), two pairs of whole pixels, not {shown(window)}")
+    check_whole(window.whole)
+    (x, y), (width, height) = window
+    if not (is_whole(x) and is_whole(y)) or min(x, y) < 0 or x + size[0] > width or y + size[1] > height:
+        raise GiError(f"the window of {size[0]}x{size[1]} pixels at {x}, {y} is not within {width}x{height} pixels")
 
 
 def check_size(size: tuple[int, int], device: Device | None = None) -> None:

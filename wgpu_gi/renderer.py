@@ -20,7 +20,7 @@ from .gpu.handles import Texture
 from .gpu.schedule import Stale
 from .gpu.wgsl.load import refresh
 from .gpu_frame import GpuFrame, View, copy_of
-from .options import TECHNIQUES, Settings, check_size, technique_of
+from .options import TECHNIQUES, Settings, check_size, check_window, technique_of
 from .pictures.picture import Picture
 from .pictures.tables import Table
 from .pixel_tracer import PixelTruth, check_counts, checked_pixels
@@ -51,6 +51,9 @@ class Renderer(KnownAttributes):
     values that its channels name: transforms, joints, morph weights, values of lights, cameras and materials. All else
     follows `scene`, which may change at any time. A `camera` that is in `scene.cameras` moves with it. With the time
     None, the scene is shown as it stands.
+
+    With a `window`, `Window(corner, whole)`, pictures of `size` are that part of a larger picture, and the camera's
+    angle is that of the whole.
 
     A Renderer serves one thread at a time; a second thread gets a GiError while the first renders. Renderers in
     several threads take turns at the GPU, frame by frame. A new process must be spawned, not forked.
@@ -405,5 +408,8 @@ class Renderer(KnownAttributes):
             validate(self.settings)
             self._checked = copy_of(self.settings)
         check_size(self.size)
+        check_window(self.size, self.window)
+        if self.window is not None and self.moving:
+            raise GiError("a moving picture has no window: its frames follow from one another; render it whole")
         check_camera(self.camera)
         check_structure(self.scene)

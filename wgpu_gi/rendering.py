@@ -23,6 +23,7 @@ from .scene.rules import shown
 from .scene.scene import Environment
 from .settings import apply_quality, validate
 from .techniques.reference import DENOISER_INPUTS
+from .tiles import Tiled, TilePlan, render_tiles, tile_plan
 
 
 @overload
@@ -45,6 +46,7 @@ def render(
     quality: str | None = ...,
     denoise: bool = ...,
     certify: bool | int = ...,
+    tiles: bool | int | tuple[int, int] = ...,
     show: str = ...,
     settings: Settings | None = ...,
     adapter: str | None = ...,
@@ -72,6 +74,7 @@ def render(
     quality: str | None = ...,
     denoise: bool = ...,
     certify: bool | int = ...,
+    tiles: bool | int | tuple[int, int] = ...,
     show: Sequence[str],
     settings: Settings | None = ...,
     adapter: str | None = ...,
@@ -98,6 +101,7 @@ def render(
     quality: str | None = None,
     denoise: bool = False,
     certify: bool | int = False,
+    tiles: bool | int | tuple[int, int] = False,
     show: str | Sequence[str] = "radiance",
     settings: Settings | None = None,
     adapter: str | None = None,
@@ -120,27 +124,32 @@ def render(
 
     `denoise` smooths the path tracer's radiance with Open Image Denoise (the extra `denoise`), and no other buffer.
     `certify` path traces so many random pixels (True: 200), as `error` does: `certificate` of the radiance states
-    relMSE and bias with 95 % intervals. The other arguments override `settings`. `quality` (low, medium, high)
-    overrides all settings with presets. Raises GiError for bad values.
+    relMSE and bias with 95 % intervals. `tiles` renders the picture part by part, with the same result, in sizes
+    that the adapter's buffers do not hold: so many tiles, or of (width, height) pixels at most (True: 2048x2048). The
+    other arguments override `settings`. `quality` (low, medium, high) overrides all settings with presets. Raises
+    GiError for bad values.
     """
     values = {"gi": gi, "spp": spp, "bounces": bounces, "seed": seed, "diffuse": diffuse, "transparent": transparent}
     chosen = settings_of(settings, values, quality)
     names = (show,) if isinstance(show, str) else show
-    pixels = _check_arguments(names, size, chosen.gi, denoise, progress, certify)
+    plan = None if tiles is False else tile_plan(size, chosen, tiles)
+    pixels = _check_arguments(names, size if plan is None else None, chosen.gi, denoise, progress, certify)
     is_fixed = gi is not None or settings is not None
     asked = asked_of(scene, environment, (time, error, at), animation, names, is_fixed, quality)
     warn_of([*asked.notes, *_ignored(chosen, values, asked.budget)], stacklevel=2)
-    with Renderer(asked.scene, size=size, camera=camera, settings=chosen, adapter=adapter) as renderer:
-        pictures = _pictures(renderer, asked, names, progress, denoise, pixels)
+    shape = size if plan is None else plan.tiles[0].window_size
+    with Renderer(asked.scene, size=shape, camera=camera, settings=chosen, adapter=adapter) as renderer:
+        pictures = _pictures(renderer, asked, names, progress, denoise, pixels, plan)
     return pictures[show] if isinstance(show, str) else pictures
 
 
 def _check_arguments(
-    names: Sequence[str], size: tuple[int, int], gi: str, denoise: bool, progress: Any, certify: bool | int
+    names: Sequence[str], size: tuple[int, int] | None, gi: str, denoise: bool, progress: Any, certify: bool | int
 ) -> int:
     """Raise GiError for arguments of `render` that are wrong, or do not go together; return the pixels to certify."""
     check_buffers(names, gi)
-    check_size(size)
+    if size is not None:
+        check_size(size)
     check_denoise(denoise, names, gi)
     if progress is not None and not callable(progress):
         raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
@@ -152,9 +161,21 @@ def _check_arguments(
 
 
 def _pictures(
-    renderer: Renderer, asked: Asked, names: Sequence[str], progress: Any, denoise: bool, pixels: int
+    renderer: Renderer,
+    asked: Asked,
+    names: Sequence[str],
+    progress: Any,
+    denoise: bool,
+    pixels: int,
+    plan: TilePlan | None,
 ) -> dict[str, Picture]:
     """Render what is asked for; return the buffers by name, radiance certified by a number of pixels (0: not)."""
+    if plan is not None:
+        if pixels or asked.budget is not None:
+            raise GiError("tiles: certify, time and error need the picture as a whole; leave them out, or tiles")
+        renderer.time, renderer.animation = asked.at, asked.animation
+        tiled = render_tiles(renderer, plan, with_alpha(names, renderer.settings, denoise), progress)
+        return read_pictures(tiled, names, renderer.settings, denoise)
     outcome = asked.run(renderer, progress, with_alpha(names, renderer.settings, denoise))
     pictures = read_pictures(renderer, names, renderer.settings, denoise)
     for picture in pictures.values():
@@ -224,7 +245,7 @@ def with_alpha(names: Sequence[str], settings: Settings, denoise: bool = False) 
 
 
 def read_pictures(
-    renderer: Renderer, names: Sequence[str], settings: Settings, denoise: bool = False
+    renderer: Renderer | Tiled, names: Sequence[str], settings: Settings, denoise: bool = False
 ) -> dict[str, Picture]:
     """Return buffers by name; radiance is RGBA if the background is transparent, and smooth with `denoise`."""
     pictures = {name: renderer.read_back(name) for name in names}

@@ -21,7 +21,7 @@ LAYERS = [
     ("dataset",),
     ("measure", "sequence"),
     ("rendering",),
-    ("budget",),
+    ("budget", "tiles"),
     ("renderer",),
     ("gpu_frame",),
     ("frame", "pixel_tracer"),

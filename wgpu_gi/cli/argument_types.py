@@ -28,6 +28,17 @@ def parse_size(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
+def parse_tiles(text: str) -> int | tuple[int, int]:
+    """Parse a number of tiles, or their size such as 1024x1024."""
+    if re.fullmatch(r"[1-9]\d{0,8}", text):
+        return int(text)
+    try:
+        return parse_size(text)
+    except ArgumentTypeError:
+        message = f"tiles are their number, such as 4, or their size, such as 1024x1024, not {text!r}"
+        raise ArgumentTypeError(f"{message}; write the scene before it") from None
+
+
 def parse_pixels(text: str) -> int:
     """Parse a number of pixels."""
     if re.fullmatch(r"-?\d{1,9}", text) is None:

@@ -163,10 +163,15 @@ def noted_scene(arguments: Namespace, settings: Settings, say: Messages) -> tupl
     return scene, camera
 
 
-def renderer_from(arguments: Namespace, settings: Settings, say: Messages) -> Renderer:
-    """Load the scene and return its renderer. Note settings without effect; warn of a slow adapter."""
+def renderer_from(
+    arguments: Namespace, settings: Settings, say: Messages, size: tuple[int, int] | None = None
+) -> Renderer:
+    """Load the scene and return its renderer, of `size` (None: that of the arguments).
+
+    Note settings without effect; warn of a slow adapter.
+    """
     scene, camera = noted_scene(arguments, settings, say)
-    renderer = Renderer(scene, size=arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
+    renderer = Renderer(scene, size=size or arguments.size, camera=camera, settings=settings, adapter=arguments.adapter)
     renderer.time, renderer.animation = time_of(arguments, arguments.scene, scene), arguments.animation
     warn_of_cpu(renderer.adapter_name, renderer.is_cpu, say)
     return renderer

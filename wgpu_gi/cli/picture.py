@@ -11,16 +11,21 @@ from ..budget.refine import render_within
 from ..budget.request import Budget
 from ..options import picture_count, technique_of
 from ..renderer import Renderer
+from ..tiles import Tiled, TilePlan, render_tiles
 from .common import rendering
 from .interrupt import handled, held
 from .messages import Messages
 
 
 class Made(NamedTuple):
-    """How a picture was made: `outcome` of its budget, None without one; `interrupts`: how often Ctrl-C was pressed."""
+    """How a picture was made: `outcome` of its budget, None without one; `interrupts`: how often Ctrl-C was pressed.
+
+    tiled: the picture, if it was rendered in tiles; else the renderer has it.
+    """
 
     outcome: Outcome | None
     interrupts: int
+    tiled: Tiled | None = None
 
 
 def make(
@@ -31,12 +36,17 @@ def make(
     say: Messages,
     show: tuple[str, ...],
     options: Mapping[str, bool],
+    plan: TilePlan | None = None,
 ) -> Made:
-    """Render a picture: by the `options` of `Renderer.run`, or within `budget` by one of `techniques`
-    (None: any) at a `quality` (None: any).
+    """Render a picture: by the `options` of `Renderer.run`, in the tiles of `plan` if given; or within `budget`.
+
+    A budget is met by one of `techniques` (None: any) at a `quality` (None: any).
 
     Ctrl-C ends it once there is a picture to save. Before, it raises KeyboardInterrupt.
     """
+    if plan is not None:
+        with rendering(renderer, say, f"rendering {len(plan.tiles)} tiles") as report:
+            return Made(None, 0, render_tiles(renderer, plan, show, report, **options))
     outcome = None
     try:
         with held(lambda: renderer.finished > 0), rendering(renderer, say) as report:

@@ -18,6 +18,7 @@ from .argument_types import (
     parse_rate,
     parse_shards,
     parse_size,
+    parse_tiles,
     parse_time,
 )
 
@@ -147,6 +148,15 @@ def add_render_arguments(parser: ArgumentParser) -> None:
         metavar="N",
         help="path trace N random pixels, default 200: state relMSE and bias of the picture with 95 %% intervals",
     )
+    add(
+        "--tiles",
+        nargs="?",
+        const=True,
+        default=False,
+        type=parse_tiles,
+        metavar="N|WxH",
+        help="render the picture in N tiles, or in tiles of WxH pixels, default 2048x2048: for sizes up to 8192x8192",
+    )
     add("--transparent", action="store_true", help="leave the environment out of the background; the file gets alpha")
     add(
         "--show",
@@ -159,9 +169,11 @@ def add_render_arguments(parser: ArgumentParser) -> None:
     add("--timings", action="store_true", help="print the time of each pass")
     add("--check", action="store_true", help="name the first pass that writes a NaN or an infinity (slow)")
 
-    # Several frames.
-    sequence = parser.add_argument_group("sequence")
-    add = sequence.add_argument
+    _add_sequence_arguments(parser)
+
+
+def _add_sequence_arguments(parser: ArgumentParser) -> None:
+    add = parser.add_argument_group("sequence").add_argument
     add(
         "--frames",
         type=parse_frames,

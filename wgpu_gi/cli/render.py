@@ -15,6 +15,7 @@ from ..pictures.image import check_output, exposure_for, save_image
 from ..pictures.picture import Picture
 from ..renderer import Renderer
 from ..rendering import check_denoise, read_pictures, with_alpha
+from ..tiles import TilePlan, tile_plan
 from .budgets import budget_of, check_budget
 from .certificates import certificate_of, pixels_of
 from .common import checked_buffers, list_names, metadata_of, renderer_from, settings_from
@@ -33,7 +34,9 @@ def render(arguments: Namespace) -> int:
         return 0
     # Check the arguments before any slow step.
     shown = checked_buffers(arguments.show or ["radiance"], settings.gi)
-    check_size(arguments.size)
+    plan = plan_of(arguments, settings)
+    if plan is None:
+        check_size(arguments.size)
     check_denoise(arguments.denoise, shown if arguments.frames is None else ["radiance"], settings.gi)
     pixels = pixels_of(arguments, shown)
     check_budget(arguments)
@@ -44,13 +47,15 @@ def render(arguments: Namespace) -> int:
         return render_frames(arguments, settings, shown, say)
     check_single(arguments)
     check_output(arguments.output, shown, settings.transparent)
-    return _render(arguments, settings, shown, pixels, say)
+    return _render(arguments, settings, shown, pixels, say, plan)
 
 
-def _render(arguments: Namespace, settings: Settings, shown: list[str], pixels: int, say: Messages) -> int:
+def _render(
+    arguments: Namespace, settings: Settings, shown: list[str], pixels: int, say: Messages, plan: TilePlan | None
+) -> int:
     """Load the scene, render the picture and save it; return the exit code."""
     # Render, until the picture is complete, its budget is met, or Ctrl-C is pressed.
-    renderer = renderer_from(arguments, settings, say)
+    renderer = renderer_from(arguments, settings, say, None if plan is None else plan.tiles[0].window_size)
     if renderer.time is None and renderer.scene.animations:
         say.note("the animations are at rest; --at T shows the second T of one, --frames plays it")
     check_budget(arguments)
@@ -61,7 +66,7 @@ def _render(arguments: Namespace, settings: Settings, shown: list[str], pixels: 
     techniques = None if arguments.gi is None else (settings.gi,)
     options = {"check": arguments.check, "timings": arguments.timings}
     show = with_alpha(shown, settings, arguments.denoise)
-    made = make(renderer, budget, techniques, arguments.quality, say, show, options)
+    made = make(renderer, budget, techniques, arguments.quality, say, show, options, plan)
     # A picture that Ctrl-C ended is saved, however often it is pressed again.
     with ignored(made.interrupts > 0):
         return _save(arguments, renderer, shown, pixels, budget, made, start, say)
@@ -79,7 +84,7 @@ def _save(
 ) -> int:
     """Certify the picture, write its file and print the results; return the exit code. `start` is when it began."""
     settings = renderer.settings
-    layers = read_pictures(renderer, shown, settings, arguments.denoise)
+    layers = read_pictures(made.tiled or renderer, shown, settings, arguments.denoise)
     seconds = time.perf_counter() - start
     content = content_of(renderer, is_open=budget is not None) + ", denoised" * arguments.denoise
     if arguments.denoise and arguments.error is not None:
@@ -122,6 +127,22 @@ def _certificate(
     if made.interrupts:
         say.note(f"interrupted after {content}; measuring its error, which Ctrl-C skips")
     return certificate_of(renderer, pixels or PIXELS, layers["radiance"], say)
+
+
+def plan_of(arguments: Namespace, settings: Settings) -> TilePlan | None:
+    """Return the tiles of the picture, None if it is rendered whole. Raises GiError for a flag that needs it whole."""
+    if arguments.tiles is False:
+        return None
+    whole = {
+        "--frames": arguments.frames is not None,
+        "--time": arguments.budget is not None and arguments.budget.has_unit,
+        "--error": arguments.error is not None,
+        "--certify": bool(arguments.certify),
+    }
+    for flag, given in whole.items():
+        if given:
+            raise GiError(f"{flag} does not go with --tiles; leave one of them out")
+    return tile_plan(arguments.size, settings, arguments.tiles)
 
 
 def check_single(arguments: Namespace) -> None:

@@ -22,6 +22,7 @@ TECHNIQUE = Technique(
     occludes_sky=False,
     options=DeferredOptions,
     inputs=deferred_inputs,
+    margin=12,  # the blur of emitters reaches 8, the noise estimate 4
     stages=(DIRECT, BOUNCES),
 )
 

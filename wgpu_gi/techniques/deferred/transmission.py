@@ -14,6 +14,7 @@ from dataclasses import replace
 from ...gpu.formats import FOUR_FLOATS
 from ...gpu.graph import Graph
 from ...scene.scene import Scene
+from ...upload.layers import is_clear
 from ..shared.bounds import NOTHING
 from ..shared.gbuffer import Gbuffer
 from ..shared.technique import Light
@@ -26,6 +27,12 @@ SHADER = "deferred/transmission/transmission.wgsl"
 def draws_transmission(scene: Scene, *, diffuse: bool) -> bool:
     """Return whether each frame draws other paths through a material; `diffuse`: all materials are Lambert."""
     return not diffuse and any(m.transmission > 0 and not m.unlit for m in scene.materials)
+
+
+def finds_light_in_picture(scene: Scene, *, diffuse: bool) -> bool:
+    """Return whether pixels show the light of others through rough or solid glass; `diffuse`: as above."""
+    materials = [m for m in scene.materials if m.transmission > 0 and not m.unlit]
+    return not diffuse and any(not is_clear(m) or m.metallic_roughness_texture is not None for m in materials)
 
 
 def with_transmission(

@@ -128,6 +128,7 @@ TECHNIQUE = Technique(
     views=dict.fromkeys(FEATURES, "the denoiser reads it"),
     averages_samples=True,
     refine=_refine,
+    margin=2,  # of the noise estimate: `wgsl/reference/standard_error.wgsl`
     refined=frozenset({"radiance", "direct", "indirect", "emission", "standard_error"}),
 )
 

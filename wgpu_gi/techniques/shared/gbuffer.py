@@ -134,7 +134,9 @@ def _declare_visibility(
     """Declare the raster passes of a layer, behind the depth `nearer` if given; return visibility and depth."""
     # Without instances the second number is always 0; a one-channel texture reads as 0 there, too.
     ids = "rg32uint" if scene.features["HAS_INSTANCES"] else "r32uint"
-    whole_width, whole_height = np.frombuffer(graph.uniforms[view].data, graph.uniforms[view].dtype)["whole"][0].tolist()
+    whole_width, whole_height = np.frombuffer(graph.uniforms[view].data, graph.uniforms[view].dtype)["whole"][
+        0
+    ].tolist()
     size = whole_width, whole_height
     visibility = graph.texture(f"{name}/visibility{suffix}", ids, size=size)
     depth = graph.texture(f"{name}/depth{suffix}", "depth32float", size=size)

@@ -102,6 +102,7 @@ class Technique:
     warm_up: returns the number of frames before the first one that a still picture averages.
     refine: plans more runs for a picture that lacks samples after all its runs; returns whether it did.
     refined: the buffers that these runs improve.
+    margin: pixels around a pixel that its light, filters and noise estimates depend on; None: the whole picture.
     stages: what its error may be due to, in the order in which `measure/attribute.py` exchanges them.
     found: returns the number of bounces of indirect light that its settings find, None for all; by default `bounces`.
     """
@@ -120,6 +121,7 @@ class Technique:
     warm_up: Callable[[Any], int] = _no_warm_up
     refine: Callable[[Graph, Kept, Any], bool] | None = None
     refined: frozenset[str] = frozenset()
+    margin: int | None = None
     stages: tuple[Stage, ...] = ()
     found: Callable[[Any], int | None] | None = None
 
