@@ -18,7 +18,7 @@ READER_GONE = 141  # 128 + SIGPIPE
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line. Return 0, 2 after an error that the user can fix, or 130 after Ctrl-C.
+    """Run the command line. Return 0, 2 after an error that the user can fix, 130 after Ctrl-C, or 143 after SIGTERM.
 
     Return 141 if the reader of the output has closed the pipe (`wgpu-gi render --set help | head`).
     """
@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if not (interrupt.came() or isinstance(error, KeyboardInterrupt)) or isinstance(error, SystemExit):
                 raise
             print("wgpu-gi: interrupted; no file was left half-written", file=sys.stderr)
-            return interrupt.INTERRUPTED
+            return interrupt.exit_code()
         finally:
             # All is written: Ctrl-C during the interpreter's exit must not change the exit code.
             atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)

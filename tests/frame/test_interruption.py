@@ -1,4 +1,4 @@
-"""Ctrl-C at many moments of every command: one sentence, exit code 130, whole files, nothing left over.
+"""Ctrl-C at many moments of every command, or SIGTERM: one sentence, exit code 130 or 143, whole files, nothing left.
 
 A picture that has a complete frame is saved; before, and by the other commands, no file is.
 """
@@ -31,9 +31,11 @@ COMMANDS = {
 }
 # Before it is ready, the interpreter starts, and takes Ctrl-C.
 START = "import sys; from wgpu_gi.__main__ import main; print('ready', flush=True); sys.exit(main(sys.argv[1:]))"
-QUICK = [("render", 0.3), ("path", 0.9), ("sequence", 1.2), ("compare", 0.1)]
+QUICK = [("render", 0.3, "SIGINT"), ("path", 0.9, "SIGINT"), ("sequence", 1.2, "SIGTERM"), ("compare", 0.1, "SIGINT")]
 DELAYS = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.3, 1.5, 1.8, 2.1, 2.5, 3.0]
-SLOW = [pytest.param(*case, marks=pytest.mark.slow) for case in ((name, d) for name in COMMANDS for d in DELAYS)]
+CASES = [(name, delay, "SIGINT") for name in COMMANDS for delay in DELAYS]
+CASES += [(name, delay, "SIGTERM") for name in ("path", "sequence") for delay in DELAYS[5:]]
+SLOW = [pytest.param(*case, marks=pytest.mark.slow) for case in CASES]
 MOST_SECONDS = 20  # from Ctrl-C to the end; on a quiet machine it is less than one
 
 
@@ -42,8 +44,8 @@ def take_interrupts():
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-@pytest.mark.parametrize(("name", "delay"), QUICK + SLOW)
-def test_interrupt_at_any_moment_ends_cleanly(name, delay, tmp_path):
+@pytest.mark.parametrize(("name", "delay", "sent"), QUICK + SLOW)
+def test_interrupt_at_any_moment_ends_cleanly(name, delay, sent, tmp_path):
     for file in ("x", "y"):
         np.save(tmp_path / f"{file}.npy", np.random.default_rng(0).random((300, 400, 3)).astype(np.float32))
     process = subprocess.Popen(
@@ -56,14 +58,14 @@ def test_interrupt_at_any_moment_ends_cleanly(name, delay, tmp_path):
     )
     assert process.stdout.readline() == "ready\n"
     time.sleep(delay)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(signal.Signals[sent])
     try:
         _, error = process.communicate(timeout=MOST_SECONDS)
     finally:
         process.kill()
     said = [line for line in error.splitlines() if not line.startswith(("note:", "warning:"))]
-    # Where code within an import was interrupted, Python ends itself by the signal: for a shell, 130 as well.
-    if process.returncode in (130, -signal.SIGINT):
+    # Where code within an import was interrupted, Python ends itself by SIGINT: for a shell, 130 as well.
+    if process.returncode in (128 + signal.Signals[sent], -signal.SIGINT):
         # An interrupted `stress` reports what it has found so far.
         saved = [file.name for file in tmp_path.glob("a.*")] if name in ("render", "path") else []
         words = f"{saved[0]} holds the picture so far, " if saved else "no file was left half-written"

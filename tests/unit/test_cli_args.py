@@ -232,6 +232,19 @@ def test_interrupted_picture_is_saved(arguments, words, certified, monkeypatch, 
         assert picture.text.get("certificate") == ("relMSE 1" if certified else None)
 
 
+def test_terminated_picture_is_saved_without_a_certificate(monkeypatch, capsys):
+    """A farm manager that ends a task kills it soon after."""
+    monkeypatch.setattr(certificates, "certify", None)
+    ended = staticmethod(lambda: (signal.raise_signal(signal.SIGTERM), KeyboardInterrupt())[1])
+    monkeypatch.setattr(FakeRenderer, "interrupt", ended)
+    monkeypatch.setattr(FakeRenderer, "before_interrupt", 7)
+    assert main(["render", "--size", "8x8"]) == 143
+    assert "out.png holds the picture so far, 7 of 24 frames" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    with PIL.Image.open("out.png") as picture:
+        assert "certificate" not in picture.text
+
+
 @pytest.mark.parametrize("step", ["read_pictures", "save_image"])
 def test_interrupted_picture_is_saved_however_often_it_is_interrupted(step, monkeypatch, capsys):
     own = getattr(cli_render, step)

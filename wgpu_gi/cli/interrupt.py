@@ -1,4 +1,7 @@
-"""Ctrl-C during a command: raises KeyboardInterrupt, but not where it would be lost.
+"""Ctrl-C during a command, or SIGTERM: raises KeyboardInterrupt, but not where it would be lost.
+
+SIGTERM is how a farm manager ends a task; after half a minute or so it kills it. So it counts as Ctrl-C pressed twice,
+which saves the picture so far without a certificate.
 
 Python drops exceptions within callbacks from C and within `__del__`; modules written in C turn them into ImportError.
 There Ctrl-C is only recorded, and `check` raises it: after the imports, and at each report of progress. It is also only
@@ -16,8 +19,9 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-INTERRUPTED = 130  # exit code: 128 + SIGINT, the convention of shells
+_PRESSES = {signal.SIGINT: 1, signal.SIGTERM: 2}
 
+_signal: int = signal.SIGINT  # the last one that came
 _came = 0  # how often Ctrl-C was pressed during this command
 _waits: Callable[[], bool] | None = None  # tells whether it must wait
 _ignored = False  # whether it does nothing
@@ -25,21 +29,28 @@ _ignored = False  # whether it does nothing
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Handle Ctrl-C during the block, in the main thread of a process that does not ignore it."""
-    global _came, _waits, _ignored
-    _came, _waits, _ignored = 0, None, False
+    """Handle both signals during the block, in the main thread; no ignored SIGINT, no SIGTERM that has a handler."""
+    global _came, _waits, _ignored, _signal
+    _came, _waits, _ignored, _signal = 0, None, False, signal.SIGINT
+    free = {signal.SIGINT: signal.getsignal(signal.SIGINT) is not signal.SIG_IGN}
+    free[signal.SIGTERM] = signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     main = threading.current_thread() is threading.main_thread()
-    if not main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        yield
-        return
-    handler, hook = signal.signal(signal.SIGINT, _interrupt), sys.unraisablehook
-    sys.unraisablehook = lambda dropped: None if dropped.exc_type is KeyboardInterrupt else hook(dropped)
+    handlers = {number: signal.signal(number, _interrupt) for number in _PRESSES if main and free[number]}
+    hook = sys.unraisablehook
+    if handlers:
+        sys.unraisablehook = lambda dropped: None if dropped.exc_type is KeyboardInterrupt else hook(dropped)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
         sys.unraisablehook = hook
         _came = 0
+
+
+def exit_code() -> int:
+    """Return the exit code of an interrupted command: 128 + the signal, the convention of shells."""
+    return 128 + _signal
 
 
 @contextmanager
@@ -83,12 +94,12 @@ def check() -> None:
         raise KeyboardInterrupt
 
 
-def _interrupt(_number: int, frame: FrameType | None) -> None:
+def _interrupt(number: int, frame: FrameType | None) -> None:
     """Record Ctrl-C, unless it is ignored; raise it, except in a callback from wgpu's C code."""
-    global _came
+    global _came, _signal
     if _ignored:
         return
-    _came += 1
+    _came, _signal = _came + _PRESSES[signal.Signals(number)], number
     caller: Any = frame
     while caller is not None:
         if caller.f_code.co_name.endswith("callback") and "wgpu_native" in caller.f_code.co_filename:

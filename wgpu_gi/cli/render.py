@@ -19,7 +19,7 @@ from ..tiles import TilePlan, tile_plan
 from .budgets import budget_of, check_budget
 from .certificates import certificate_of, pixels_of
 from .common import checked_buffers, list_names, metadata_of, renderer_from, settings_from
-from .interrupt import INTERRUPTED, ignored
+from .interrupt import exit_code, ignored
 from .messages import Messages
 from .picture import Made, content_of, make, texts_of
 
@@ -115,7 +115,7 @@ def _save(
         say.result(certificate.sentence())
     if made.interrupts:
         say.error(f"interrupted; {arguments.output} holds the picture so far, {content}")
-    return INTERRUPTED if made.interrupts else 0
+    return exit_code() if made.interrupts else 0
 
 
 def _certificate(
