@@ -215,8 +215,10 @@ class GpuFrame:
         return self.upload
 
     def expect_motion(self, view: View, instances: list[Instance]) -> None:
-        """Prepare the GPU's copy of the scene for motion of these instances; call before the first frame."""
-        self.fitting_upload(view.settings).expect_motion(instances)
+        """Lay out the GPU's copy of the scene for motion of these instances; call before the first frame."""
+        upload = self.fitting_upload(view.settings)
+        upload.expect_motion(instances)
+        upload.update(view.scene)
 
     def scene_upload(self, view: View) -> SceneUpload:
         """Return the GPU's copy of the scene as the last frame showed it; without a frame, as `view` has it."""

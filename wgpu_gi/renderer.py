@@ -181,7 +181,8 @@ class Renderer(KnownAttributes):
     def expect_motion(self) -> None:
         """Prepare for all motion of the animation; call before the first frame, with the time set.
 
-        A picture then does not depend, by rounding, on which instances have moved before it.
+        A picture then does not depend, by rounding, on the frames before it: on which instances have moved, and where
+        they stood at first.
         """
         with self._alone():
             view, rest = self._view(), {id(i) for i in self.scene.instances}

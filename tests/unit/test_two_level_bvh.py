@@ -228,6 +228,35 @@ def test_slow_motion_outwards_rarely_spans_a_new_grid(dtypes):
     assert len({id(g) for g in grids}) <= 5
 
 
+def test_expected_motion_makes_arrays_independent_of_the_poses_between(dtypes):
+    """Whatever tree and grid a pose in between needed; without, the last pose of the detour is stored otherwise."""
+
+    def stored(expected, path):
+        instances = some_instances()
+        moving = instances[1:3]
+        hierarchy = TwoLevelBvh(dtypes)
+        if expected:
+            hierarchy.expect_motion(moving)
+        update(hierarchy, instances)
+        first = [np.array(i.world_from_local) for i in moving]
+        for offset in path:
+            for sign, instance, matrix in zip((1, -1), moving, first, strict=True):
+                instance.world_from_local = at(sign * offset) @ matrix
+            update(hierarchy, instances)
+        return hierarchy
+
+    def are_equal(one, other):
+        # Behind the first node, the top level leaves what larger trees stored.
+        used = [0, *range(min(place.nodes.start for place in one.placements()), len(one.nodes))]
+        same = [np.array_equal(getattr(one, name), getattr(other, name)) for name in ALL - {"nodes"}]
+        return all(same) and one.root == other.root and np.array_equal(one.nodes[used], other.nodes[used])
+
+    detour = [0.3, 4.0, 60.0, 9.0]
+    for expected in (True, False):
+        pairs = [[stored(expected, [*path, last]) for path in ([], detour)] for last in (0.5, 9.5)]
+        assert all(are_equal(*pair) for pair in pairs) is expected
+
+
 @pytest.mark.parametrize("far", [1e7, -3e8])
 def test_a_scene_far_from_the_origin(dtypes, far):
     """Positions relative to the origin equal those of the same scene at zero."""

@@ -52,6 +52,17 @@ class QuantizationGrid:
         steps = (bounds - self.low) * self.scale
         return bool((steps >= PAD).all() and (steps <= LAST_STEP - PAD).all())
 
+    def grown(self, bounds: NDArray[np.float64], growth: float) -> QuantizationGrid:
+        """Return the least of the grids around the same centre, each `growth` times as large, that covers `bounds`."""
+        extent = LAST_STEP / self.scale
+        centre = self.low + extent / 2
+        half = np.maximum(extent, extent.max() * 2.0**-8) / 2  # a flat one grows in its thickness, too
+        grid = self
+        while not grid.spans(bounds):
+            half = half * growth
+            grid = QuantizationGrid.around(np.stack([centre - half, centre + half]))
+        return grid
+
     def quantize(self, bvh: WideBvh, dtype: np.dtype, first_node: int = 0, first_item: int = 0) -> NDArray[np.void]:
         """Return the nodes of `bvh` as records of `dtype`, with references relative to the buffers.
 

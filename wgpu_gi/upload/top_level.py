@@ -54,10 +54,12 @@ def open_subtrees(places: Iterable[Placement]) -> Subtrees:
 class TopLevel:
     """The tree over subtrees and instances. It is kept, with refitted boxes, until that costs REBUILD times as much.
 
-    That is the rule of deformed meshes (`mesh_trees`).
+    That is the rule of deformed meshes (`mesh_trees`). With `keeps_first`, the first tree is kept even then: the tree
+    around given boxes does not depend on those between.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, keeps_first: bool = False) -> None:
+        self._keeps_first = keeps_first
         self._tree: WideBvh | None = None
         self._references: NDArray[np.int64] = np.zeros(0, np.int64)
         self._levels = 0
@@ -83,10 +85,13 @@ class TopLevel:
                 f"the scene has {len(references)} instances; with meshes of so many triangles, rays can find at most"
                 f" {WIDTH**max_levels}: use fewer instances"
             )
-        tree = self._refitted(low, high, references, max_levels)
+        same = self._levels == max_levels and np.array_equal(references, self._references)
+        tree = self._refitted(low, high) if same else None
         if tree is None:
-            self._tree = tree = collapse(build_bvh(low, high, 1, 2 * max_levels), max_levels)
-            self._references, self._levels, self._built_cost = references, max_levels, tree_cost(tree)
+            tree = collapse(build_bvh(low, high, 1, 2 * max_levels), max_levels)
+            if not (same and self._keeps_first):
+                self._tree, self._references, self._levels = tree, references, max_levels
+                self._built_cost = tree_cost(tree)
         references = references[tree.order]
         if not len(tree.child):
             return int(references[0]), np.zeros(0, dtype)
@@ -97,11 +102,9 @@ class TopLevel:
         nodes["children"] = np.where(leaf, references[slot], nodes["children"]).astype(np.uint32)
         return 0, nodes
 
-    def _refitted(
-        self, low: NDArray[np.float32], high: NDArray[np.float32], references: NDArray[np.int64], max_levels: int
-    ) -> WideBvh | None:
-        """Return the last tree around boxes that have moved, if it is over the same things and still good."""
-        if self._tree is None or self._levels != max_levels or not np.array_equal(references, self._references):
+    def _refitted(self, low: NDArray[np.float32], high: NDArray[np.float32]) -> WideBvh | None:
+        """Return the last tree that was built, around boxes that have moved, if it is still good."""
+        if self._tree is None:
             return None
         tree = refit(self._tree, low[self._tree.order], high[self._tree.order])
         return tree if tree_cost(tree) <= REBUILD * self._built_cost else None

@@ -74,6 +74,7 @@ class TwoLevelBvh:
         self._prepared: dict[int, MeshData] = {}  # by id(mesh)
         self._places: dict[int, Placement] = {}  # by id(mesh)
         self._subtrees: Subtrees | None = None  # subtrees of the baked meshes; None: to be opened
+        self._repeats = False  # what `update` stores does not depend on earlier updates
         self._top = TopLevel()
         self.changes_draws = False  # the last update changed more of the draws than positions of `moved_meshes`
         self.moved_meshes: set[int] = set()  # ids of those with other positions since the last update
@@ -134,8 +135,12 @@ class TwoLevelBvh:
         self._number_materials(meshes, material_index)
 
     def expect_motion(self, instances: Iterable[Instance]) -> None:
-        """Store the meshes of these instances in local space from the next layout on, as if they had moved before."""
+        """Make what `update` stores independent of earlier updates but the first; call before that.
+
+        The meshes of these instances are in local space from the start, as if they had moved before.
+        """
         self._moved |= {id(i) for i in instances}
+        self._repeats = True
 
     def placement(self, mesh: Mesh) -> Placement:
         """Return the place of a mesh in the buffers."""
@@ -330,11 +335,13 @@ class TwoLevelBvh:
         """Use a larger grid if `bounds` have left the current one; return to the first grid if it is large enough."""
         if self._first_grid.spans(bounds):
             wanted = self._first_grid
+        elif self._repeats:
+            wanted = self._first_grid.grown(bounds, GROWTH)
         elif self.world.spans(bounds):
             wanted = self.world
         else:
             wanted = QuantizationGrid.around(bounds.mean(0) + GROWTH * (bounds - bounds.mean(0)))
-        if wanted is self.world:
+        if np.array_equal([wanted.low, wanted.scale], [self.world.low, self.world.scale]):
             return
         self.world = wanted
         for place in self._places.values():
@@ -349,7 +356,7 @@ class TwoLevelBvh:
         entered = np.flatnonzero([self._places[id(i.mesh)].baked is None for i in instances])
         self.has_instances = len(entered) > 0
         if self._subtrees is None:
-            self._subtrees, self._top = open_subtrees(self._places.values()), TopLevel()
+            self._subtrees, self._top = open_subtrees(self._places.values()), TopLevel(self._repeats)
         low, high, references = self._subtrees
         low = np.concatenate([low, boxes[entered, 0].astype(np.float32)])
         high = np.concatenate([high, boxes[entered, 1].astype(np.float32)])
