@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from .version import __version__
 
 if TYPE_CHECKING:
+    from . import farm
     from .camera import Camera
     from .errors import GiError, GiWarning
     from .pictures.image import load_image, save_image
@@ -67,6 +68,7 @@ __all__ = [
     "Texture",
     "Track",
     "__version__",
+    "farm",
     "load",
     "load_environment",
     "load_image",
@@ -74,6 +76,8 @@ __all__ = [
     "save_image",
     "show",
 ]
+
+_PACKAGES = ("farm",)
 
 _MODULE_OF_NAME = {
     "Camera": "camera",
@@ -96,6 +100,8 @@ def __getattr__(name: str) -> Any:
         from .errors import near_names
 
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}; {near_names(name, __all__)}")
+    if name in _PACKAGES:
+        return import_module(f".{name}", __name__)
     value = getattr(import_module(f".{_MODULE_OF_NAME.get(name, 'scene.scene')}", __name__), name)
     globals()[name] = value
     return value

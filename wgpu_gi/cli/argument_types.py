@@ -73,6 +73,13 @@ def parse_shards(text: str) -> Shards:
     return Shards(range(first, last + 1), count)
 
 
+def parse_count(text: str) -> int:
+    """Parse a number of processes or cores."""
+    if re.fullmatch(r"[1-9]\d{0,3}", text) is None:
+        raise ArgumentTypeError(f"a number from 1 to 9999, not {text!r}")
+    return int(text)
+
+
 def parse_tasks(text: str) -> int:
     """Parse a number of tasks."""
     if re.fullmatch(r"[1-9]\d{0,5}", text) is None:

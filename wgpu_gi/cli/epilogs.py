@@ -162,7 +162,23 @@ The exit code is 0 if an adapter can be used, and for a scene that loads, else 2
 
 FARM_EPILOG = """\
 examples:
+  wgpu-gi farm render scene.glb -o out/{frame:04d}.exr --frames 0:2400 --turntable
   wgpu-gi farm template --for slurm --to job.sh scene.glb -o out/{frame:04d}.exr --frames 0:2400 --turntable
+"""
+
+FARM_RENDER_EPILOG = """\
+examples:
+  wgpu-gi farm render scene.glb -o f/{frame:04d}.exr --frames 0:2400 --turntable
+  wgpu-gi farm render scene.glb -o /shared/f/{frame:04d}.exr --frames 0:2400 --scheduler tcp://host:8786
+  wgpu-gi farm render scene.glb -o f/{frame:04d}.exr --frames 0:2400 --scheduler tcp://host:8786 --gather
+
+It needs pip install distributed (Dask). Start `dask scheduler` on one machine, and on the others `dask worker
+tcp://HOST:8786 --nthreads 1`; where a CPU renders, set LP_NUM_THREADS=1 and add --nworkers with the number of cores. A
+machine with several GPUs takes a worker for each, with WGPU_GI_ADAPTER=0, 1 ... All have the same wgpu_gi and scene.
+
+Pictures are those of `wgpu-gi render --frames` on one machine, bit for bit, and so is the .json: both commands resume
+and share one another's frames. Frames of a worker that ends go to another. The same command again renders what is
+missing at the end. The exit code is 0, 1 if frames are missing, 2 if nothing could be rendered.
 """
 
 TEMPLATE_EPILOG = """\

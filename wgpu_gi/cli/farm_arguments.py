@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 
-from .argument_types import parse_tasks
-from .epilogs import TEMPLATE_EPILOG
+from ..farm.defaults import THREADS
+from .argument_types import parse_count, parse_tasks
+from .epilogs import FARM_RENDER_EPILOG, TEMPLATE_EPILOG
 from .picture_arguments import add_message_arguments, add_picture_arguments, add_render_arguments
 
 MANAGERS = ("openjd", "slurm", "opencue")
@@ -15,18 +16,39 @@ OWN = ("manager", "to", "tasks", "program")  # the arguments of `farm template` 
 def add_farm_commands(parser: ArgumentParser) -> None:
     """Add the commands of `farm`."""
     commands = parser.add_subparsers(dest="farm_command", metavar="COMMAND", title="commands", required=True)
-    sentence = "write a job for OpenJD, Slurm or OpenCue"
-    add_template_arguments(
-        commands.add_parser(
-            "template",
+
+    def command(name: str, sentence: str, epilog: str, usage: str) -> ArgumentParser:
+        return commands.add_parser(
+            name,
             help=sentence,
             description=f"{sentence[0].upper()}{sentence[1:]}.",
-            epilog=TEMPLATE_EPILOG,
-            usage="wgpu-gi farm template --for MANAGER [OPTIONS] [SCENE]",
+            epilog=epilog,
+            usage=f"wgpu-gi farm {name} {usage}",
             formatter_class=RawDescriptionHelpFormatter,
             allow_abbrev=False,
         )
+
+    sentence = "render a sequence by many processes, on this machine or by a Dask cluster"
+    add_farm_render_arguments(command("render", sentence, FARM_RENDER_EPILOG, "--frames A:B [OPTIONS] [SCENE]"))
+    sentence = "write a job for OpenJD, Slurm or OpenCue"
+    add_template_arguments(command("template", sentence, TEMPLATE_EPILOG, "--for MANAGER [OPTIONS] [SCENE]"))
+
+
+def add_farm_render_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of `render` and of the workers."""
+    add = parser.add_argument_group("workers").add_argument
+    add("--scheduler", metavar="ADDRESS", help="use the workers of a Dask scheduler, such as tcp://host:8786")
+    add(
+        "--workers",
+        type=parse_count,
+        metavar="N",
+        help="start N processes on this machine; default one for each GPU, else for each --threads cores",
     )
+    add("--threads", type=parse_count, metavar="N", help=f"cores of a process that renders on a CPU, default {THREADS}")
+    add("--gather", action="store_true", help="send the pictures to this machine: no folder is shared with the workers")
+    add_picture_arguments(parser, size="640x360")
+    add_render_arguments(parser)
+    add_message_arguments(parser, "the names of failed frames")
 
 
 def add_template_arguments(parser: ArgumentParser) -> None:

@@ -8,10 +8,11 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
+from ..pictures.tables import Table
 from ..reports import Report
 from .interrupt import check
 
@@ -56,6 +57,24 @@ class Messages:
         with self.progress(what, known=False):
             yield
         self.detail(f"{what}: {time.perf_counter() - start:.2f} s")
+
+    @contextmanager
+    def board(self) -> Iterator[Callable[[float, str, Table], None]]:
+        """Yield a function that shows the fraction done, a line and a table: on a terminal, else a line at intervals.
+
+        The function raises KeyboardInterrupt if Ctrl-C came where it could not be raised.
+        """
+        if sys.stderr.isatty() and not self.quiet:
+            with _live_board() as show:
+
+                def report(fraction: float, line: str, table: Table) -> None:
+                    check()
+                    show(fraction, line, table)
+
+                yield report
+            return
+        with self.progress("") as lines:
+            yield lambda fraction, line, _table: lines(fraction, line)
 
     @contextmanager
     def progress(self, what: str, known: bool = True) -> Iterator[Report]:
@@ -120,6 +139,28 @@ def _bar(what: str, known: bool) -> Iterator[Report]:
             state["ended"] = True
         if "bar" in state:
             state["bar"][0].stop()
+
+
+@contextmanager
+def _live_board() -> Iterator[Callable[[float, str, Table], None]]:
+    """Yield a function that shows a line, a bar and a table, which are removed at the end."""
+    from rich.console import Console, Group
+    from rich.live import Live
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    console = Console(stderr=True, highlight=False)
+    with Live(console=console, transient=True, auto_refresh=False) as live:
+
+        def show(fraction: float, line: str, table: Table) -> None:
+            grid = Grid(*table.head, box=None, pad_edge=False)
+            for row in table.rows[: max(console.height - 5, 1)]:
+                grid.add_row(*map(str, row))
+            parts: list[Any] = [Text(line), ProgressBar(total=1.0, completed=fraction), *([grid] if table.rows else [])]
+            live.update(Group(*parts), refresh=True)
+
+        yield show
 
 
 def _lines(what: str) -> Report:

@@ -5,6 +5,7 @@ A process keeps one job, the last that it was asked for. Workers with several th
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import tempfile
@@ -13,39 +14,39 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import GiError, LostDevice
 from ..pictures.exposure import exposure_text
 from ..renderer import Renderer
+from ..resources import resource_dir
 from ..scene.digest import digest
 from ..scene.scene import Scene
 from ..sequence.blocks import block_of
 from ..sequence.files import FrameFiles, Pictures
 from ..sequence.job import Job, Timeline
 from ..sequence.render import JobRenderer
+from ..version import __version__
+from .chunk_task import UnfitWorker
 
 LOST_DEVICE = 70  # exit code of a worker that has lost its device twice (EX_SOFTWARE of sysexits.h)
-
-
-class UnfitWorker(GiError):
-    """A worker cannot take part in the job: its scene differs or cannot be read, or it does not see the folder."""
 
 
 @dataclass(frozen=True)
 class Work:
     """What is to be rendered and where to, the same for all workers.
 
-    `scene_digest` is that of the client's scene, see `digest_of`. With `gather`, the files of a frame are returned
-    instead of written, and `existing` are the frames whose files the client has. `token` is a file in the folder of the
-    output, and what it holds. `name` is a digest of all that a picture depends on.
+    `scene_digest` is that of the client's scene, see `digest_of`, `code_digest` that of its wgpu_gi. With `gather`, the
+    files of a frame are returned instead of written, and `existing` are the frames whose files the client has. `token`
+    is a file in the folder of the output, and what it holds. `name` is a digest of all that a picture depends on.
     """
 
     name: str
     job: Job
     scene_digest: str
+    code_digest: str
     files: FrameFiles
     metadata: dict[str, object]
     gather: bool = False
@@ -77,22 +78,38 @@ def digest_of(scene: Scene) -> str:
     return digest((scene, scene.cameras, scene.animations))
 
 
+@cache
+def code_digest() -> str:
+    """Return a digest of the package's modules and shaders."""
+    total = hashlib.blake2b(digest_size=16)
+    package = Path(__file__).resolve().parents[1]
+    for folder, pattern in ((package, "*.py"), (resource_dir("wgsl"), "*.wgsl")):
+        for file in sorted(folder.rglob(pattern)):
+            total.update(file.relative_to(folder).as_posix().encode() + b"\0" + file.read_bytes())
+    return total.hexdigest()
+
+
 # -------------------------------------------------------------------------------------- Tasks
 
 
 def check(work: Work) -> str:
     """Load the job; return the name of the adapter. Raises UnfitWorker, or GiError without an adapter."""
+    if code_digest() != work.code_digest:
+        raise UnfitWorker(
+            f"wgpu_gi on the worker on {platform.node()} ({__version__}) is another than on this machine; install the"
+            " same on all"
+        )
     if work.token is not None:
         _check_token(*work.token)
     with _loaded(work) as state:
         return state.renderer.adapter_name
 
 
-def find_out(work: Work) -> Findings:
+def find_out(work: Work, needs_exposure: bool) -> Findings:
     """Find out what all workers need to know; renders the first frame."""
 
     def answer(state: _Loaded) -> Findings:
-        exposure = state.sequence.exposure(work.files.output, _silent)
+        exposure = state.sequence.exposure(work.files.output, _silent) if needs_exposure else None
         return Findings(state.sequence.has_history(), exposure)
 
     return _with_new_device(work, answer)

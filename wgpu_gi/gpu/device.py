@@ -224,9 +224,10 @@ class Device:
 def open_device(adapter: str | None = None, large_buffers: bool = False) -> Device:
     """Return the device of the best adapter, or of the first whose name contains `adapter` (case-insensitive).
 
-    Limits are WebGPU's defaults. `large_buffers` raises the limits of buffer size and storage binding size to the
-    adapter's, at most 2 GiB. Raises GiError if there is no adapter, or none of that name, and in the fork of a process
-    that has opened it.
+    The environment variable WGPU_GI_ADAPTER chooses another of those by its number, from 0: so processes share the GPUs
+    of a machine. Limits are WebGPU's defaults. `large_buffers` raises the limits of buffer size and storage binding
+    size to the adapter's, at most 2 GiB. Raises GiError if there is no adapter, or none of that name or number, and in
+    the fork of a process that has opened it.
     """
     found = _adapters()
     usable = [a for a in found if not _why_not(a)]
@@ -240,8 +241,8 @@ def open_device(adapter: str | None = None, large_buffers: bool = False) -> Devi
     if not matching:
         names = ", ".join(repr(_name(a)) for a in usable)
         raise GiError(f"no adapter is called {adapter!r}; available: {names}")
-    best = min(matching, key=_rank)
-    device = _open(_name(best), best.info["backend_type"], large_buffers)
+    best = sorted(matching, key=_rank)[_number(len(matching))]
+    device = _open(found.index(best), large_buffers)
     device.check()
     return device
 
@@ -274,9 +275,16 @@ def _adapters() -> list[Any]:
 
 
 @cache
-def _open(name: str, backend: str, large_buffers: bool) -> Device:
-    adapter = next(a for a in _adapters() if (_name(a), a.info["backend_type"]) == (name, backend))
-    return Device(adapter, large_buffers)
+def _open(number: int, large_buffers: bool) -> Device:
+    return Device(_adapters()[number], large_buffers)
+
+
+def _number(count: int) -> int:
+    """Return which of `count` adapters to use."""
+    text = os.environ.get("WGPU_GI_ADAPTER", "0")
+    if not text.isdecimal() or int(text) >= count:
+        raise GiError(f"WGPU_GI_ADAPTER is the number of an adapter, from 0 to {count - 1} here, not {text!r}")
+    return int(text)
 
 
 def _is_loss(error: object) -> bool:

@@ -79,6 +79,10 @@ class FrameFiles:
                 " give -o another name, or delete the frames with that file"
             )
 
+    def has_exposure(self) -> bool:
+        """Tell whether the .json has the exposure of the sequence."""
+        return "exposure" in (self._read() or {})
+
     def exposure(self, measure: Callable[[], float | None]) -> float | None:
         """Return the exposure of the sequence from the .json; if it has none, measure it and write it there."""
         job = self._read()
