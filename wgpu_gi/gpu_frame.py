@@ -19,6 +19,7 @@ from .gpu.graph import Graph
 from .options import Settings, check_size, picture_count, samples_of, technique_of, varies, why_aliased
 from .pixel_tracer import PixelTracer
 from .scene.scene import Instance, Scene
+from .surface_tracer import SurfaceTracer
 from .techniques.shared.composite import MEANS
 from .techniques.shared.scene_inputs import SceneInputs
 from .techniques.shared.technique import Kept, Shot
@@ -60,6 +61,7 @@ class GpuFrame:
         self._device = device
         self.graph = Graph(device)
         self.pixels = PixelTracer(device)
+        self.surfaces = SurfaceTracer(device)
         self.upload: SceneUpload | None = None
         self.kept = Kept()  # state of the techniques
         self.index = 0  # among the frames of a still picture; negative during the warm-up
@@ -95,6 +97,7 @@ class GpuFrame:
         """Free all GPU memory."""
         self.forget()
         self.pixels.graph.release()
+        self.surfaces.graph.release()
         if self.upload is not None:
             self.upload.release()
             self.upload = None
@@ -102,7 +105,8 @@ class GpuFrame:
     @property
     def releases(self) -> list[Callable[[], None]]:
         """The functions that free the GPU memory, for `Device.discard`."""
-        return [self.graph.release, self.pixels.graph.release] + ([] if self.upload is None else [self.upload.release])
+        graphs = self.graph, self.pixels.graph, self.surfaces.graph
+        return [graph.release for graph in graphs] + ([] if self.upload is None else [self.upload.release])
 
     def prepare(self, view: View, show: tuple[str, ...], force: bool, preview: bool) -> None:
         """Upload what changed; redeclare the frame if its passes changed. `preview`: as in `Renderer.step`."""
@@ -262,10 +266,13 @@ class GpuFrame:
         if name == "position" and self.upload is not None:
             values = np.where(pixels[..., 3:] > 0, values + self.upload.origin, 0.0)
         if name == "instance":
-            # Instances without triangles are not on the GPU.
-            shown = [number for number, i in enumerate(view.scene.instances, 1) if len(i.mesh.triangles)]
-            values = np.array([0, *shown])[values.astype(np.int64)]
+            values = np.array([0, *(place + 1 for place in instances_sent(view.scene))])[values.astype(np.int64)]
         return np.ascontiguousarray(values if source.count > 1 else values[..., 0], np.float32)
+
+
+def instances_sent(scene: Scene) -> list[int]:
+    """Return the places of the instances that are on the GPU, in their order there: those with triangles."""
+    return [place for place, instance in enumerate(scene.instances) if len(instance.mesh.triangles)]
 
 
 def copy_of(settings: Settings) -> Settings:

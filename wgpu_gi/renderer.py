@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from .buffers import BUFFERS, buffers_of, check_buffers
 from .camera import Camera, Window
@@ -19,7 +20,7 @@ from .gpu.graph import Graph
 from .gpu.handles import Texture
 from .gpu.schedule import Stale
 from .gpu.wgsl.load import refresh
-from .gpu_frame import GpuFrame, View, copy_of
+from .gpu_frame import GpuFrame, View, copy_of, instances_sent
 from .options import TECHNIQUES, Settings, check_size, check_window, technique_of
 from .pictures.picture import Picture
 from .pictures.tables import Table
@@ -364,6 +365,20 @@ class Renderer(KnownAttributes):
             return self._gpu.pixels.trace(
                 upload, seen, settings, chosen, spp=spp, seed=seed, replicates=replicates, progress=progress
             )
+
+    def amodal(self) -> NDArray[np.int64]:
+        """Return how many pixels of the last frame each instance would cover alone, and their box: (instances, 5).
+
+        Columns: pixels, x, y, width, height. Pixels count by their centres, as in the buffer `instance`.
+        """
+        self._check_values()
+        with self._alone():
+            view = self._view()
+            upload, sent = self._gpu.scene_upload(view), instances_sent(view.scene)
+            found = np.zeros((len(view.scene.instances), 5), np.int64)
+            seen = upload.view(view.camera, view.size, False, window=view.window)
+            found[sent] = self._gpu.surfaces.amodal(upload, seen, len(sent))
+            return found
 
     def display_texture(self) -> Any:
         """Return the wgpu texture of the buffer `display`, rgba8unorm; valid until the next step."""

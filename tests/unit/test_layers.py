@@ -24,7 +24,7 @@ LAYERS = [
     ("budget", "tiles"),
     ("renderer",),
     ("gpu_frame",),
-    ("frame", "pixel_tracer"),
+    ("frame", "pixel_tracer", "surface_tracer"),
     ("buffers",),
     ("options",),
     ("techniques",),

@@ -19,7 +19,7 @@ from ..renderer import Renderer
 from ..scene.rules import shown
 from .frame_data import ARRAYS, FrameData
 from .matrices import matrices
-from .objects import categories_of, check_categories, visible_objects
+from .objects import amodal_objects, categories_of, check_categories, visible_objects
 from .rays import forward_of, pixel_rays
 
 # Buffers of the renderer that each array is made of.
@@ -35,7 +35,7 @@ BUFFERS_OF: dict[str, tuple[str, ...]] = {
     "instance": ("instance",),
     "category": ("instance",),
 }
-WANTED = (*ARRAYS, "objects")  # what a frame may have
+WANTED = (*ARRAYS, "objects", "amodal")  # what a frame may have; "amodal" are objects with what lies hidden
 
 
 def check_wanted(wanted: Collection[str]) -> None:
@@ -57,15 +57,15 @@ def frame_data(
 ) -> FrameData:
     """Render a frame and label it: the renderer's scene from its camera, at its time.
 
-    `wanted`: names of arrays of FrameData, and "objects". `category_of` has for each instance of the scene a key of
-    `categories`, or 0. Raises GiError for unknown names, for ids that do not fit, and what the renderer raises.
+    `wanted`: names of arrays of FrameData, "objects" and "amodal". `category_of` has for each instance of the scene a
+    key of `categories`, or 0. Raises GiError for unknown names, for ids that do not fit, and what the renderer raises.
     """
     check_wanted(wanted)
     names, scene, camera = dict(categories or {}), renderer.posed_scene, renderer.posed_camera
     kinds = check_categories(category_of, names, scene)
     # Render the buffers that are needed.
     needed = {buffer for name in wanted for buffer in BUFFERS_OF.get(name, ())}
-    needed |= {"instance"} if "objects" in wanted else set()
+    needed |= {"instance"} if {"objects", "amodal"} & {*wanted} else set()
     if needed:
         renderer.run(show=tuple(sorted(needed)))
     found = {name: np.asarray(renderer.read_back(name)) for name in needed}
@@ -81,7 +81,10 @@ def frame_data(
         ids = found["instance"].astype(np.int32)
         arrays |= {"instance": ids} if "instance" in wanted else {}
         arrays |= {"category": categories_of(ids, kinds)} if "category" in wanted else {}
-        objects = visible_objects(scene, ids, kinds) if "objects" in wanted else []
+        if "amodal" in wanted:
+            objects = amodal_objects(scene, ids, kinds, renderer.amodal(), camera)
+        elif "objects" in wanted:
+            objects = visible_objects(scene, ids, kinds)
     return FrameData(
         renderer.size, **arrays, objects=objects, categories=names, cameras=matrices(camera, renderer.size)
     )

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..camera import Camera
 from ..errors import GiError
 from ..scene.rules import is_whole, shown
 from ..scene.scene import Scene
+from .boxes import projected_box
 from .frame_data import ObjectData
 
 MOST_ID = 2**31 - 1
@@ -56,6 +59,28 @@ def visible_objects(scene: Scene, ids: NDArray[np.int32], kinds: NDArray[np.int3
     pixels, boxes = pixel_boxes(ids, len(scene.instances))
     seen = [number for number in np.flatnonzero(pixels).tolist() if number]
     return [ObjectData(n, name_of(scene, n), int(kinds[n - 1]), int(pixels[n]), box=box_of(boxes[n])) for n in seen]
+
+
+def amodal_objects(
+    scene: Scene, ids: NDArray[np.int32], kinds: NDArray[np.int32], amodal: NDArray[np.int64], camera: Camera
+) -> list[ObjectData]:
+    """Return the objects that a picture would show if each were alone; `amodal`: `Renderer.amodal`."""
+    height, width = ids.shape
+    seen = {found.id: found for found in visible_objects(scene, ids, kinds)}
+    objects = []
+    for n in (np.flatnonzero(amodal[:, 0]) + 1).tolist():
+        found = seen.get(n) or ObjectData(n, name_of(scene, n), int(kinds[n - 1]), 0)
+        pixels = int(amodal[n - 1, 0])
+        objects.append(
+            replace(
+                found,
+                amodal_pixels=pixels,
+                visible_fraction=found.visible_pixels / pixels,
+                amodal_box=projected_box(scene.instances[n - 1], camera, (width, height)),
+                amodal_box_clipped=box_of(amodal[n - 1, 1:]),
+            )
+        )
+    return objects
 
 
 def name_of(scene: Scene, number: int) -> str:
