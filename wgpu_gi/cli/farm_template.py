@@ -25,6 +25,7 @@ from .common import checked_buffers, settings_from
 from .farm_arguments import MANAGERS, OWN, add_template_arguments
 from .frames import check_sequence, layers_of
 from .messages import Messages
+from .render import plan_of
 
 TEMPLATES = dict(zip(MANAGERS, (openjd_template, slurm_script, opencue_specification), strict=True))
 SUBMIT = {
@@ -72,6 +73,7 @@ def _check(arguments: Namespace) -> None:
     shown = checked_buffers(arguments.show or ["radiance"], settings.gi)
     check_size(arguments.size)
     check_denoise(arguments.denoise, ["radiance"], settings.gi)
+    plan_of(arguments, settings)
     pixels_of(arguments, shown)
     check_budget(arguments)
     layers = layers_of(arguments, settings)
