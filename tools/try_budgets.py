@@ -1,12 +1,13 @@
-"""Compares what a budget of time chooses with an exhaustive search: every technique at every quality, in 12 scenes.
+"""Compares what a budget of time chooses with an exhaustive search: techniques at all qualities, in 15 scenes.
 
     python tools/try_budgets.py curves FOLDER    # error against time of every candidate
     python tools/try_budgets.py choices FOLDER   # what `budget.refine` chooses and reaches in a new view
     python tools/try_budgets.py report FOLDER    # the table of tools/README.md, and typical figures
 
 Results are kept in FOLDER by scene; what is there is not measured again. Names of scenes may follow. The error is that
-of TRACED random pixels with PATHS paths each, less their noise. Each candidate is rendered once, in a process where its
-pipelines exist, for at most MEASURED_SECONDS; beyond, a floor and 1 / frames continue its curve.
+of TRACED random pixels with PATHS paths each, less their noise. Few frames of a picture err by chance, so short budgets
+have the mean over SEEDS, of the choice and of every candidate. Each is rendered in a process where its pipelines exist,
+for at most MEASURED_SECONDS; beyond, a floor and 1 / frames continue its curve.
 """
 
 from __future__ import annotations
@@ -24,26 +25,36 @@ from typing import Any
 import numpy as np
 
 import wgpu_gi as gi
+from wgpu_gi.budget.frame_series import INDIRECT, SHOW, rendered, run_frame, shown
 from wgpu_gi.budget.front import Candidate, averages_samples, candidates
-from wgpu_gi.budget.probe import rendered, run_frame
 from wgpu_gi.budget.refine import render_within
+from wgpu_gi.budget.traced import TracedPixels
+from wgpu_gi.budget.typical import TYPICAL
 from wgpu_gi.measure.scenes import make_scene
 from wgpu_gi.renderer import Renderer, Settings
 
-TUNED = ("cornell", "corridor", "courtyard", "room-11", "glossy-11", "cornell-spot", "textured-12")
-HELD_OUT = ("street-11", "curtain", "many-12", "glass-12", "foliage-12")
+TUNED = (
+    *("cornell", "corridor", "courtyard", "room-11", "glossy-11", "cornell-spot", "textured-12", "street-11"),
+    *("curtain", "many-12", "glass-12", "foliage-12"),
+)
+HELD_OUT = ("room-22", "layered-22", "foliage-22")
 TECHNIQUES = ("many-light", "path", "ssdo", "ssil", "none", "ssao")
+ONE_QUALITY = ("none", "ssil", "ssao")  # no quality of these came near the best
 SIZE = (160, 90)
-BUDGETS = (0.5, 2.0, 10.0)
+SEEDS = (5, 6, 7)
+BUDGETS = {0.5: SEEDS, 2.0: SEEDS[:1], 10.0: SEEDS[:1]}  # seconds, and the seeds of the pictures
+# Curves of the further seeds end after these seconds; techniques that are not listed have one seed.
+FURTHER_SECONDS = {"many-light": 2.0, "path": 0.55, "ssdo": 0.55}
 TRACED, PATHS, TRUTH_SEED = 4000, 256, 0x7472_7574
 NO_PICTURE = 100.0  # relMSE of a candidate that has no frame in time
 NOTED = 1.12  # frames from one noted error to the next
 # A curve is measured for so many seconds; it ends before if it is flat (half of its frames leave this share of the
 # error), or if it does not come within a factor of NEAR of the best.
 MEASURED_SECONDS = 10.0
-FLAT_FRAMES, FLAT_SECONDS, FLAT, NEAR_SECONDS, NEAR = 12, 0.25, 0.97, 0.8, 2.0
+FLAT_FRAMES, FLAT_SECONDS, FLAT, NEAR_SECONDS, NEAR = 12, 0.5, 0.985, 0.8, 3.0
 
 Clock = Callable[[], float]
+Points = list[tuple[int, float, float]]  # frames, seconds, relMSE
 CLOCKS: dict[str, Clock] = {
     "wall": time.perf_counter,
     "cpu": lambda: time.process_time() / (os.cpu_count() or 1),  # for a machine with other load, and a driver on CPUs
@@ -77,17 +88,17 @@ class Truth:
 
 
 def curve(
-    renderer: Renderer, settings: Settings, truth: Truth, clock: Clock, best: dict[float, float]
-) -> dict[str, Any]:
-    """Return the error after frames of a picture, by seconds; `best`: least error so far by budget."""
-    # Compile in a picture of another seed.
-    renderer.settings, renderer.size = replace(settings, seed=settings.seed + 1), SIZE
-    cold = sum(run_frame(renderer, clock, ("radiance",))[1] for _ in range(2))
-    renderer.settings = settings
-    points: list[tuple[int, float, float]] = []
+    renderer: Renderer, settings: Settings, truth: Truth, clock: Clock, limit: float, best: dict[float, float] | None
+) -> Points:
+    """Return the error after frames of a picture, by seconds, until `limit`; `best`: least error so far by budget.
+
+    None: until the limit in any case.
+    """
+    renderer.settings, renderer.size = settings, SIZE
+    points: Points = []
     frames, spent, next_noted = 0, 0.0, 1.0
-    while spent < MEASURED_SECONDS:
-        more, seconds = run_frame(renderer, clock, ("radiance",))
+    while spent < limit:
+        more, seconds = run_frame(renderer, clock)
         if not more:
             break
         frames, spent = frames + 1, spent + seconds
@@ -95,14 +106,14 @@ def curve(
             points.append((frames, spent, truth.relmse(renderer)))
             next_noted = max(frames + 1, frames * NOTED)
             left = points[-1][2] / max(error_at(points, spent / 2), 1e-9)
-            if spent > FLAT_SECONDS and frames > FLAT_FRAMES and left > FLAT:
+            if best is not None and spent > FLAT_SECONDS and frames > FLAT_FRAMES and left > FLAT:
                 break
-            if spent > NEAR_SECONDS and all(error_at(points, b) > NEAR * least for b, least in best.items()):
+            if spent > NEAR_SECONDS and best and all(error_at(points, b) > NEAR * least for b, least in best.items()):
                 break
-    return {"cold": cold, "points": points}
+    return points
 
 
-def error_at(points: list[tuple[int, float, float]], seconds: float) -> float:
+def error_at(points: Points, seconds: float) -> float:
     """Return the error of a curve after so many seconds: at the last noted frame before, or beyond the end.
 
     Beyond, it is that of a floor and 1 / frames through the end and the half of the curve. Infinite before the start.
@@ -122,78 +133,114 @@ def measure_curves(name: str, folder: Path, clock: Clock) -> None:
     path = folder / f"{name}.json"
     if path.exists():
         return
-    found: dict[str, Any] = {}
+    found: dict[str, dict[str, Any]] = {}
     with Renderer(scene_of(name), size=SIZE) as renderer:
         truth = Truth(renderer, folder / f"{name}.npz")
-        for candidate, settings in candidates(Settings(seed=5), TECHNIQUES).items():
-            best = {b: min((error_at(c["points"], b) for c in found.values()), default=math.inf) for b in BUDGETS}
-            found[str(candidate)] = curve(renderer, settings, truth, clock, best)
-            frames, spent, error = found[str(candidate)]["points"][-1]
+        for candidate, settings in candidates(Settings(), TYPICAL, TECHNIQUES).items():
+            if candidate.gi in ONE_QUALITY and candidate.gi in map(_technique, found):
+                continue
+            # Compile in a picture of another seed.
+            renderer.settings, renderer.size = replace(settings, seed=99), SIZE
+            cold = sum(run_frame(renderer, clock)[1] for _ in range(2))
+            best = {b: min((error_at(c["runs"][0], b) for c in found.values()), default=math.inf) for b in BUDGETS}
+            further = FURTHER_SECONDS.get(candidate.gi, 0.0)
+            runs: list[Points] = []
+            for seed in SEEDS if further else SEEDS[:1]:
+                limit, near = (further, None) if runs else (MEASURED_SECONDS, best)
+                runs.append(curve(renderer, replace(settings, seed=seed), truth, clock, limit, near))
+            found[str(candidate)] = {"cold": cold, "runs": runs}
+            frames, spent, error = runs[0][-1]
             print(f"{name:<14}{candidate!s:<20}{frames:6} frames {spent:7.2f} s  relMSE {error:.5f}", flush=True)
     path.write_text(json.dumps(found))
 
 
+def _technique(name: str) -> str:
+    return name.split(", ")[0]
+
+
 def measure_choices(name: str, folder: Path, clock: Clock, budgets: list[float]) -> None:
-    """Render a scene within each budget, at first with nothing in the cache, and write what was reached."""
+    """Render a scene within each budget, each time with nothing in the cache, and write what was reached."""
     path = folder / f"{name}.choices.json"
     rows = json.loads(path.read_text()) if path.exists() else []
-    missing = [budget for budget in budgets if budget not in {row["budget"] for row in rows}]
+    done = {(row["budget"], row["seed"]) for row in rows}
+    missing = [(b, seed) for b in budgets for seed in BUDGETS[b] if (b, seed) not in done]
     if not missing:
         return
     with Renderer(scene_of(name), size=SIZE) as renderer:
         truth = Truth(renderer, folder / f"{name}.npz")
         warm_up(renderer)
-        for budget in missing:
-            os.environ["WGPU_GI_CACHE"] = str(folder / "cache" / f"{name}-{budget:g}")
-            renderer.settings = Settings(seed=5)
+        medium = candidates(Settings(), TYPICAL)[Candidate("many-light", "medium")]
+        for budget, seed in missing:
+            os.environ["WGPU_GI_CACHE"] = str(folder / "cache" / f"{name}-{budget:g}-{seed}")
+            # A picture with the same settings would go on.
+            renderer.settings = replace(medium, seed=99)
+            for _ in range(2):
+                renderer.step(show=(*SHOW, INDIRECT))
+            renderer.settings = Settings(seed=seed)
             outcome = render_within(renderer, budget, None, clock=clock)
             rows.append(
                 {
                     "budget": budget,
+                    "seed": seed,
                     "candidate": str(outcome.candidate),
                     "seconds": outcome.seconds,
-                    "probe": outcome.probe_seconds,
+                    "traced": outcome.traced_seconds,
                     "expected": outcome.estimated_relmse,
                     "relmse": truth.relmse(renderer),
                 }
             )
-            print(f"{name:<14}{outcome.sentence()}: {rows[-1]['relmse']:.5f}\n{outcome.table}", flush=True)
+            print(f"{name:<14}{outcome.sentence()}: {rows[-1]['relmse']:.5f}", flush=True)
             path.write_text(json.dumps(rows))
 
 
 def warm_up(renderer: Renderer) -> None:
-    """Compile the pipelines of every candidate, so that a short budget is not spent on that."""
-    for candidate, settings in candidates(Settings()).items():
-        renderer.settings = settings
-        renderer.step(show=("radiance", "standard_error"))
-        renderer.step(show=("radiance", "standard_error"))
+    """Compile the pipelines that a budget may use, so that a short one is not spent on that."""
+    for candidate, settings in candidates(Settings(seed=99), TYPICAL).items():
+        if candidate.gi in FURTHER_SECONDS:
+            renderer.settings = settings
+            for _ in range(2):
+                renderer.step(show=shown(candidate, SHOW, has_rivals=True))
         rendered(renderer).add(candidate)
+    TracedPixels(renderer, time.perf_counter, 0.0)
+
+
+def mean_error(found: dict[str, Any], seconds: float, seeds: list[int]) -> float:
+    """Return the mean error of a candidate over the seeds that it was rendered with."""
+    runs = found["runs"][: len(seeds)]
+    # A curve that was ended since it cannot win tells no later error of its further seeds.
+    runs = [run for run in runs if run[-1][1] > 0.8 * seconds] or runs[:1]
+    return float(np.mean([min(error_at(run, seconds), NO_PICTURE) for run in runs]))
 
 
 def report(names: list[str], folder: Path) -> None:
     """Print the table, the means of every fixed preset, and the medians of the candidates' figures."""
     curves = {name: json.loads((folder / f"{name}.json").read_text()) for name in names}
-    # Errors over the best of the scene, at each budget in the scenes where a choice was measured.
     over_best: dict[str, dict[float, list[float]]] = {}
     print(
         "| scene | " + " | ".join(f"{budget:g} s: chosen; best; quotient" for budget in BUDGETS) + " |\n|" + "---|" * 4
     )
     for name in names:
         cells = dict.fromkeys(BUDGETS, "")
-        for row in json.loads((folder / f"{name}.choices.json").read_text()):
-            budget = row["budget"]
-            ends = {c: error_at(found["points"], budget) for c, found in curves[name].items()}
+        every = json.loads((folder / f"{name}.choices.json").read_text())
+        for budget in BUDGETS:
+            rows = [row for row in every if row["budget"] == budget]
+            if not rows:
+                continue
+            seeds = [row["seed"] for row in rows]
+            ends = {c: mean_error(found, budget, seeds) for c, found in curves[name].items()}
             best = min(ends, key=ends.__getitem__)
-            for candidate, error in {"**chosen**": row["relmse"], **ends}.items():
-                ratio = min(error, NO_PICTURE) / max(ends[best], 1e-7)
+            error = float(np.mean([row["relmse"] for row in rows]))
+            for candidate, end in {"**chosen**": error, **ends}.items():
+                ratio = min(end, NO_PICTURE) / max(ends[best], 1e-7)
                 over_best.setdefault(candidate, {b: [] for b in BUDGETS})[budget].append(max(ratio, 1e-3))
-            ratio = row["relmse"] / max(ends[best], 1e-7)
-            cells[budget] = f"{row['candidate']} {row['relmse']:.2g}; {best} {ends[best]:.2g}; {ratio:.2f}"
+            chosen = " or ".join(dict.fromkeys(row["candidate"] for row in rows))
+            cells[budget] = f"{chosen} {error:.2g}; {best} {ends[best]:.2g}; {error / max(ends[best], 1e-7):.2f}"
         print(f"| {name} | " + " | ".join(cells.values()) + " |")
-    print("\n| geometric mean, largest over the best | " + " | ".join(f"{b:g} s" for b in BUDGETS))
-    print("|" + "---|" * 4)
+    print("\n| geometric mean, largest over the best | " + " | ".join(f"{b:g} s" for b in BUDGETS) + " | all |")
+    print("|" + "---|" * 5)
     for candidate, ratios in over_best.items():
-        means = (f"{math.exp(np.mean(np.log(r))):.2f}, {max(r):.2f}" if r else "" for r in ratios.values())
+        lists = [*ratios.values(), [r for each in ratios.values() for r in each]]
+        means = (f"{math.exp(np.mean(np.log(r))):.2f}, {max(r):.2f}" if r else "" for r in lists)
         print(f"| {candidate} | " + " | ".join(means) + " |")
     print("\nTypical figures: cold, warm, seconds a frame, noise, floor (medians)")
     for candidate in curves[names[0]]:
@@ -203,7 +250,7 @@ def report(names: list[str], folder: Path) -> None:
 
 def fitted(found: dict[str, Any], name: str) -> tuple[float, ...]:
     """Return the figures of a curve: cold, warm, seconds a frame; noise and floor by least squares of the logarithm."""
-    points = found["points"]
+    points = found["runs"][0]
     first, last = points[0], points[-1]
     frame = (last[1] - first[1]) / max(last[0] - first[0], 1)
     errors = np.array([max(error, 1e-7) for *_, error in points])
@@ -226,7 +273,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("scenes", nargs="*", help="default: " + " ".join((*TUNED, *HELD_OUT)))
     parser.add_argument("--clock", choices=CLOCKS, default="wall", help="cpu: CPU time over the number of cores")
-    parser.add_argument("--budgets", type=float, nargs="+", default=BUDGETS, help="seconds, of `choices`")
+    parser.add_argument("--budgets", type=float, nargs="+", default=[*BUDGETS], help="seconds, of `choices`")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     names = options.scenes or [*TUNED, *HELD_OUT]

@@ -86,22 +86,32 @@ def test_a_stop_leaves_the_picture_so_far(renderer):
     assert np.asarray(renderer.read_back()).mean() > 0
 
 
-def test_an_interrupted_probe_leaves_the_renderer_at_its_size(renderer):
-    def progress(fraction, what):
-        raise KeyboardInterrupt
+def test_a_second_picture_starts_from_what_was_measured(renderer, clock):
+    """Traced pixels tell the noise of the path tracer, which is not rendered; a short time has none."""
+    first = render_within(renderer, 4.0, None, ("many-light", "path"), quality="low", clock=clock)
+    assert 0 < first.traced_seconds <= 1.0
+    renderer.settings = Settings(seed=1)
+    again = render_within(renderer, 0.5, None, ("many-light", "path"), quality="low", clock=clock)
+    assert again.traced_seconds == 0
+    assert [row[-1] for row in again.table.rows] == ["measured", "measured"]
 
-    with pytest.raises(KeyboardInterrupt):
-        render_within(renderer, 1000.0, None, ("none", "path"), progress)
-    assert renderer.size == SIZE
 
-
-def test_measured_figures_are_used_again(renderer, clock):
-    first = render_within(renderer, 12.0, None, ("none", "path"), clock=clock)
-    assert 0 < first.probe_seconds <= 3.0
-    renderer.settings = Settings()
-    again = render_within(renderer, 12.0, None, ("none", "path"), clock=clock)
-    assert again.candidate == first.candidate
-    assert again.probe_seconds == 0
+def test_an_error_out_of_reach_costs_little_besides_the_frames(renderer, clock):
+    """Traced pixels take a share of the time so far, and the words tell that the error is out of reach."""
+    told = []
+    outcome = render_within(
+        renderer,
+        None,
+        1e-7,
+        ("none", "ssao"),
+        lambda _, what: told.append(what),
+        lambda: clock() > 4.0,
+        quality="low",
+        clock=clock,
+    )
+    assert outcome.reason == "stopped by the caller, relMSE 1e-07 is out of its reach"
+    assert outcome.traced_seconds <= 0.35 * outcome.seconds
+    assert told[-1].endswith("relMSE 1e-07 is out of its reach")
 
 
 def test_neither_time_nor_error_is_refused(renderer):

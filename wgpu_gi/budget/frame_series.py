@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..options import Settings, technique_of
 from ..pictures.noise import expected_relmse, without_noise
 from ..renderer import Renderer
 from .front import LEAST_NOISE, Candidate, Figures, averages_samples
-from .probe import SHOW, rendered, run_frame
+from .traced import Lognormal, TracedPixels, noise_doubt
 
+SHOW, INDIRECT = ("radiance", "standard_error"), "indirect"
 # A run of the path tracer takes as many samples as fit into these seconds and this share of the time.
 RUN_SECONDS, RUN_SHARE, MOST_PER_RUN = 0.25, 0.02, 16
 REVIEWED = 3  # steps after which their time and their noise are known
@@ -22,6 +26,31 @@ CHECK_GROWTH = 1.5  # frames from one check of the error to the next
 # frames told 30 times the actual noise, and 0.5 s went to direct light, with 4.5 times the error of the best.
 ENOUGH_FRAMES = 8
 RECENT = 9  # steps whose median predicts the next
+
+_rendered: WeakKeyDictionary[Any, set[Candidate]] = WeakKeyDictionary()  # candidates with pipelines, by device
+
+
+def rendered(renderer: Renderer) -> set[Candidate]:
+    """Return the candidates that this process has rendered on the renderer's device; add to it what is rendered."""
+    return _rendered.setdefault(renderer.graph.device, set())
+
+
+def shown(candidate: Candidate, show: tuple[str, ...], *, has_rivals: bool) -> tuple[str, ...]:
+    """Return the buffers that a picture of a candidate shows; has_rivals: other qualities may take over."""
+    return show if not has_rivals or averages_samples(candidate) else (*dict.fromkeys((*show, INDIRECT)),)
+
+
+def run_frame(
+    renderer: Renderer,
+    clock: Callable[[], float],
+    show: tuple[str, ...] = SHOW,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[bool, float]:
+    """Render a frame to its end; return whether there was one to render, and the seconds it took."""
+    begun = clock()
+    more = renderer.step(progress, show=show)
+    renderer.graph.device.wait()
+    return more, clock() - begun
 
 
 class FrameSeries:
@@ -36,11 +65,21 @@ class FrameSeries:
         figures: Figures,
         seconds: float | None,
         show: tuple[str, ...],
+        *,
+        has_rivals: bool,
     ) -> None:
-        """Give the renderer the settings. figures: what is expected of the candidate. seconds: of the whole budget."""
+        """Give the renderer the settings. figures: what is expected of the candidate. seconds: of the whole budget.
+
+        has_rivals: other qualities of the technique may take over.
+        """
         self.candidate, self.settings, self.frames = candidate, settings, 0
         self._renderer, self._clock, self._show = renderer, clock, show
+        self._show = shown(candidate, show, has_rivals=has_rivals)
+        # The means after each of the first frames, of the picture and of its indirect light, (h, w, 3).
+        self._layers = (SHOW[0], INDIRECT) if INDIRECT in self._show else ()
+        self._first_means: list[list[NDArray[np.float64]]] = []
         self._pixels = renderer.size[0] * renderer.size[1]
+        self._expected = figures
         self._was_warm = candidate in rendered(renderer)
         self._ahead = technique_of(candidate.gi).warm_up(settings)
         self._steps, self._first = 0, 0.0
@@ -102,31 +141,70 @@ class FrameSeries:
         self._steps += 1
         # A picture of the same settings goes on.
         self.frames = self._renderer.finished
+        if self._layers and self.frames == len(self._first_means) + 1 <= REVIEWED:
+            self._first_means.append([np.asarray(self._renderer.read_back(n), np.float64) for n in self._layers])
         return True
 
-    def review(self) -> None:
-        """Make a review due."""
+    def correct(self, floor: float, spread: float) -> None:
+        """Take a floor that was found otherwise, with the spread of its logarithm, and make a review due."""
+        self._expected = replace(self._expected, floor=floor, floor_spread=spread)
         self._review_at = 0
 
-    def learn(self, figures: Figures) -> Figures:
-        """Return the candidate's figures, corrected by the frames so far: their time and, from two on, their noise."""
-        frame = float(np.median(self._seconds[-RECENT:]))
+    def read(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the picture so far and its standard error, (h, w, 3) each."""
+        picture, deviation = (np.asarray(self._renderer.read_back(name), np.float64) for name in SHOW)
+        return picture, deviation
+
+    def learn(self, traced: TracedPixels | None) -> Figures:
+        """Return the candidate's figures: those expected, corrected by the frames so far and by traced pixels."""
+        figures = self._timed()
+        if self.frames < 2:
+            return figures
+        picture, deviation = self.read()
+        noise = Lognormal(figures.noise, figures.noise_spread)
+        if averages_samples(self.candidate) and traced is not None:
+            noise = traced.path_noise(picture, deviation)
+            return replace(figures, noise=noise.median, noise_spread=noise.spread, measured=True)
+        # The noise.
+        doubt, measured = noise_doubt(self.frames), None if traced is None else traced.compare(picture, deviation)
+        clean = without_noise(picture, deviation) if self.frames >= ENOUGH_FRAMES else picture
+        told = expected_relmse(clean, deviation)
+        if math.isfinite(told):
+            noise = noise.times(Lognormal(max(told * self.frames, LEAST_NOISE), doubt))
+        figures = replace(figures, noise=noise.median, noise_spread=noise.spread, measured=True)
+        if len(self._first_means) == REVIEWED:
+            figures = replace(figures, shared=shared_noise(self._first_means))
+        # The floor: what the noise does not explain, which few frames do not tell.
+        if measured is not None and not averages_samples(self.candidate):
+            error = math.hypot(measured.error, doubt * max(measured.total, measured.noise))
+            floor = Lognormal(figures.floor, figures.floor_spread).measured(measured.total - measured.noise, error)
+            figures = replace(figures, floor=floor.median, floor_spread=floor.spread)
+        return figures
+
+    def _timed(self) -> Figures:
+        """Return the figures expected before the first frame, with the seconds of the frames so far."""
+        figures, frame, start = self._expected, float(np.median(self._seconds[-RECENT:])), self._start()
         scale = frame / max(figures.frame_seconds(self._pixels), 1e-9)
-        start = self._start()
-        figures = replace(
+        return replace(
             figures,
             cold=figures.cold if self._was_warm or not self._steps else start,
             warm=start if self._was_warm and self._steps else figures.warm,
             fixed=figures.fixed * scale,
             per_pixel=figures.per_pixel * scale,
         )
-        if self.frames > 1:
-            picture, deviation = (np.asarray(self._renderer.read_back(name), np.float64) for name in SHOW)
-            if self.frames >= ENOUGH_FRAMES:
-                picture = without_noise(picture, deviation)
-            noise = expected_relmse(picture, deviation) * self.frames
-            figures = replace(figures, noise=max(noise, LEAST_NOISE) if math.isfinite(noise) else figures.noise)
-        return figures
+
+
+def shared_noise(means: list[list[NDArray[np.float64]]]) -> float:
+    """Return the share of the noise of a frame that all qualities have: that of all but indirect light.
+
+    means: of a picture and its indirect light, after each of the first frames, (h, w, 3) each.
+    """
+    sums = [np.stack([k * mean for k, mean in enumerate(part, 1)]) for part in zip(*means, strict=True)]
+    frames, indirect = (np.diff(part, axis=0, prepend=np.zeros_like(part[:1])) for part in sums)
+    mean = frames.mean(0)
+    weights = 1.0 / np.maximum(mean**2 + 0.01 * mean.mean() ** 2, np.finfo(np.float32).tiny)
+    own, others = (float((part.var(0, ddof=1) * weights).mean()) for part in (indirect, frames - indirect))
+    return others / (own + others) if own + others > 0 else 0.0
 
 
 def words_of(candidate: Candidate, frames: int) -> str:
