@@ -97,7 +97,7 @@ class GpuFrame:
         """Free all GPU memory."""
         self.forget()
         self.pixels.graph.release()
-        self.surfaces.graph.release()
+        self.surfaces.release()
         if self.upload is not None:
             self.upload.release()
             self.upload = None
@@ -105,8 +105,8 @@ class GpuFrame:
     @property
     def releases(self) -> list[Callable[[], None]]:
         """The functions that free the GPU memory, for `Device.discard`."""
-        graphs = self.graph, self.pixels.graph, self.surfaces.graph
-        return [graph.release for graph in graphs] + ([] if self.upload is None else [self.upload.release])
+        releases = [self.graph.release, self.pixels.graph.release, self.surfaces.release]
+        return releases + ([] if self.upload is None else [self.upload.release])
 
     def prepare(self, view: View, show: tuple[str, ...], force: bool, preview: bool) -> None:
         """Upload what changed; redeclare the frame if its passes changed. `preview`: as in `Renderer.step`."""
@@ -231,6 +231,14 @@ class GpuFrame:
             upload.update(view.scene)
         return upload
 
+    def current_upload(self, view: View) -> SceneUpload:
+        """Return the GPU's copy of the scene as `view` has it."""
+        upload, scene = self.fitting_upload(view.settings), Fingerprint(view.scene)
+        if self._inputs is None or self._inputs[0] != scene:
+            upload.update(view.scene)
+            self._inputs = None
+        return upload
+
     def _declare(self, view: View, show: tuple[str, ...], inputs: SceneInputs) -> None:
         """Redeclare the frame if its passes would differ."""
         assert self._inputs is not None
@@ -266,13 +274,20 @@ class GpuFrame:
         if name == "position" and self.upload is not None:
             values = np.where(pixels[..., 3:] > 0, values + self.upload.origin, 0.0)
         if name == "instance":
-            values = np.array([0, *(place + 1 for place in instances_sent(view.scene))])[values.astype(np.int64)]
+            values = instances_shown(values, view.scene)
         return np.ascontiguousarray(values if source.count > 1 else values[..., 0], np.float32)
 
 
 def instances_sent(scene: Scene) -> list[int]:
     """Return the places of the instances that are on the GPU, in their order there: those with triangles."""
     return [place for place, instance in enumerate(scene.instances) if len(instance.mesh.triangles)]
+
+
+def instances_shown(numbers: NDArray[np.float32], scene: Scene) -> NDArray[np.float32]:
+    """Return places in the scene's list, from 1, for numbers of instances on the GPU, from 1; 0 stays 0."""
+    places = np.array([0, *(place + 1 for place in instances_sent(scene))], np.float32)
+    shown: NDArray[np.float32] = places[numbers.astype(np.int64)]
+    return shown
 
 
 def copy_of(settings: Settings) -> Settings:

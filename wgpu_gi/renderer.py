@@ -20,7 +20,7 @@ from .gpu.graph import Graph
 from .gpu.handles import Texture
 from .gpu.schedule import Stale
 from .gpu.wgsl.load import refresh
-from .gpu_frame import GpuFrame, View, copy_of, instances_sent
+from .gpu_frame import GpuFrame, View, copy_of, instances_sent, instances_shown
 from .options import TECHNIQUES, Settings, check_size, check_window, technique_of
 from .pictures.picture import Picture
 from .pictures.tables import Table
@@ -34,6 +34,7 @@ from .scene.rules import shown
 from .scene.scene import Scene
 from .settings import validate
 from .techniques.shared.sampling import CameraSettings
+from .upload.scene_upload import SceneUpload
 
 __all__ = ["BUFFERS", "TECHNIQUES", "CameraSettings", "Renderer", "Settings"]
 
@@ -366,19 +367,64 @@ class Renderer(KnownAttributes):
                 upload, seen, settings, chosen, spp=spp, seed=seed, replicates=replicates, progress=progress
             )
 
+    def surfaces(self) -> dict[str, NDArray[np.float32]]:
+        """Return the buffers albedo, normal, depth and instance, as `read_back` does, without rendering a picture.
+
+        They are those of the scene, camera and size as they stand.
+        """
+        self._check_values()
+        with self._alone():
+            upload, seen, scene = self._seen()
+            found = self._gpu.surfaces.surfaces(upload, seen)
+            found["instance"] = instances_shown(found["instance"], scene)
+            return found
+
     def amodal(self) -> NDArray[np.int64]:
-        """Return how many pixels of the last frame each instance would cover alone, and their box: (instances, 5).
+        """Return how many pixels of the picture each instance would cover alone, and their box: (instances, 5).
 
         Columns: pixels, x, y, width, height. Pixels count by their centres, as in the buffer `instance`.
         """
         self._check_values()
         with self._alone():
-            view = self._view()
-            upload, sent = self._gpu.scene_upload(view), instances_sent(view.scene)
-            found = np.zeros((len(view.scene.instances), 5), np.int64)
-            seen = upload.view(view.camera, view.size, False, window=view.window)
+            upload, seen, scene = self._seen()
+            sent, found = instances_sent(scene), np.zeros((len(scene.instances), 5), np.int64)
             found[sent] = self._gpu.surfaces.amodal(upload, seen, len(sent))
             return found
+
+    def corners(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return the triangle that each pixel's centre shows, and the point on it.
+
+        Its vertices by place in the instance's mesh, (h, w, 3), and their weights, (h, w, 3), which mean nothing where
+        the buffer `instance` is 0.
+        """
+        self._check_values()
+        with self._alone():
+            upload, seen, _ = self._seen()
+            return self._gpu.surfaces.corners(upload, seen)
+
+    def reaches(
+        self, starts: ArrayLike, directions: ArrayLike, limits: ArrayLike, scene: Scene | None = None
+    ) -> NDArray[np.bool_]:
+        """Return whether rays get as far as `limits` (n,), in lengths of `directions` (n, 3), from `starts` (n, 3).
+
+        All in world space, metres; a limit may be infinite. `scene`: None is the renderer's. A surface does not
+        count if it lies in the last 0.01 % of the length, or if it is blended or thin, smooth glass that lets pass more
+        than half of the light. Raises GiError for a scene that cannot be rendered.
+        """
+        self._check_values()
+        rays = [np.asarray(values, np.float64) for values in (starts, directions, limits)]
+        with self._alone():
+            upload, seen, own = self._seen()
+            if scene is not None and scene is not own:
+                upload = self._gpu.surfaces.upload_of(scene, self.settings.diffuse)
+            return self._gpu.surfaces.reaches(upload, seen, *rays)
+
+    def _seen(self) -> tuple[SceneUpload, NDArray[np.void], Scene]:
+        """Return the GPU's copy of the scene as it stands, its uniform View without jitter, and the scene."""
+        view = self._view()
+        check_camera(view.camera)
+        upload = self._gpu.current_upload(view)
+        return upload, upload.view(view.camera, view.size, False, window=view.window), view.scene
 
     def display_texture(self) -> Any:
         """Return the wgpu texture of the buffer `display`, rgba8unorm; valid until the next step."""

@@ -103,7 +103,7 @@ def test_amodal_pixels_are_those_of_each_object_alone(seed):
 
 
 def test_bands_of_rows_give_the_same(monkeypatch):
-    import wgpu_gi.techniques.reference.amodal as module
+    import wgpu_gi.techniques.reference.surfaces as module
 
     instances = [card((0, 0, -2), 2, 1, "far"), card((-0.5, 0.1, -1), 1, 1, "near")]
     with Renderer(Scene(instances), size=SIZE, camera=CAMERA, settings=Settings(gi="none")) as renderer:

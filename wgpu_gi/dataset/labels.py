@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import GiError, near_names
 from ..renderer import Renderer
 from ..scene.rules import shown
+from .flow import Second, check_second, flow_and_occlusion
 from .frame_data import ARRAYS, FrameData
 from .matrices import matrices
 from .objects import amodal_objects, categories_of, check_categories, visible_objects
@@ -34,7 +35,10 @@ BUFFERS_OF: dict[str, tuple[str, ...]] = {
     "albedo": ("albedo",),
     "instance": ("instance",),
     "category": ("instance",),
+    "flow": ("instance", "depth"),
+    "occlusion": ("instance", "depth"),
 }
+SURFACES = ("albedo", "normal", "depth", "instance")  # not light: one frame shows them
 WANTED = (*ARRAYS, "objects", "amodal")  # what a frame may have; "amodal" are objects with what lies hidden
 
 
@@ -54,23 +58,32 @@ def frame_data(
     *,
     category_of: Sequence[int] | None = None,
     categories: dict[int, str] | None = None,
+    second: Second | None = None,
 ) -> FrameData:
     """Render a frame and label it: the renderer's scene from its camera, at its time.
 
     `wanted`: names of arrays of FrameData, "objects" and "amodal". `category_of` has for each instance of the scene a
-    key of `categories`, or 0. Raises GiError for unknown names, for ids that do not fit, and what the renderer raises.
+    key of `categories`, or 0. `second`: scene and camera at the second time, for "flow" and "occlusion"; its instances
+    are those of the first time, in the same order, with the same triangles. Raises GiError for unknown names, for ids
+    or instances that do not fit, and what the renderer raises.
     """
     check_wanted(wanted)
     names, scene, camera = dict(categories or {}), renderer.posed_scene, renderer.posed_camera
     kinds = check_categories(category_of, names, scene)
+    moves = {"flow", "occlusion"} & {*wanted}
+    other = check_second(second, scene) if moves else None
+    if renderer.window is not None:
+        raise GiError("the labels of a frame are those of the whole picture; set renderer.window to None")
     # Render the buffers that are needed.
     needed = {buffer for name in wanted for buffer in BUFFERS_OF.get(name, ())}
     needed |= {"instance"} if {"objects", "amodal"} & {*wanted} else set()
-    if needed:
-        renderer.run(show=tuple(sorted(needed)))
-    found = {name: np.asarray(renderer.read_back(name)) for name in needed}
+    light = tuple(sorted(needed - {*SURFACES}))
+    if light:
+        renderer.run(show=light)
+    found = {name: np.asarray(renderer.read_back(name)) for name in light}
+    found |= renderer.surfaces() if needed & {*SURFACES} else {}
     # Make the arrays of them.
-    arrays: dict[str, Any] = {name: found[BUFFERS_OF[name][-1]] for name in wanted if name in BUFFERS_OF}
+    arrays: dict[str, Any] = {name: found[BUFFERS_OF[name][-1]] for name in {*wanted} - moves if name in BUFFERS_OF}
     if "direct" in arrays:
         arrays["direct"] = found["emission"] + found["direct"]
     if "depth_z" in arrays:
@@ -85,6 +98,9 @@ def frame_data(
             objects = amodal_objects(scene, ids, kinds, renderer.amodal(), camera)
         elif "objects" in wanted:
             objects = visible_objects(scene, ids, kinds)
+    if other is not None:
+        flow, occlusion = flow_and_occlusion(renderer, found["instance"].astype(np.int32), found["depth"], other)
+        arrays |= {name: value for name, value in (("flow", flow), ("occlusion", occlusion)) if name in moves}
     return FrameData(
         renderer.size, **arrays, objects=objects, categories=names, cameras=matrices(camera, renderer.size)
     )

@@ -175,6 +175,15 @@ class SceneUpload:
         """
         self._hierarchy.expect_motion(instances)
 
+    def forget_layout(self) -> None:
+        """Make what the next `update` sends independent of earlier ones; the trees of rigid meshes stay."""
+        self._hierarchy.forget_layout()
+        self._figures = Figures()
+
+    def first_vertices(self) -> list[int]:
+        """Return for each instance on the GPU which entry of the table of vertices its mesh begins at."""
+        return [self._hierarchy.placement(i.mesh).vertices.start for i in self._shown(self.scene).instances]
+
     def update_draws(self, scene: Scene) -> DrawList:
         """Return the draw list of raster passes, sent to the GPU if it changed; call after `update`."""
         instances = self._shown(scene).instances

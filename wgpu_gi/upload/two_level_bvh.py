@@ -142,6 +142,10 @@ class TwoLevelBvh:
         self._moved |= {id(i) for i in instances}
         self._repeats = True
 
+    def forget_layout(self) -> None:
+        """Make what the next `update` stores independent of earlier ones; the trees of meshes stay."""
+        self._layout, self._moved = None, set()
+
     def placement(self, mesh: Mesh) -> Placement:
         """Return the place of a mesh in the buffers."""
         return self._places[id(mesh)]
