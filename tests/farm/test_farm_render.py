@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -315,3 +319,29 @@ def test_progress_is_a_line_and_a_table():
     head, one, other = progress.table().splitlines()
     assert head.split() == ["worker", "frames", "frames/s", "busy", "last"]
     assert one.split()[:4] == ["tcp://a:1", "4", "2", "50%"] and other.split()[1:4] == ["2", "0.667", "75%"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="sends a signal to a group of processes")
+def test_ctrl_c_ends_all_processes_without_a_traceback(folder):
+    """The terminal sends it to the workers, too. The complete frames stay, and the same command goes on."""
+    command = ["farm", "render", "cornell", "-o", "f/{frame}.npy", "--frames", "0:500", "--turntable", *TINY]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "wgpu_gi", *command, "--workers", "2"],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        deadline = time.monotonic() + 120
+        while len(list(folder.glob("f/*.npy"))) < 3 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        os.killpg(process.pid, signal.SIGINT)
+        told = process.communicate(timeout=60)[1]
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == 130 and "Traceback" not in told and "interrupted" in told, told
+    left = sorted(path.name for path in Path("f").iterdir() if path.suffix != ".npy")
+    assert left == ["job.json"] and len(list(Path("f").glob("*.npy"))) >= 3
+    assert all(np.load(path).shape == (18, 32, 3) for path in Path("f").glob("*.npy"))

@@ -73,8 +73,16 @@ class Messages:
 
                 yield report
             return
-        with self.progress("") as lines:
-            yield lambda fraction, line, _table: lines(fraction, line)
+        last = time.monotonic()
+
+        def line_at_intervals(_fraction: float, line: str, _table: Table) -> None:
+            nonlocal last
+            check()
+            if not self.quiet and time.monotonic() - last > LINE_SECONDS:
+                last = time.monotonic()
+                print(line, file=sys.stderr, flush=True)
+
+        yield line_at_intervals
 
     @contextmanager
     def progress(self, what: str, known: bool = True) -> Iterator[Report]:

@@ -10,9 +10,11 @@ import logging
 import multiprocessing
 import os
 import re
+import signal
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from ..errors import GiError
@@ -99,7 +101,8 @@ def _client_of(distributed: Any, address: str) -> Iterator[Client]:
         raise GiError(f"--scheduler {address}: an address is tcp://HOST:PORT, such as tcp://render1:8786")
     if found[1] in ENCRYPTED and distributed.Security().get_connection_args("client").get("ssl_context") is None:
         raise GiError(f"--scheduler {address}: Dask's configuration has no certificates for {found[1]}")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):  # what they log is in the sentences of GiErrors and results
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a warning of versions: `check_versions` says more
@@ -149,8 +152,24 @@ def _local_cluster(distributed: Any, workers: int | None, threads: int | None, a
         for number, environment in enumerate(environments)
     }
     scheduler = {"cls": distributed.Scheduler, "options": {"host": LOCAL, "dashboard_address": f"{LOCAL}:0"}}
-    with distributed.SpecCluster(workers=spec, scheduler=scheduler, silence_logs=logging.CRITICAL) as cluster:
+    with _without_interrupts():
+        cluster = distributed.SpecCluster(workers=spec, scheduler=scheduler, silence_logs=logging.CRITICAL)
+    with cluster:
         yield cluster
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Let Ctrl-C wait: the threads and processes that start in the block, and theirs, never receive it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # `multiprocessing` lets the signal through again after it has started this
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def worker_environments(

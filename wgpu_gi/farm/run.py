@@ -69,7 +69,7 @@ class FarmResult:
         rate = f", {self.done / self.seconds:.3g} frames/s" if self.done and self.seconds else ""
         text = f"{self.output}: {self.done} new frames in {self.seconds:.1f} s by {workers}{rate}"
         if self.repeated:
-            text += f"; {self.repeated} blocks were started again"
+            text += f"; {self.repeated} {'block was' if self.repeated == 1 else 'blocks were'} started again"
         if self.is_complete:
             return text
         why = [] if self.stopped is None else [self.stopped]
@@ -257,9 +257,13 @@ class _Run:
         """Return what was done."""
         for worker, reason in summary.left_out.items():
             self.note(f"the worker at {worker} was left out: {reason}")
+        done = self.progress.done
+        if summary.stopped is not None:
+            # Workers may have written frames of which nobody heard.
+            done = sum(self.files.exist(frame) for missing in self.missing.values() for frame in missing)
         return FarmResult(
             self.files.output,
-            self.progress.done,
+            done,
             time.monotonic() - start,
             self.failed,
             self.progress.table(),
