@@ -26,9 +26,8 @@ from .renderer import Renderer
 from .scene.rules import is_whole, shown
 from .scene.scene import Scene
 from .techniques.deferred.transmission import finds_light_in_picture
+from .techniques.shared.technique import Reach
 
-# Windows begin at multiples of this, so that blocks of pixels that share work are those of the whole picture.
-ALIGNMENT = 32
 MOST_TILES = 65536
 SIDE = 2048  # pixels, longest side of a tile by default: the path tracer then takes about 1 GiB on the device
 
@@ -76,9 +75,9 @@ def tile_plan(size: tuple[int, int], settings: Settings, tiles: bool | int | tup
     Raises GiError for a technique that needs the whole picture, and for bad values.
     """
     check_whole(size)
-    margin = _margin(settings)
+    reach = _reach_of(settings)
     columns, rows = _grid(size, tiles)
-    found = [_tile(x, y, size, margin) for y in _parts(size[1], rows) for x in _parts(size[0], columns)]
+    found = [_tile(x, y, size, reach) for y in _parts(size[1], rows) for x in _parts(size[0], columns)]
     return TilePlan((size[0], size[1]), found)
 
 
@@ -104,26 +103,32 @@ def _parts(length: int, count: int) -> list[tuple[int, int]]:
     return list(pairwise(ends))
 
 
-def _tile(x: tuple[int, int], y: tuple[int, int], size: tuple[int, int], margin: int) -> Tile:
+def _tile(x: tuple[int, int], y: tuple[int, int], size: tuple[int, int], reach: Reach) -> Tile:
     """Return the tile from x[0], y[0] to x[1], y[1], with the window around it."""
-    first = [max(start - margin, 0) // ALIGNMENT * ALIGNMENT for start in (x[0], y[0])]
-    end = [min(stop + margin, length) for stop, length in zip((x[1], y[1]), size, strict=True)]
+    first = [max(start - reach.margin, 0) // reach.step * reach.step for start in (x[0], y[0])]
+    end = [min(stop + reach.margin, length) for stop, length in zip((x[1], y[1]), size, strict=True)]
     window = end[0] - first[0], end[1] - first[1]
     return Tile((x[0], y[0]), (x[1] - x[0], y[1] - y[0]), (first[0], first[1]), window)
 
 
-def _margin(settings: Settings) -> int:
-    """Return the pixels around a tile that its picture depends on. Raises GiError if that is the whole picture."""
+def _reach_of(settings: Settings) -> Reach:
+    """Return what the window of a tile must hold. Raises GiError if that is the whole picture."""
     technique, gi = technique_of(settings.gi), settings.gi
-    if technique.margin is None:
-        reason = "light and occlusion come from surfaces all over the picture" if technique.screen_space else ""
-        reason = reason or "its virtual lights are chosen by all of the picture"
-        raise GiError(f"tiles: {gi} needs the whole picture, since {reason}; use path or none")
+    if technique.reach is None:
+        reason = "its light and occlusion come from all over the picture"
+        raise GiError(f"{gi} cannot be rendered in tiles: {reason}; use path, many-light or none")
     if gi == "path" and settings.path.adaptive:
         raise GiError("tiles: path.adaptive divides its paths over the whole picture; leave it off")
     if gi != "path" and settings.direct.contacts and not settings.direct.edges:
         raise GiError("tiles: direct.contacts searches the whole picture for shadows; leave it 0")
-    return technique.margin
+    if gi == "many-light" and (settings.gather.adaptive or settings.ssdo.near_field):
+        name = (
+            "gather.adaptive chooses rays by squares"
+            if settings.gather.adaptive
+            else "ssdo.near_field finds light all over"
+        )
+        raise GiError(f"tiles: {name} of the whole picture; leave it off")
+    return technique.reach(settings)
 
 
 def check_tiles(settings: Settings, scene: Scene, names: Sequence[str]) -> None:

@@ -15,6 +15,8 @@ from wgpu_gi.measure.scenes import make_scene
 from wgpu_gi.options import Settings
 from wgpu_gi.scene.built_in.shapes import quad
 from wgpu_gi.scene.scene import DirectionalLight, Instance, Material, SpotLight
+from wgpu_gi.settings import assign
+from wgpu_gi.tiles import tile_plan
 
 SIZE = 77, 45
 
@@ -63,6 +65,31 @@ def test_tiles_may_be_narrower_than_their_margins():
     scene = gi.load("cornell")
     scene.cameras[0].orthographic_height = 4.0
     assert_same(scene, settings_of("none"), (33, 9))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("size", "tiles"), [((200, 110), (100, 110)), ((320, 20), 2)])
+def test_many_light_equals_the_whole_picture(size, tiles):
+    settings = settings_of("many-light")
+    assert {t.window_corner for t in tile_plan(size, settings, tiles).tiles} != {(0, 0)}
+    assert_same(gi.load("cornell"), settings, tiles, size)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "changes"),
+    [
+        ("glossy", {}),
+        ("layered", {}),
+        ("foliage", {"gather.interleave": 3}),
+        ("street", {"gather.scale": "half", "vpl.importance": "flux"}),
+    ],
+)
+def test_many_light_of_random_scenes_equals_the_whole_picture(kind, changes):
+    settings = settings_of("many-light")
+    for name, value in changes.items():
+        assign(settings, f"{name}={value}")
+    assert_same(make_scene(kind, 2), settings, (120, 65), (240, 130))
 
 
 @pytest.mark.slow

@@ -7,9 +7,9 @@ import pytest
 
 from wgpu_gi.errors import GiError
 from wgpu_gi.options import Settings, technique_of
-from wgpu_gi.tiles import ALIGNMENT, tile_plan
+from wgpu_gi.tiles import tile_plan
 
-SIZES = [(1, 1), (96, 54), (640, 360), (8192, 8192), (8192, 1), (37, 211)]
+SIZES = [(1, 1), (96, 54), (640, 360), (700, 500), (8192, 1), (37, 211)]
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -26,14 +26,14 @@ def test_tiles_cover_the_picture_once(size, tiles):
     assert (covered == 1).all()
 
 
-@pytest.mark.parametrize("gi", ["path", "none"])
+@pytest.mark.parametrize("gi", ["path", "none", "many-light"])
 def test_windows_hold_the_margin_within_the_picture(gi):
-    margin = technique_of(gi).margin
+    margin, step = technique_of(gi).reach(Settings(gi=gi))
     for size in SIZES:
         for tile in tile_plan(size, Settings(gi=gi), (50, 40)).tiles:
             for k in range(2):
                 first, end = tile.window_corner[k], tile.window_corner[k] + tile.window_size[k]
-                assert first % ALIGNMENT == 0 and 0 <= first <= max(tile.corner[k] - margin, 0)
+                assert first % step == 0 and 0 <= first <= max(tile.corner[k] - margin, 0)
                 assert min(tile.corner[k] + tile.size[k] + margin, size[k]) == end
 
 
@@ -64,6 +64,8 @@ def test_wrong_sizes_are_refused(size):
         ("ssil", {}, "all over the picture"),
         ("ssao", {}, "all over the picture"),
         ("path", {"path.adaptive": True}, "path.adaptive"),
+        ("many-light", {"gather.adaptive": True}, "gather.adaptive"),
+        ("many-light", {"ssdo.near_field": True}, "ssdo.near_field"),
         ("none", {"direct.edges": False, "direct.contacts": 8}, "direct.contacts"),
     ],
 )

@@ -6,10 +6,12 @@ The techniques for indirect light start with the same stages: `declare_base`, th
 from __future__ import annotations
 
 from ...gpu.graph import Graph
+from ..shared.composite import NOISE_REACH
 from ..shared.stage import BOUNCES, DIRECT
-from ..shared.technique import Light, Technique
+from ..shared.technique import Light, Reach, Technique
 from .base import declare_base
 from .direct import declare_direct
+from .emitters import BLUR
 from .inputs import DeferredInputs
 from .transmission import with_transmission
 from .update import DeferredOptions, deferred_inputs
@@ -22,7 +24,7 @@ TECHNIQUE = Technique(
     occludes_sky=False,
     options=DeferredOptions,
     inputs=deferred_inputs,
-    margin=12,  # the blur of emitters reaches 8, the noise estimate 4
+    reach=lambda settings: Reach(BLUR + NOISE_REACH),
     stages=(DIRECT, BOUNCES),
 )
 

@@ -6,15 +6,21 @@ Linke 2016, "Design and Implementation of a Many-Light Method for Real-Time Dyna
 
 from __future__ import annotations
 
+import math
+
 from ...gpu.graph import Graph
 from ...gpu.handles import Buffer
 from ..deferred.base import Base, declare_base
 from ..deferred.direct import declare_direct
+from ..deferred.sky import INTERLEAVE as SKY_INTERLEAVE
 from ..deferred.sky import declare_sky
 from ..deferred.transmission import with_transmission
+from ..shared.composite import NOISE_REACH
+from ..shared.denoise import FIRST_STEP
+from ..shared.gbuffer import declare_gbuffer
 from ..shared.stage import DIRECT, Stage
-from ..shared.technique import Light, Technique
-from .compensation import declare_compensation
+from ..shared.technique import Light, Reach, Technique
+from .compensation import SPACING, declare_compensation
 from .denoise import History, declare_denoise
 from .gather import declare_gather
 from .inputs import ManyLightInputs
@@ -33,7 +39,7 @@ from .views import (
     declare_rsm_views,
     declare_vpl_view,
 )
-from .vpl import declare_candidates, declare_light_paths, declare_vpls
+from .vpl import declare_candidates, declare_light_paths, declare_vpls, pixels_beside
 
 POINTS = 1 << 17  # on all surfaces, for imperfect shadow maps; tools/README.md, "Constants"
 
@@ -64,6 +70,19 @@ STAGES = (
     ),
 )
 
+# Pixels that light crosses before it is filtered: the kernels of photons, and the neighbours that fill short histories.
+PHOTON_REACH, HISTORY_REACH = 24, 14
+
+
+def _reach(settings: ManyLightOptions) -> Reach:
+    """Return what a window must hold: the reach of blur and filter, and whole squares of interleaved sampling."""
+    taps = sum(FIRST_STEP << level for level in range(settings.denoise.levels))
+    filters = settings.denoise.radius + 1 + taps + PHOTON_REACH + HISTORY_REACH
+    # A grid of half resolution has squares twice as large.
+    squares = 2 * math.lcm(settings.gather.interleave, SPACING, SKY_INTERLEAVE)
+    return Reach(filters + NOISE_REACH, squares)
+
+
 TECHNIQUE = Technique(
     sentence="virtual point lights, with shadow rays or imperfect shadow maps",
     bounces=None,
@@ -71,6 +90,7 @@ TECHNIQUE = Technique(
     options=ManyLightOptions,
     inputs=many_light_inputs,
     stages=STAGES,
+    reach=_reach,
     views={
         "rsm/position": NO_RSM,
         "rsm/normal": NO_RSM,
@@ -88,7 +108,8 @@ TECHNIQUE = Technique(
 def declare_many_light(graph: Graph, settings: ManyLightOptions, scene: ManyLightInputs) -> Light:
     """Declare direct light, and indirect light from virtual point lights, W/(m2 sr)."""
     reflects = settings.bounces != 0
-    base = declare_base(graph, settings, scene, albedo=reflects)
+    gbuffer = declare_gbuffer(graph, scene, pixels=pixels_beside(graph, settings.vpl))[0]
+    base = declare_base(graph, settings, scene, gbuffer=gbuffer, albedo=reflects)
     sky = declare_sky(graph, settings.environment, scene, base.gbuffer, base.ambient, settings.seed, scene.frames)
     direct = declare_direct(
         graph, settings.direct, scene, base.gbuffer, base.shadow_maps, base.ambient, settings.seed, sky
@@ -118,7 +139,7 @@ def _declare_indirect(
     light_paths = declare_light_paths(graph, settings.vpl, scene, lobes, albedo, settings.bounces, seed)
     if rsm is None and light_paths is None:
         return None
-    candidates = declare_candidates(graph, settings.vpl, lobes, rsm, light_paths, gbuffer)
+    candidates = declare_candidates(graph, settings.vpl, lobes, rsm, light_paths, scene, gbuffer)
     vpls = declare_vpls(graph, settings.vpl, candidates, seed)
     # Gather from them, with rays or imperfect shadow maps.
     ism = None

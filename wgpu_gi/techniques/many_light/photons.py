@@ -9,13 +9,14 @@ next surface. A departure from Linke 2016, too, whose surfaces are matte.
 
 from __future__ import annotations
 
+import math
 from math import ceil
 
 from ...gpu.graph import Graph
 from ...gpu.wgsl.load import load
 from ..shared.bounds import NOTHING
 from ..shared.denoise import grid_size
-from ..shared.gbuffer import Gbuffer
+from ..shared.gbuffer import Gbuffer, whole_size
 from .gather import Gathered, GatherSettings, near_radius
 from .inputs import ManyLightInputs
 from .vpl import Candidates, VplSettings, declare_resampled, declare_weights
@@ -41,7 +42,7 @@ def declare_photons(
         return
     # Draw the photons from the candidates.
     width, height = graph.size
-    count = min(ceil(settings.photons * width * height), MOST_PHOTONS)
+    count = min(ceil(settings.photons * math.prod(whole_size(graph))), MOST_PHOTONS)
     weights = declare_weights(graph, settings, candidates, "photons", lobes=True)
     table = declare_resampled(graph, candidates, weights, "photons", count, seed)
     # Trace them.

@@ -19,8 +19,8 @@ from ...gpu.wgsl.load import load
 from ...records import KnownAttributes
 from ...settings import setting
 from ..shared.bounds import NOTHING
-from ..shared.gbuffer import Gbuffer
-from ..shared.sampling import STILL_SEQUENCE
+from ..shared.gbuffer import Gbuffer, whole_size
+from ..shared.sampling import STILL_SEQUENCE, pixels_of_sequence
 from .inputs import ManyLightInputs
 from .lobes import Lobes
 from .points import declare_sky_points
@@ -159,12 +159,21 @@ def declare_light_paths(
     return LightPaths(light_paths, count)
 
 
+def pixels_beside(graph: Graph, settings: VplSettings) -> tuple[tuple[int, int], ...]:
+    """Return the pixels of the whole picture that represent the view of a window; none for a whole picture."""
+    whole = whole_size(graph)
+    if settings.importance != "view" or whole == tuple(graph.size):
+        return ()
+    return pixels_of_sequence(VIEW_SAMPLES, whole)
+
+
 def declare_candidates(
     graph: Graph,
     settings: VplSettings,
     lobes: Lobes,
     rsm: Rsm | None,
     light_paths: LightPaths | None,
+    scene: ManyLightInputs,
     gbuffer: Gbuffer,
 ) -> Candidates:
     """Return the candidates of all maps and paths; declare the surfaces that weigh them."""
@@ -172,13 +181,18 @@ def declare_candidates(
     if settings.importance == "view":
         dtype = load("many_light/vpl/view_samples.wgsl").struct_dtype("ViewSample")
         view_samples = graph.buffer("vpl/view_samples", dtype=dtype, count=VIEW_SAMPLES)
+        # The G-buffer of a window has not all of the pixels.
+        is_window = whole_size(graph) != tuple(graph.size)
+        shader = f"many_light/vpl/view_samples{'_of_window' if is_window else ''}.wgsl"
         graph.compute(
             "vpl/view_samples",
-            "many_light/vpl/view_samples.wgsl",
+            shader,
             over=VIEW_SAMPLES,
-            reads={"surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
+            reads={**scene.surfaces, "visibility": gbuffer.visibility}
+            if is_window
+            else {"surfaces": gbuffer.surfaces, "distance": gbuffer.distance},
             writes={"view_samples": view_samples},
-            constants=gbuffer.constants("many_light/vpl/view_samples.wgsl"),
+            constants=scene.constants(shader),
         )
     else:
         graph.skip("vpl/view_samples", f"vpl.importance is {settings.importance}", NOTHING)

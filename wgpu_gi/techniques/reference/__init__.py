@@ -22,7 +22,7 @@ from ...records import KnownAttributes
 from ...settings import setting
 from ..shared.sampling import CameraSettings
 from ..shared.scene_inputs import SceneInputs, share_scene
-from ..shared.technique import Kept, Light, Shot, Technique
+from ..shared.technique import Kept, Light, Reach, Shot, Technique
 from .adaptive import adaptive_runs, declare_learned, mean_paths, missing_paths
 
 UNLIMITED = 0x7FFFFFFF
@@ -128,7 +128,7 @@ TECHNIQUE = Technique(
     views=dict.fromkeys(FEATURES, "the denoiser reads it"),
     averages_samples=True,
     refine=_refine,
-    margin=2,  # of the noise estimate: `wgsl/reference/standard_error.wgsl`
+    reach=lambda settings: Reach(2),  # of the noise estimate: `wgsl/reference/standard_error.wgsl`
     refined=frozenset({"radiance", "direct", "indirect", "emission", "standard_error"}),
 )
 

@@ -9,6 +9,7 @@ from ...gpu.graph import Graph
 from ...gpu.handles import Buffer, Texture
 from .technique import Light
 
+NOISE_REACH = 4  # pixels around a pixel that its noise estimate reads: `wgsl/shared/composite/standard_error.wgsl`
 MEANS = "mean/"  # prefix of the names of passes that average frames
 
 

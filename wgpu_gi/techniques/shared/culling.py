@@ -121,13 +121,15 @@ class ViewCulling:
 class CameraDraws:
     """Draws the clusters that the camera in a uniform may see when the pass runs.
 
-    Passes that draw for the same camera share `culling`.
+    Passes that draw for the same camera share `culling`. `pixels`: further pixels of the whole picture to draw.
     """
 
     view: Uniform
     upload: SceneUpload
     masked: bool
     culling: ViewCulling = field(compare=False)
+    pixels: tuple[tuple[int, int], ...] = ()
+    pixel_culling: ViewCulling = field(default_factory=ViewCulling, compare=False)
 
     def __call__(self, encoder: Any) -> None:
         """Record the draws."""
@@ -138,3 +140,13 @@ class CameraDraws:
             # The target is that of the whole picture, so that rasterisation rounds alike in all of its windows.
             encoder.set_scissor_rect(*views["corner"][0].tolist(), *views["size"][0].tolist())
         encoder.draw_all(self.culling.calls(self.masked))
+        if not self.pixels:
+            return
+        # Draw the other pixels, each by a window of its own.
+        windows = np.repeat(views, len(self.pixels))
+        windows["corner"], windows["size"] = self.pixels, 1
+        self.pixel_culling.update(windows, self.upload.draws)
+        for pixel, runs in zip(self.pixels, self.pixel_culling.runs(self.masked), strict=True):
+            encoder.set_scissor_rect(*pixel, 1, 1)
+            for first, count, slot, instances in runs:
+                encoder.draw_indexed(count, instances, first, 0, slot)

@@ -27,6 +27,7 @@ from .culling import CameraDraws, ViewCulling
 from .scene_inputs import RasterInputs, declared_features
 
 SURFACE = np.dtype((np.uint32, 4))
+Pixels = tuple[tuple[int, int], ...]  # (x, y) each
 
 
 @dataclass
@@ -60,12 +61,26 @@ class Gbuffer:
         return {"seen_tiles": self.seen_tiles, "tile_groups": self.tile_groups}
 
 
+def whole_size(graph: Graph, view: str = "view") -> tuple[int, int]:
+    """Return the size of the whole picture of a camera, of which the graph's is a window."""
+    camera = graph.uniforms[view]
+    width, height = np.frombuffer(camera.data, camera.dtype)["whole"][0].tolist()
+    return width, height
+
+
 def declare_gbuffer(
-    graph: Graph, scene: RasterInputs, *, name: str = "gbuffer", view: str = "view", layers: int = 1
+    graph: Graph,
+    scene: RasterInputs,
+    *,
+    name: str = "gbuffer",
+    view: str = "view",
+    layers: int = 1,
+    pixels: Pixels = (),
 ) -> list[Gbuffer]:
     """Declare the G-buffer of the camera in the uniform `view`, of the viewport's size, nearest surfaces first.
 
-    Each further layer of `layers` holds the nearest surfaces behind the previous layer.
+    Each further layer of `layers` holds the nearest surfaces behind the previous layer. `visibility` also has these
+    `pixels` of the whole picture.
     """
     if view not in graph.uniforms:
         raise GiError(f"G-buffer {name!r}: there is no shared uniform {view!r}")
@@ -74,7 +89,7 @@ def declare_gbuffer(
     for layer in range(layers):
         suffix = f"_{layer}" if layer else ""
         nearer = found[-1].depth if found else None
-        found.append(_declare_layer(graph, scene, name, suffix, view, culling, nearer))
+        found.append(_declare_layer(graph, scene, name, suffix, view, culling, nearer, pixels))
     return found
 
 
@@ -86,8 +101,9 @@ def _declare_layer(
     view: str,
     culling: ViewCulling,
     nearer: Texture | None,
+    pixels: Pixels,
 ) -> Gbuffer:
-    visibility, depth = _declare_visibility(graph, scene, name, suffix, view, culling, nearer)
+    visibility, depth = _declare_visibility(graph, scene, name, suffix, view, culling, nearer, pixels)
     width, height = graph.size
     words = 3 if scene.features["HAS_LAYERS"] else 1
     surfaces = graph.buffer(f"{name}/surfaces{suffix}", dtype=SURFACE, count=words * width * height)
@@ -130,14 +146,12 @@ def _declare_visibility(
     view: str,
     culling: ViewCulling,
     nearer: Texture | None,
+    pixels: Pixels,
 ) -> tuple[Texture, Texture]:
     """Declare the raster passes of a layer, behind the depth `nearer` if given; return visibility and depth."""
     # Without instances the second number is always 0; a one-channel texture reads as 0 there, too.
     ids = "rg32uint" if scene.features["HAS_INSTANCES"] else "r32uint"
-    whole_width, whole_height = np.frombuffer(graph.uniforms[view].data, graph.uniforms[view].dtype)["whole"][
-        0
-    ].tolist()
-    size = whole_width, whole_height
+    size = whole_size(graph, view)
     visibility = graph.texture(f"{name}/visibility{suffix}", ids, size=size)
     depth = graph.texture(f"{name}/depth{suffix}", "depth32float", size=size)
     shader = "shared/gbuffer/visibility.wgsl"
@@ -151,7 +165,7 @@ def _declare_visibility(
         graph.raster(
             f"{name}/{part}{suffix}",
             shader,
-            draw=CameraDraws(graph.uniforms[view], scene.upload, masked, culling),
+            draw=CameraDraws(graph.uniforms[view], scene.upload, masked, culling, pixels),
             index=scene.raster_indices,
             color={"color": visibility},
             depth=depth,

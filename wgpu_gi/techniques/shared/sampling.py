@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from ...records import KnownAttributes
 from ...settings import setting
 
@@ -16,6 +18,7 @@ PIXEL_SEED = 0x9E3779B9  # sets the points in the pixel apart from all other ran
 # Steps of the multiplication by Pascal's triangle modulo 2: shifts, and the bits that they apply to.
 PASCAL = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
 MASK = 0xFFFFFFFF
+BELOW_ONE = np.float32(0.99999994)
 
 
 @dataclass(repr=False, slots=True)
@@ -66,14 +69,29 @@ def pixel_offset(frame: int, seed: int) -> tuple[float, float]:
     edges of any direction is off by 0.104, 0.061, 0.029 and 0.013 (RMS) in the mean over 4, 8, 24 and 64 frames; with
     rank-1 lattices by 0.120, 0.062, 0.032 and 0.013, with Halton's sequence by 0.142, 0.071, 0.036 and 0.017.
     """
-    key = _hash(seed ^ PIXEL_SEED)
+    first, second = (bits / 2**32 for bits in sobol_bits(frame, _hash(seed ^ PIXEL_SEED)))
+    return first, second
+
+
+def pixels_of_sequence(count: int, size: tuple[int, int]) -> tuple[tuple[int, int], ...]:
+    """Return the pixels that `wgsl/many_light/vpl/view_samples.wgsl` picks of a picture; float32, as there."""
+    found = []
+    for index in range(count):
+        units = [min(np.float32(bits) * np.float32(2**-32), BELOW_ONE) for bits in sobol_bits(index, 0)]
+        x, y = (min(int(unit * np.float32(side)), side - 1) for unit, side in zip(units, size, strict=True))
+        found.append((x, y))
+    return (*found,)
+
+
+def sobol_bits(index: int, key: int) -> tuple[int, int]:
+    """Return the 32 bits of both coordinates of point `index`, by `sobol_2d` of `wgsl/common/random.wgsl`."""
     # Shuffle the points, then take the van der Corput sequence, and the one by Pascal's triangle modulo 2.
-    order = _owen_scramble(_reversed_bits(frame), _hash(key))
+    order = _owen_scramble(_reversed_bits(index), _hash(key))
     x, y = _reversed_bits(order), _reversed_bits(order)
     for shift, mask in PASCAL:
         y ^= (y >> shift) & mask
     keys = key ^ 0x68BC21EB, key ^ 0x02E5BE93
-    first, second = (_reversed_bits(_owen_scramble(v, _hash(k))) / 2**32 for v, k in zip((x, y), keys, strict=True))
+    first, second = (_reversed_bits(_owen_scramble(v, _hash(k))) for v, k in zip((x, y), keys, strict=True))
     return first, second
 
 

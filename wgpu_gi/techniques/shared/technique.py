@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 from ...camera import Camera, Window
 from ...gpu.graph import Graph
@@ -80,6 +80,17 @@ class Light:
     tint: Buffer | None = None
 
 
+class Reach(NamedTuple):
+    """What a window of a picture must hold so that its pixels equal those of the whole picture.
+
+    margin: pixels around a pixel that its light, filters and noise estimate depend on. step: windows begin at multiples
+    of it, so that patterns of pixels are those of the whole picture.
+    """
+
+    margin: int
+    step: int = 1
+
+
 def _no_warm_up(settings: Any) -> int:
     return 0
 
@@ -102,7 +113,7 @@ class Technique:
     warm_up: returns the number of frames before the first one that a still picture averages.
     refine: plans more runs for a picture that lacks samples after all its runs; returns whether it did.
     refined: the buffers that these runs improve.
-    margin: pixels around a pixel that its light, filters and noise estimates depend on; None: the whole picture.
+    reach: returns what a window of the picture must hold for equal pixels; None: pixels depend on the whole picture.
     stages: what its error may be due to, in the order in which `measure/attribute.py` exchanges them.
     found: returns the number of bounces of indirect light that its settings find, None for all; by default `bounces`.
     """
@@ -121,7 +132,7 @@ class Technique:
     warm_up: Callable[[Any], int] = _no_warm_up
     refine: Callable[[Graph, Kept, Any], bool] | None = None
     refined: frozenset[str] = frozenset()
-    margin: int | None = None
+    reach: Callable[[Any], Reach] | None = None
     stages: tuple[Stage, ...] = ()
     found: Callable[[Any], int | None] | None = None
 

@@ -168,7 +168,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) threa
     // Always `params.rays`, written so that it varies: lavapipe compiles loops up to a uniform anew for each dispatch.
     let rays = select(0u, params.rays, distance_seen > 0.0);
     let to = target_of(brdf, surface.normal, -ray.direction);
-    let first = (sequence.index * class_count() + class_of(pixel, sequence.index)) * rays;
+    let first = (sequence.index * class_count() + class_of(whole_pixel(pixel), sequence.index)) * rays;
     var visible = vec3f(0.0);
     var unoccluded = vec3f(0.0);
     for (var k = 0u; k < rays; k += 1u) {

@@ -52,10 +52,11 @@ struct Start {
 // Returns the start of a path; `place`: of the invocation.
 fn start_of(place: vec2u) -> Start {
     // Take one pixel in a row of SPACING: another in the next row, and in the next frame.
-    let pixel = vec2u(SPACING * place.x + (place.y + sequence.index) % SPACING, place.y);
+    let whole = whole_place(place * vec2u(SPACING, 1u)) / vec2u(SPACING, 1u);
+    let pixel = vec2u(SPACING * place.x + (whole.y + sequence.index) % SPACING, place.y);
     let at = load_receiver(grid_pixel(pixel), params.near_radius);
-    let block = hash2(place.x / BLOCK, hash2(place.y / BLOCK, params.seed));
-    let index = (sequence.index * BLOCK + place.y % BLOCK) * BLOCK + place.x % BLOCK;
+    let block = hash2(whole.x / BLOCK, hash2(whole.y / BLOCK, params.seed));
+    let index = (sequence.index * BLOCK + whole.y % BLOCK) * BLOCK + whole.x % BLOCK;
     let lit = all(pixel < grid_size()) && at.depth > 0.0;
     let faces_eye = dot(at.geometric_normal, at.to_eye) > 0.0;
     let side = select(-at.geometric_normal, at.geometric_normal, faces_eye);

@@ -124,7 +124,8 @@ fn find_runs(wanted: vec4f, runs: ptr<function, array<vec4f, RUNS>>) -> RunPlace
 
 // Returns four numbers in [0, 1) for the pixels of a thread.
 fn random_numbers(pixel: vec2u) -> vec4f {
-    let first = pixel.x * STEP_X + pixel.y * STEP_Y + sequence.index * STEP_FRAME + hash(params.seed);
+    let whole = whole_place(pixel);
+    let first = whole.x * STEP_X + whole.y * STEP_Y + sequence.index * STEP_FRAME + hash(params.seed);
     let codes = first + vec4u(0u, 1u, 2u, 3u) * (INTERLEAVE * STEP_Y);
     return vec4f(codes >> vec4u(8u)) / 16777216.0;
 }

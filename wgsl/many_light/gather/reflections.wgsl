@@ -48,8 +48,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     // Draw a direction from the coat.
-    let block = hash2(id.x / BLOCK, hash2(id.y / BLOCK, params.seed));
-    let index = (sequence.index * BLOCK + id.y % BLOCK) * BLOCK + id.x % BLOCK;
+    let whole = whole_place(id.xy);
+    let block = hash2(whole.x / BLOCK, hash2(whole.y / BLOCK, params.seed));
+    let index = (sequence.index * BLOCK + whole.y % BLOCK) * BLOCK + whole.x % BLOCK;
     let frame = frame_from_normal(at.normal);
     let u = sobol_2d(index, hash2(LOBE_PAIR, block));
     let drawn = sample_brdf(coat_of(at.brdf), at.to_eye * frame, u, sobol_2d(index, hash2(CHOICE_PAIR, block)).x);

@@ -15,6 +15,6 @@ fn deposit_unit() -> f32 {
 // Returns the squared width of a pixel's footprint, m2.
 fn squared_width(pixel: vec2u) -> f32 {
     let along = load_distance(pixel) * dot(pixel_ray(pixel).direction, view.forward);
-    let width = 2.0 * length(view.up) * select(along, 1.0, view.orthographic != 0u) / f32(view.size.y);
+    let width = 2.0 * length(view.up) * select(along, 1.0, view.orthographic != 0u) / f32(view.whole.y);
     return width * width;
 }

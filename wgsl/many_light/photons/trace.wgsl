@@ -115,17 +115,22 @@ fn leave_at(pixel: vec2u, r: Receiver, photon: Landed, share: f32) {
 
 // The pixels around a photon that get its light: all within `reach` of it, or a random one of each square of `stride`.
 struct Footprint {
-    place: vec2f,   // of the photon, pixels
+    place: vec2f,   // of the photon in the whole picture, pixels
     reach: f32,     // pixels
     centre: vec2i,
     stride: i32,
     taps: i32,      // on each side of the centre
 }
 
-// Returns the kernel at a pixel.
+// Returns whether this picture has a pixel of the whole picture.
+fn is_in_window(pixel: vec2i) -> bool {
+    return all(pixel >= vec2i(view.corner)) && all(pixel < vec2i(view.corner + view.size));
+}
+
+// Returns the kernel at a pixel of the whole picture.
 fn kernel_at(f: Footprint, pixel: vec2i) -> f32 {
     let away = (vec2f(pixel) + 0.5 - f.place) / f.reach;
-    let inside = all(pixel >= vec2i(0)) && all(pixel < vec2i(view.size));
+    let inside = is_in_window(pixel);
     return select(0.0, max(1.0 - dot(away, away), 0.0), inside);
 }
 
@@ -137,8 +142,9 @@ fn kernel_sum(f: Footprint, photon: Landed) -> f32 {
             let pixel = f.centre + vec2i(x, y) * f.stride;
             let kernel = kernel_at(f, pixel);
             if (kernel > 0.0) {
-                let r = load_receiver(vec2u(pixel), params.near_radius);
-                sum += select(0.0, kernel * pixel_area(vec2u(pixel), r), is_on(r, photon));
+                let own = vec2u(pixel) - view.corner;
+                let r = load_receiver(own, params.near_radius);
+                sum += select(0.0, kernel * pixel_area(own, r), is_on(r, photon));
             }
         }
     }
@@ -152,9 +158,10 @@ fn leave_all(f: Footprint, photon: Landed, sum: f32) {
             let pixel = f.centre + vec2i(x, y) * f.stride;
             let kernel = kernel_at(f, pixel);
             if (kernel > 0.0) {
-                let r = load_receiver(vec2u(pixel), params.near_radius);
+                let own = vec2u(pixel) - view.corner;
+                let r = load_receiver(own, params.near_radius);
                 if (is_on(r, photon)) {
-                    leave_at(vec2u(pixel), r, photon, kernel * squared_width(vec2u(pixel)) / sum);
+                    leave_at(own, r, photon, kernel * squared_width(own) / sum);
                 }
             }
         }
@@ -163,10 +170,10 @@ fn leave_all(f: Footprint, photon: Landed, sum: f32) {
 
 // Returns whether the camera sees a photon: it does not lie behind the plane of what the photon's pixel shows.
 fn is_seen(place: vec2f, photon: Landed) -> bool {
-    if (any(place < vec2f(0.0)) || any(place >= vec2f(view.size))) {
+    if (any(place < vec2f(0.0)) || !is_in_window(vec2i(floor(place)))) {
         return false;
     }
-    let r = load_receiver(vec2u(place), params.near_radius);
+    let r = load_receiver(vec2u(place) - view.corner, params.near_radius);
     return r.depth <= 0.0 || dot(photon.position - r.position, side_of(r)) > -OFF_PLANE * photon.radius;
 }
 
@@ -174,10 +181,10 @@ fn is_seen(place: vec2f, photon: Landed) -> bool {
 fn splat(landed: Landed, random: u32) {
     // Find its place in the picture.
     let clip = view.clip_from_world * vec4f(landed.position, 1.0);
-    let place = (clip.xy / max(clip.w, 1e-37) * vec2f(0.5, -0.5) + 0.5) * vec2f(view.size);
+    let place = (clip.xy / max(clip.w, 1e-37) * vec2f(0.5, -0.5) + 0.5) * vec2f(view.whole);
     let depth = select(dot(landed.position - view.position, view.forward), 1.0, view.orthographic != 0u);
     // A kernel as wide as a pixel finds at least one.
-    let width = 2.0 * length(view.up) * depth / f32(view.size.y);
+    let width = 2.0 * length(view.up) * depth / f32(view.whole.y);
     let reach = clamp(landed.radius / max(width, 1e-37), 1.0, TAPS * MOST_STRIDE);
     var photon = landed;
     photon.radius = reach * width;

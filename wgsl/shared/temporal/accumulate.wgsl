@@ -126,7 +126,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         a = look_around(id.xy, h, surface.geometric_normal);
     }
     // Reflections do not move with their surface: average over no more frames than they take to move by a lobe's width.
-    let lobe = surface.roughness * surface.roughness * f32(view.size.y) / (2.0 * length(view.up));
+    let lobe = surface.roughness * surface.roughness * f32(view.whole.y) / (2.0 * length(view.up));
     let speed = params.speed + select(0.0, 1.0 / max(lobe, 1e-3), COAT);
     let most = 1.0 / (1.0 - pow(0.1, (1.0 + speed * moved) / params.frames));
     let drawn = sequence.index & 3u;

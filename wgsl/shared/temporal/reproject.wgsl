@@ -25,7 +25,7 @@ const MIN_NORMAL_COSINE: f32 = 0.9;
 // tools/README.md, "Constants".
 const MIN_HISTORY_WEIGHT: f32 = 0.1;
 
-// Returns the point at a distance along a ray of the previous frame through a point of its picture.
+// Returns the point at a distance along a ray of the previous frame through a point of its whole picture.
 fn point_before(pixel: vec2f, seen: f32) -> vec3f {
     let ray = ray_of(view_before, pixel + view_before.offset);
     return ray.origin + ray.direction * seen;
@@ -45,12 +45,12 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let surface = load_surface(id.xy);
     let moved = motion[index];
-    let place = vec2f(id.xy) - moved.xy;
+    let place = vec2f(whole_pixel(id.xy)) - moved.xy;
     let corner = vec2i(floor(place));
     let f = place - floor(place);
     let expected = point_before(place, moved.z);
     let far = select(moved.z, 1.0, view_before.orthographic != 0u);
-    let width = far * 2.0 * length(view_before.up) / f32(view_before.size.y);
+    let width = far * 2.0 * length(view_before.up) / f32(view_before.whole.y);
     // Filter the history bilinearly over the taps that show the same surface.
     var light = vec3f(0.0);
     var frames = 0.0;
@@ -59,14 +59,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var drawn = 0u;
     for (var k = 0; k < 4; k += 1) {
         let offset = vec2i(k & 1, k >> 1u);
-        let pixel = corner + offset;
+        let place_before = corner + offset;  // in the whole picture
+        let pixel = place_before - vec2i(view.corner);
         let share = select(1.0 - f, f, offset > vec2i(0));
         let inside = all(pixel >= vec2i(0)) && all(pixel < vec2i(view.size));
         if (!inside || moved.w <= 0.0) {
             continue;
         }
         let h = unpack_history(previous[u32(pixel.y) * view.size.x + u32(pixel.x)]);
-        let off_plane = abs(dot(surface.geometric_normal, point_before(vec2f(pixel), h.distance) - expected));
+        let off_plane = abs(dot(surface.geometric_normal, point_before(vec2f(place_before), h.distance) - expected));
         let same = h.frames > 0.0 && off_plane <= MAX_PLANE_DISTANCE * width
             && dot(h.normal, surface.normal) >= MIN_NORMAL_COSINE;
         let w = select(0.0, share.x * share.y, same);

@@ -6,3 +6,8 @@ override STRIDE: u32 = 1u;
 fn grid_size() -> vec2u {
     return (view.size + STRIDE - 1u) / STRIDE;
 }
+
+// Returns a place in the grid as one in the grid of the whole picture: what random numbers depend on.
+fn whole_place(place: vec2u) -> vec2u {
+    return place + view.corner / STRIDE;
+}

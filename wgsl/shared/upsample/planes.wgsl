@@ -29,7 +29,7 @@ const REACH: i32 = 2;
 // Returns the point of a pixel at a depth of `shared/denoise/plane.wgsl`, in the camera's frame.
 fn view_position(pixel: vec2u, depth: f32) -> vec3f {
     let half = vec2f(length(view.right), length(view.up));
-    let ndc = (vec2f(pixel) + view.offset) / vec2f(view.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+    let ndc = (vec2f(whole_pixel(pixel)) + view.offset) / vec2f(view.whole) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
     let parallel = view.orthographic != 0u;
     return select(vec3f(ndc * half, 1.0) / max(depth, 1e-37), vec3f(ndc * half, depth), parallel);
 }
@@ -129,7 +129,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let depth = select(0.0, plane_depth(pixel_ray(pixel), seen), lit);
         let own = GuideSurface(view_position(pixel, depth), to_view(surface.normal), lit);
         let width = 2.0 * length(view.right) * select(own.position.z, 1.0, view.orthographic != 0u);
-        let scale = f32(view.size.x) / max(width * f32(STRIDE), 1e-37);
+        let scale = f32(view.whole.x) / max(width * f32(STRIDE), 1e-37);
         let similar = vec4f(
             similarity(own, a, scale), similarity(own, b, scale), similarity(own, c, scale), similarity(own, d, scale));
         let f = 0.5 * vec2f(step);

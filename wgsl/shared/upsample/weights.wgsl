@@ -26,7 +26,7 @@ struct GuideSurface {
 // Returns the number of fine pixels per metre on a surface that faces the camera.
 fn pixels_per_metre(position: vec3f) -> f32 {
     let depth = select(dot(position, view.forward), 1.0, view.orthographic != 0u);
-    return f32(view.size.x) / max(2.0 * length(view.right) * depth, 1e-37);
+    return f32(view.whole.x) / max(2.0 * length(view.right) * depth, 1e-37);
 }
 
 // Returns the similarity of two surfaces, 0 to 1; `per_metre`: coarse pixels per metre at `fine`.
