@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,11 @@ class Sight:
             low, side, facing, floor.reshape(shape), ceiling.reshape(shape), points, normals, _details(scene), bounds
         )
 
+    @cached_property
+    def filled(self) -> NDArray[np.bool_]:
+        """Which cubes (x, y, z) hold surfaces."""
+        return np.asarray(self.facing.any(3))
+
     def first_hits(self, origins: Array, directions: Array) -> tuple[Array, Array]:
         """Return distance and facing of the first hits of rays, each (n, 3), of unit directions.
 
@@ -82,7 +88,7 @@ class Sight:
         with np.errstate(divide="ignore", invalid="ignore"):
             a, b = (self.low - origins) / directions, (self.low + shape * self.side - origins) / directions
         enter, leave = np.nanmax(np.minimum(a, b), 1), np.nanmin(np.maximum(a, b), 1)
-        filled = self.facing.any(3).ravel()
+        filled = self.filled.ravel()
         strides = np.array([shape[1] * shape[2], shape[2], 1])
         distance, cube = np.full(len(origins), np.inf), np.zeros(len(origins), np.int64)
         # March all rays at once; those that hit or leave drop out.
@@ -119,7 +125,7 @@ class Sight:
     def heights(self, x: float, z: float) -> list[tuple[float, float]]:
         """Return underside and top of the bodies on the vertical line through (x, z), from below."""
         i, k = (int((v - self.low[axis]) / self.side) for v, axis in ((x, 0), (z, 2)))
-        filled = np.flatnonzero(self.facing[i, :, k].any(1))
+        filled = np.flatnonzero(self.filled[i, :, k])
         runs = np.split(filled, np.flatnonzero(np.diff(filled) > 1) + 1) if len(filled) else []
         base = float(self.low[1])
         return [(base + float(self.ceiling[i, run[0], k]), base + float(self.floor[i, run[-1], k])) for run in runs]

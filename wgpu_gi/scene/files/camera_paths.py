@@ -77,8 +77,8 @@ class CameraPath:
     frames: list[int]
     values: NDArray[np.float64]
 
-    def __call__(self, frame: int) -> Camera:
-        """Return the camera of a frame."""
+    def __call__(self, frame: float) -> Camera:
+        """Return the camera of a frame, or between two."""
         value = _through(self.frames, self.values, frame)
         try:
             return Camera.look_at(value[:3], value[3:6], value[6:9], float(value[9]), self.file.stem)  # type: ignore[arg-type]
@@ -96,7 +96,7 @@ def _key(where: str, key: Any) -> tuple[int, list[float]]:
     return key["frame"], [*map(float, (*fields["position"], *fields["target"], *up)), float(angle)]
 
 
-def _through(frames: Sequence[int], values: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
+def _through(frames: Sequence[int], values: NDArray[np.float64], frame: float) -> NDArray[np.float64]:
     """Return the value at `frame` of the splines through `values` (n, 10) at `frames`."""
     if frame <= frames[0]:
         return values[0]
