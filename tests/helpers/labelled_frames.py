@@ -12,7 +12,7 @@ SIZE = (24, 17)
 CATEGORIES = {1: "disc", 3: "blob"}
 DATA = {
     *("picture", "direct", "indirect", "standard_error", "depth_ray", "depth_z", "normal", "albedo"),
-    *("instance", "category", "boxes", "flow", "occlusion", "cameras"),
+    *("instance", "category", "amodal", "flow", "occlusion"),
 }
 
 

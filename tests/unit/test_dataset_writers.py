@@ -297,7 +297,7 @@ def test_depth_beyond_16_bits_is_unknown():
             "frames_per_shard must be a whole number from 1, not 0",
         ),
         ({"coco": {"a": 1}}, DATA, CATEGORIES, 0.0, "the writer coco has no option 'a'; it has none"),
-        ({"coco": {}}, {"picture"}, CATEGORIES, 0.0, "the writer coco needs the data boxes, instance"),
+        ({"coco": {}}, {"picture"}, CATEGORIES, 0.0, "the writer coco needs the data amodal, instance"),
         ({"coco": {}}, DATA, {}, 0.0, "the writer coco needs categories"),
         ({"nerf": {}}, DATA, CATEGORIES, None, "the writer nerf needs the same exposure for all frames"),
     ],

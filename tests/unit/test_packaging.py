@@ -57,7 +57,7 @@ def test_wheel_holds_everything(built):
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert not [name for name in names if name.startswith(("tests/", "tools/", "wgsl/"))]
     required = re.findall(r"^Requires-Dist: ([\w-]+)(?!.*extra ==)", metadata, re.M)
-    assert sorted(map(str.lower, required)) == ["mapbox-earcut", "numpy", "openexr", "pillow", "rich", "wgpu"]
+    assert sorted(map(str.lower, required)) == ["mapbox-earcut", "numpy", "openexr", "pillow", "rich", "tomli", "wgpu"]
 
 
 def test_sdist_holds_everything(built):

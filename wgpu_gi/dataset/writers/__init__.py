@@ -40,7 +40,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "coco": {},
     "nerf": {},
 }
-REQUIRED = {"coco": {"picture", "instance", "boxes"}, "nerf": {"picture", "cameras"}}
+REQUIRED = {"coco": {"picture", "instance", "amodal"}, "nerf": {"picture"}}
 
 
 def required(writers: Iterable[str]) -> set[str]:
