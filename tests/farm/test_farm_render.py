@@ -148,6 +148,7 @@ def assert_refused(arguments: list[str], message: str, capsys, monkeypatch) -> N
         (["--adapter", "voodoo"], "no adapter is called 'voodoo'"),
         (["--plan"], "--plan tells of one process"),
         (["--timings"], "--timings tells of one process"),
+        (["--tiles", "2"], "--tiles is for one large picture"),
         (["--time", "2s"], "--frames does not go with --time"),
         (["--certify"], "--certify states the error of one picture"),
         (["-o", "new/f.mp4"], "no video"),

@@ -85,6 +85,8 @@ def _check(arguments: Namespace, shown: list[str], settings: Settings) -> None:
     for flag, given in (("--plan", arguments.plan), ("--timings", arguments.timings)):
         if given:
             raise GiError(f"{flag} tells of one process; leave it out, or use wgpu-gi render")
+    if arguments.tiles is not False:
+        raise GiError("--tiles is for one large picture by one process; leave it out, or use wgpu-gi render")
     pixels_of(arguments, shown)
     check_budget(arguments)
     check_size(arguments.size)

@@ -1,4 +1,5 @@
 """What a farm does unless told otherwise."""
 
-# Cores per worker process where a CPU renders: one thread each gives the most frames per second, see tools/README.md.
+# Cores per worker process where a CPU renders. CPU time per frame is that of two threads, see tools/README.md, and the
+# work of Python and of building hierarchies, which has one thread, leaves no core idle.
 THREADS = 1
