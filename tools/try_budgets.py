@@ -6,8 +6,10 @@
 
 Results are kept in FOLDER by scene; what is there is not measured again. Names of scenes may follow. The error is that
 of TRACED random pixels with PATHS paths each, less their noise. Few frames of a picture err by chance, so short budgets
-have the mean over SEEDS, of the choice and of every candidate. Each is rendered in a process where its pipelines exist,
-for at most MEASURED_SECONDS; beyond, a floor and 1 / frames continue its curve.
+have the mean over SEEDS, of the choice and of every candidate. Where the start of a picture counts, at SHORT seconds,
+the presets FIXED are rendered as the choice is, one after the other in the same process. Each candidate of a curve is
+rendered in a process where its pipelines exist, for at most MEASURED_SECONDS; beyond, a floor and 1 / frames continue
+it.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from wgpu_gi.budget.traced import TracedPixels
 from wgpu_gi.budget.typical import TYPICAL
 from wgpu_gi.measure.scenes import make_scene
 from wgpu_gi.renderer import Renderer, Settings
+from wgpu_gi.settings import apply_quality
 
 TUNED = (
     *("cornell", "corridor", "courtyard", "room-11", "glossy-11", "cornell-spot", "textured-12", "street-11"),
@@ -43,6 +46,7 @@ ONE_QUALITY = ("none", "ssil", "ssao")  # no quality of these came near the best
 SIZE = (160, 90)
 SEEDS = (5, 6, 7)
 BUDGETS = {0.5: SEEDS, 2.0: SEEDS[:1], 10.0: SEEDS[:1]}  # seconds, and the seeds of the pictures
+SHORT, FIXED = 0.5, ("low", "medium")  # of many-light
 # Curves of the further seeds end after these seconds; techniques that are not listed have one seed.
 FURTHER_SECONDS = {"many-light": 2.0, "path": 0.55, "ssdo": 0.55}
 TRACED, PATHS, TRUTH_SEED = 4000, 256, 0x7472_7574
@@ -162,26 +166,33 @@ def measure_choices(name: str, folder: Path, clock: Clock, budgets: list[float])
     """Render a scene within each budget, each time with nothing in the cache, and write what was reached."""
     path = folder / f"{name}.choices.json"
     rows = json.loads(path.read_text()) if path.exists() else []
-    done = {(row["budget"], row["seed"]) for row in rows}
-    missing = [(b, seed) for b in budgets for seed in BUDGETS[b] if (b, seed) not in done]
+    done = {(row["budget"], row["seed"], row["fixed"]) for row in rows}
+    wanted = [(b, seed, q) for b in budgets for seed in BUDGETS[b] for q in (None, *(FIXED if b <= SHORT else ()))]
+    missing = [want for want in wanted if want not in done]
     if not missing:
         return
     with Renderer(scene_of(name), size=SIZE) as renderer:
         truth = Truth(renderer, folder / f"{name}.npz")
-        warm_up(renderer)
+        warm_up(renderer, max(budgets) > SHORT)
         medium = candidates(Settings(), TYPICAL)[Candidate("many-light", "medium")]
-        for budget, seed in missing:
-            os.environ["WGPU_GI_CACHE"] = str(folder / "cache" / f"{name}-{budget:g}-{seed}")
+        for budget, seed, fixed in missing:
+            os.environ["WGPU_GI_CACHE"] = str(folder / "cache" / f"{name}-{budget:g}-{seed}-{fixed}")
             # A picture with the same settings would go on.
             renderer.settings = replace(medium, seed=99)
             for _ in range(2):
                 renderer.step(show=(*SHOW, INDIRECT))
             renderer.settings = Settings(seed=seed)
-            outcome = render_within(renderer, budget, None, clock=clock)
+            techniques = None
+            if fixed is not None:
+                techniques = ("many-light",)
+                apply_quality(renderer.settings, fixed)
+            outcome = render_within(renderer, budget, None, techniques, quality=fixed, clock=clock)
             rows.append(
                 {
                     "budget": budget,
                     "seed": seed,
+                    "fixed": fixed,
+                    "frames": outcome.frames,
                     "candidate": str(outcome.candidate),
                     "seconds": outcome.seconds,
                     "traced": outcome.traced_seconds,
@@ -193,15 +204,19 @@ def measure_choices(name: str, folder: Path, clock: Clock, budgets: list[float])
             path.write_text(json.dumps(rows))
 
 
-def warm_up(renderer: Renderer) -> None:
-    """Compile the pipelines that a budget may use, so that a short one is not spent on that."""
+def warm_up(renderer: Renderer, everything: bool) -> None:
+    """Compile the pipelines that a budget may use, so that a short one is not spent on that.
+
+    everything: also those that a short one has no time to try.
+    """
     for candidate, settings in candidates(Settings(seed=99), TYPICAL).items():
-        if candidate.gi in FURTHER_SECONDS:
+        if candidate.gi in FURTHER_SECONDS if everything else candidate.gi == "many-light":
             renderer.settings = settings
             for _ in range(2):
                 renderer.step(show=shown(candidate, SHOW, has_rivals=True))
         rendered(renderer).add(candidate)
-    TracedPixels(renderer, time.perf_counter, 0.0)
+    if everything:
+        TracedPixels(renderer, time.perf_counter, 0.0)
 
 
 def mean_error(found: dict[str, Any], seconds: float, seeds: list[int]) -> float:
@@ -223,11 +238,15 @@ def report(names: list[str], folder: Path) -> None:
         cells = dict.fromkeys(BUDGETS, "")
         every = json.loads((folder / f"{name}.choices.json").read_text())
         for budget in BUDGETS:
-            rows = [row for row in every if row["budget"] == budget]
+            rows = [row for row in every if row["budget"] == budget and row["fixed"] is None]
             if not rows:
                 continue
             seeds = [row["seed"] for row in rows]
             ends = {c: mean_error(found, budget, seeds) for c, found in curves[name].items()}
+            for quality in FIXED:
+                errors = [row["relmse"] for row in every if row["budget"] == budget and row["fixed"] == quality]
+                if errors:
+                    ends[f"many-light, {quality}"] = float(np.mean(errors))
             best = min(ends, key=ends.__getitem__)
             error = float(np.mean([row["relmse"] for row in rows]))
             for candidate, end in {"**chosen**": error, **ends}.items():

@@ -38,6 +38,9 @@ class KnownAttributes:
             found = getattr(type(self), name, None)
             if isinstance(found, property):
                 return found.fget(self)  # the property failed: raise its own error again
+            if name.startswith("__") and name.endswith("__"):
+                # Python asks for its own protocols, such as `__deepcopy__`: a search for near names would slow that.
+                raise AttributeError(name)
             raise _unknown_attribute(self, name)
 
 
