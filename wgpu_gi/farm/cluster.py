@@ -8,11 +8,11 @@ workers is queued as well, about once a second.
 from __future__ import annotations
 
 import asyncio
-import concurrent.futures
 import itertools
 import queue
 import time
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from .chunk_task import Failure, Outcome, Task, do_chunk, failure_of
@@ -36,7 +36,8 @@ class Cluster:
     def __init__(self, client: Client, task: Task, payload: Any) -> None:
         """`client` is synchronous; `task` and `payload` are those of all chunks."""
         assert client.scheduler is not None and client.loop is not None
-        self._client, self._loop, self._task, self._payload = client, client.loop, task, payload
+        self._client, self._scheduler, self._loop = client, client.scheduler, client.loop
+        self._task, self._payload = task, payload
         self._name = f"the scheduler at {client.scheduler.address}"
         self._numbers = itertools.count()
         self._futures: dict[Number, Future] = {}
@@ -55,7 +56,7 @@ class Cluster:
         number = next(self._numbers)
         future = self._client.submit(do_chunk, self._task, self._payload, items, workers=[worker], pure=False)
         self._futures[number] = future
-        self._loop.add_callback(self._collect, number, future)
+        future.add_done_callback(partial(self._ended, number))
         return number
 
     def drop(self, number: Number) -> None:
@@ -102,15 +103,30 @@ class Cluster:
                 self._news.put(set(await self._client.nthreads(asynchronous=True)))
             await asyncio.sleep(WATCH)
 
-    async def _collect(self, number: Number, future: Future) -> None:
-        """Wait for a chunk and queue what becomes of it."""
+    async def _fetch(self, number: Number, key: Any) -> None:
+        """Queue the outcomes of a finished chunk.
+
+        `Client.gather` joins the keys that are asked for at the same time, and asks for all of them again until each
+        has come: one worker that ended holds up the results of all. So each chunk is asked for alone, once.
+        """
+        outcomes: list[Outcome] | None = None
+        with suppress(OSError, RuntimeError, ValueError, AttributeError, asyncio.TimeoutError):
+            response = await self._scheduler.gather(keys=[key])
+            if response["status"] == "OK":
+                outcomes = response["data"][key]
+        self._news.put((number, outcomes))
+
+    # ------------------------------------------------------------------------ In a thread of the client
+
+    def _ended(self, number: Number, future: Future) -> None:
+        """Queue what became of a chunk, or have its outcomes fetched."""
         from distributed import KilledWorker
 
-        outcomes: list[Outcome] | Failure | None
-        try:
-            outcomes = await future
-        except (asyncio.CancelledError, concurrent.futures.CancelledError, KilledWorker):
-            outcomes = None
-        except Exception as error:
-            outcomes = failure_of(error)
-        self._news.put((number, outcomes))
+        if future.status == "finished":
+            self._loop.add_callback(self._fetch, number, future.key)
+            return
+        error = future.exception() if future.status == "error" else None
+        if isinstance(error, KilledWorker) or not isinstance(error, Exception):
+            self._news.put((number, None))
+        else:
+            self._news.put((number, failure_of(error)))
