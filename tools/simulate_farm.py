@@ -232,6 +232,7 @@ def main() -> int:
     parser.add_argument("--deaths", type=float, default=5.0, help="percent of the workers a minute")
     parser.add_argument("--processes", type=int, default=4, help="that the workers share")
     arguments = parser.parse_args()
+    logging.disable(logging.INFO)  # Dask logs each connection
     hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     with tempfile.TemporaryDirectory() as folder:

@@ -5,6 +5,7 @@ Failures travel as text: an exception that cannot be pickled would lose the resu
 
 from __future__ import annotations
 
+import pickle
 import time
 import traceback
 from collections.abc import Callable, Hashable, Sequence
@@ -12,6 +13,9 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from ..errors import DiskFull, GiError, LostDevice
+
+# Bytes of an event. The scheduler keeps the last 1,000 events of a topic, in Dask's default configuration.
+SMALL = 16384
 
 
 class UnfitWorker(GiError):
@@ -59,8 +63,14 @@ def failure_of(error: Exception) -> Failure:
     return Failure(Kind.CHANCE, f"{type(error).__name__}: {error}{where}")
 
 
-def do_chunk(task: Task, payload: Any, items: Sequence[Hashable]) -> list[Outcome]:
-    """Do the items until the chunk is cancelled, the worker is unfit or the disk is full."""
+def do_chunk(task: Task, payload: Any, items: Sequence[Hashable], topic: str, number: int) -> list[Outcome]:
+    """Do the items until the chunk is cancelled, the worker is unfit or the disk is full.
+
+    Outcomes of few bytes are also sent as an event of a topic, with the number of the chunk: events take the open
+    connection to the scheduler and on to the client, where results are fetched by new connections to each worker.
+    """
+    from distributed import get_worker
+
     outcomes: list[Outcome] = []
     for item in items:
         if _is_cancelled():
@@ -74,6 +84,9 @@ def do_chunk(task: Task, payload: Any, items: Sequence[Hashable]) -> list[Outcom
         outcomes.append(Outcome(item, result, failure, time.perf_counter() - start))
         if failure is not None and failure.kind in (Kind.WORKER, Kind.DISK):
             break
+    message = pickle.dumps((number, outcomes))
+    if len(message) <= SMALL:
+        get_worker().log_event(topic, message)
     return outcomes
 
 

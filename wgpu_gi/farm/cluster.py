@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import pickle
 import queue
 import time
+import uuid
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -44,6 +46,9 @@ class Cluster:
         self._news: queue.SimpleQueue[News | set[str]] = queue.SimpleQueue()
         self._heard = self._peopled = time.monotonic()
         self._closed = False
+        self._told: set[Number] = set()  # chunks whose outcomes came as an event
+        self._topic = f"wgpu_gi-{uuid.uuid4()}"
+        client.subscribe_topic(self._topic, self._hear)
         self._loop.add_callback(self._watch)
 
     @property
@@ -54,7 +59,8 @@ class Cluster:
     def submit(self, items: tuple[Item, ...], worker: str) -> Number:
         """Send a chunk to a worker."""
         number = next(self._numbers)
-        future = self._client.submit(do_chunk, self._task, self._payload, items, workers=[worker], pure=False)
+        arguments = (self._task, self._payload, items, self._topic, number)
+        future = self._client.submit(do_chunk, *arguments, workers=[worker], pure=False)
         self._futures[number] = future
         future.add_done_callback(partial(self._ended, number))
         return number
@@ -79,6 +85,8 @@ class Cluster:
     def close(self) -> None:
         """Drop all chunks."""
         self._closed = True
+        if self.is_connected:
+            self._client.unsubscribe_topic(self._topic)
         for number in list(self._futures):
             with suppress(RuntimeError):  # the event loop has ended
                 self.drop(number)
@@ -103,8 +111,14 @@ class Cluster:
                 self._news.put(set(await self._client.nthreads(asynchronous=True)))
             await asyncio.sleep(WATCH)
 
+    def _hear(self, event: tuple[float, bytes]) -> None:
+        """Queue the outcomes of a chunk that come as an event, always before its task counts as finished."""
+        number, outcomes = pickle.loads(event[1])
+        self._told.add(number)
+        self._news.put((number, outcomes))
+
     async def _fetch(self, number: Number, key: Any) -> None:
-        """Queue the outcomes of a finished chunk.
+        """Queue the outcomes of a finished chunk that did not come as an event.
 
         `Client.gather` joins the keys that are asked for at the same time, and asks for all of them again until each
         has come: one worker that ended holds up the results of all. So each chunk is asked for alone, once.
@@ -122,11 +136,11 @@ class Cluster:
         """Queue what became of a chunk, or have its outcomes fetched."""
         from distributed import KilledWorker
 
-        if future.status == "finished":
+        if number in self._told:
+            self._told.discard(number)
+        elif future.status == "finished":
             self._loop.add_callback(self._fetch, number, future.key)
-            return
-        error = future.exception() if future.status == "error" else None
-        if isinstance(error, KilledWorker) or not isinstance(error, Exception):
+        elif future.status != "error" or isinstance(future.exception(), KilledWorker):
             self._news.put((number, None))
         else:
-            self._news.put((number, failure_of(error)))
+            self._news.put((number, failure_of(future.exception())))
