@@ -50,7 +50,7 @@ def serve_scheduler(pipe: Connection) -> None:
     async def serve() -> None:
         from distributed import Scheduler
 
-        async with Scheduler(host="127.0.0.1", port=0, dashboard=False) as scheduler:
+        async with Scheduler(host="127.0.0.1", port=0, dashboard_address="127.0.0.1:0") as scheduler:
             pipe.send(scheduler.address)
             await asyncio.to_thread(_wait_for_end, pipe)
 
@@ -232,12 +232,24 @@ def main() -> int:
     parser.add_argument("--deaths", type=float, default=5.0, help="percent of the workers a minute")
     parser.add_argument("--processes", type=int, default=4, help="that the workers share")
     arguments = parser.parse_args()
+    import dask
+
     logging.disable(logging.INFO)  # Dask logs each connection
     hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     with tempfile.TemporaryDirectory() as folder:
-        # For the processes to come: a profile of sleep is of no use, and the folders of workers need not outlive them.
-        os.environ |= {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False", "DASK_TEMPORARY_DIRECTORY": folder}
+        # For this process and those to come. A profile of sleep is of no use; each worker would look at the folders of
+        # all others; and connections of processes that wait for a core must not count as broken.
+        changes: dict[str, Any] = {
+            "distributed.worker.profile.enabled": False,
+            "distributed.worker.use-file-locking": False,
+            "distributed.comm.timeouts.tcp": "300s",
+            "distributed.comm.timeouts.connect": "300s",
+            "temporary-directory": folder,
+        }
+        dask.config.set(changes)
+        names = {f"DASK_{name.upper().replace('.', '__').replace('-', '_')}": f"{changes[name]}" for name in changes}
+        os.environ |= names
         return run(arguments)
 
 

@@ -16,35 +16,24 @@ from pathlib import Path
 import pytest
 
 from wgpu_gi.errors import GiError
-from wgpu_gi.farm import cluster as cluster_module
-from wgpu_gi.farm import schedule
+from wgpu_gi.farm import cluster, schedule
 from wgpu_gi.farm.chunk_task import UnfitWorker
+from wgpu_gi.farm.client import connected
 from wgpu_gi.pictures.atomic_file import atomic_file
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
 
 
-@contextmanager
-def cluster(workers=2):
-    """Yield a client of worker processes that nannies start anew."""
-    options = {"threads_per_worker": 1, "processes": True, "dashboard_address": None, "silence_logs": 50}
-    with (
-        distributed.LocalCluster(workers, memory_limit=0, **options) as found,
-        distributed.Client(found, set_as_default=False) as client,
-    ):
-        yield client
-
-
 @pytest.fixture(scope="module")
 def two_workers():
-    with cluster() as client:
+    with connected(workers=2) as client:
         yield client
 
 
-def run(client, task, count, payload=None, **options):
+def run(client, task, count, payload=None, done=None, **options):
     """Run a task on items 0 to count - 1; return how often each was done, those that failed, and the summary."""
-    done, failed = Counter(), {}
+    done, failed = Counter() if done is None else done, {}
 
     def on_done(item, result, worker, seconds):
         assert result == item**2
@@ -121,7 +110,7 @@ def full(*_):
 
 
 def test_full_disk_stops_in_a_sentence_and_the_rest_is_done_later(tmp_path):
-    with cluster() as client:
+    with connected(workers=2) as client:
         done, failed, summary = run(client, write, 200, {"folder": str(tmp_path), "room": 30})
         assert "No space left on device" in summary.stopped and not failed
         written = sorted(path.name for path in tmp_path.iterdir())
@@ -164,7 +153,7 @@ def hang_in_one_process(payload, items):
 
 def test_worker_that_hangs_holds_nothing_up(tmp_path, monkeypatch):
     monkeypatch.setattr(schedule, "GRACE", 0.5)
-    with cluster() as client:
+    with connected(workers=2) as client:
         done, failed, summary = run(client, hang_in_one_process, 60, {"file": str(tmp_path / "hung")})
         assert len(done) == 60 and not failed and summary.repeated >= 1
 
@@ -228,14 +217,13 @@ def test_gone_scheduler_is_told_in_a_sentence():
         client = distributed.Client(address, set_as_default=False, timeout=3)
         try:
             client.wait_for_workers(2, timeout=60)
-            ticks = []
+            done = Counter()
 
             def on_tick():
-                ticks.append(time.monotonic())
-                if len(ticks) == 4:
+                if done:
                     scheduler.kill()
 
-            done, failed, summary = run(client, square, 100000, {"seconds": 0.01}, on_tick=on_tick)
+            _, failed, summary = run(client, square, 100000, {"seconds": 0.01}, done, on_tick=on_tick)
             assert summary.stopped == f"the scheduler at {address} is gone"
             assert summary.done == len(done) > 0 and not failed
         finally:
@@ -243,18 +231,17 @@ def test_gone_scheduler_is_told_in_a_sentence():
 
 
 def test_scheduler_that_is_silent_is_told_in_a_sentence(monkeypatch):
-    monkeypatch.setattr(cluster_module, "SILENT", 3.0)
+    monkeypatch.setattr(cluster, "SILENT", 3.0)
     with other_machine() as (scheduler, address), distributed.Client(address, set_as_default=False) as client:
         client.wait_for_workers(2, timeout=60)
-        ticks = []
+        done = Counter()
 
         def on_tick():
-            ticks.append(time.monotonic())
-            if len(ticks) == 4:
+            if done:
                 scheduler.send_signal(signal.SIGSTOP)
 
         try:
-            done, failed, summary = run(client, square, 100000, {"seconds": 0.01}, on_tick=on_tick)
+            _, failed, summary = run(client, square, 100000, {"seconds": 0.01}, done, on_tick=on_tick)
         finally:
             scheduler.send_signal(signal.SIGCONT)
         assert summary.stopped == f"the scheduler at {address} has not answered for 3 s"
@@ -263,28 +250,23 @@ def test_scheduler_that_is_silent_is_told_in_a_sentence(monkeypatch):
 
 def test_workers_that_come_later_take_part_and_leaving_ones_lose_nothing():
     """A cluster that grows from one worker to three and shrinks to one again."""
-    with cluster(1) as client:
-        ticks = []
+    with connected(workers=1) as client:
+        workers = set()
+        client.cluster.new_spec = dict(client.cluster.worker_spec[0])
 
         def on_tick():
-            ticks.append(None)
-            if len(ticks) == 2:
-                client.cluster.scale(3)
-            if len(ticks) == 12:
-                client.cluster.scale(1)
-
-        workers = set()
+            client.cluster.scale(3 if len(workers) < 2 else 1)
 
         def on_done(item, result, worker, seconds):
             workers.add(worker)
 
-        _, failed, summary = run(client, square, 600, {"seconds": 0.02}, on_tick=on_tick, on_done=on_done)
-        assert summary.done == 600 and not failed and len(workers) >= 2
+        _, failed, summary = run(client, square, 1000, {"seconds": 0.02}, on_tick=on_tick, on_done=on_done)
+        assert summary.done == 1000 and not failed and len(workers) >= 2
 
 
 def test_chunks_are_few():
     """1,000 items of 10 ms by two workers: chunks of seconds, but for the first and the last."""
-    with cluster() as client:
+    with connected(workers=2) as client:
         done, _, summary = run(client, square, 1000, {"seconds": 0.01})
         assert len(done) == 1000
         assert summary.chunks < 80

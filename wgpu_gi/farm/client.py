@@ -136,6 +136,8 @@ def _local_cluster(distributed: Any, workers: int | None, threads: int | None, a
         raise GiError(
             "a farm starts processes that import the main module: put the call below if __name__ == '__main__':"
         )
+    import dask
+
     environments = worker_environments(list_adapters(), _cores(), workers, threads, adapter)
     open_device(adapter)  # raises GiError without a usable adapter of that name
     spec = {
@@ -154,7 +156,8 @@ def _local_cluster(distributed: Any, workers: int | None, threads: int | None, a
     scheduler = {"cls": distributed.Scheduler, "options": {"host": LOCAL, "dashboard_address": f"{LOCAL}:0"}}
     with _without_interrupts():
         cluster = distributed.SpecCluster(workers=spec, scheduler=scheduler, silence_logs=logging.CRITICAL)
-    with cluster:
+    # 15 s after a worker ends, Dask gives it up if it is away at that moment; but its nanny always starts it again.
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "1000 days"}), cluster:
         yield cluster
 
 

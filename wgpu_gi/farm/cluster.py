@@ -48,7 +48,6 @@ class Cluster:
         self._closed = False
         self._told: set[Number] = set()  # chunks whose outcomes came as an event
         self._topic = f"wgpu_gi-{uuid.uuid4()}"
-        client.subscribe_topic(self._topic, self._hear)
         self._loop.add_callback(self._watch)
 
     @property
@@ -75,12 +74,7 @@ class Cluster:
             news = self._news.get(timeout=timeout)
         except queue.Empty:
             return None
-        if isinstance(news, set):
-            self._heard = time.monotonic()
-            if news:
-                self._peopled = self._heard
-            return news
-        return news if news[0] in self._futures else None
+        return news if isinstance(news, set) or news[0] in self._futures else None
 
     def close(self) -> None:
         """Drop all chunks."""
@@ -105,17 +99,28 @@ class Cluster:
     # ------------------------------------------------------------------------ In the event loop of the client
 
     async def _watch(self) -> None:
-        """Queue the list of workers again and again; an error of the connection is told by the silence."""
+        """Queue the list of workers again and again; an error of the connection is told by the silence.
+
+        An event that the client sends to itself shows that those of the workers arrive. A client that has connected
+        again has to subscribe again; and the scheduler may have forgotten it for good, which no status tells.
+        """
         while not self._closed:
             with suppress(OSError, RuntimeError, ValueError, AttributeError, asyncio.TimeoutError):
-                self._news.put(set(await self._client.nthreads(asynchronous=True)))
+                self._client.subscribe_topic(self._topic, self._hear)
+                await self._client.log_event(self._topic, b"")
+                workers = set(await self._client.nthreads(asynchronous=True))
+                if workers:
+                    self._peopled = time.monotonic()
+                self._news.put(workers)
             await asyncio.sleep(WATCH)
 
     def _hear(self, event: tuple[float, bytes]) -> None:
         """Queue the outcomes of a chunk that come as an event, always before its task counts as finished."""
-        number, outcomes = pickle.loads(event[1])
-        self._told.add(number)
-        self._news.put((number, outcomes))
+        self._heard = time.monotonic()
+        if event[1]:
+            number, outcomes = pickle.loads(event[1])
+            self._told.add(number)
+            self._news.put((number, outcomes))
 
     async def _fetch(self, number: Number, key: Any) -> None:
         """Queue the outcomes of a finished chunk that did not come as an event.
