@@ -49,6 +49,10 @@ class Speeds:
         self._worker.pop(worker, None)
         self._counts.pop(worker, None)
 
+    def knows(self, worker: str) -> bool:
+        """Tell whether a worker has ended a chunk."""
+        return worker in self._worker
+
     def seconds(self, worker: str | None, cost: float) -> float | None:
         """Return the expected seconds of a cost on a worker, or (None) on the average worker; None if unknown."""
         usual = self._first if self._all is None else self._all

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 TICK = 0.5  # seconds between calls of `on_tick`
-# A chunk is slow after this many times its expected seconds, and a few more.
-SLOW, GRACE = 2.0, 3.0
+# A chunk is slow after this many times its expected seconds, and a few more; more in the first chunk of a worker, which
+# loads the scene and compiles pipelines.
+SLOW, GRACE, LOADING = 2.0, 3.0, 60.0
 
 
 @dataclass
@@ -272,7 +273,8 @@ class _Running:
 
     def _is_slow(self, chunk: _Chunk) -> bool:
         due = self.speeds.expected(chunk.worker, self.waiting.cost(chunk.items))
-        return due is not None and time.monotonic() - chunk.since > SLOW * due + GRACE
+        grace = GRACE if self.speeds.knows(chunk.worker) else LOADING
+        return due is not None and time.monotonic() - chunk.since > SLOW * due + grace
 
     def _submit(self, items: tuple[Item, ...], worker: str) -> None:
         """Send a chunk to an idle worker."""
