@@ -20,7 +20,7 @@ OPTIONS = {
         "scene": "cornell-point",
         "frames": range(60),
         "turntable": True,
-        "gi": "many-light",
+        "gi": "none",
         "spp": 2,
         "size": (64, 36),
     },
