@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from .version import __version__
 
 if TYPE_CHECKING:
-    from . import farm
+    from . import dataset, farm
     from .camera import Camera
     from .errors import GiError, GiWarning
     from .pictures.image import load_image, save_image
@@ -68,6 +68,7 @@ __all__ = [
     "Texture",
     "Track",
     "__version__",
+    "dataset",
     "farm",
     "load",
     "load_environment",
@@ -77,7 +78,7 @@ __all__ = [
     "show",
 ]
 
-_PACKAGES = ("farm",)
+_PACKAGES = ("dataset", "farm")
 
 _MODULE_OF_NAME = {
     "Camera": "camera",

@@ -7,9 +7,11 @@ from typing import NoReturn
 
 from ..errors import GiError
 from ..version import __version__
+from .dataset_arguments import add_dataset_arguments
 from .epilogs import (
     BENCH_EPILOG,
     COMPARE_EPILOG,
+    DATASET_EPILOG,
     FARM_EPILOG,
     INFO_EPILOG,
     MAIN_EPILOG,
@@ -88,6 +90,9 @@ def build_parser() -> Parser:
     add_message_arguments(bench, "the tables")
     farm = command("farm", "render a sequence on many machines", FARM_EPILOG, "COMMAND [OPTIONS] [SCENE]")
     add_farm_commands(farm)
+    dataset = command("dataset", "make labelled frames of drawn scenes", DATASET_EPILOG, "[OPTIONS] CONFIG.toml")
+    add_dataset_arguments(dataset)
+    add_message_arguments(dataset, "the result")
     stress = command("stress", "test techniques on random scenes", STRESS_EPILOG, "[OPTIONS]")
     add_stress_arguments(stress)
     add_message_arguments(stress, "failures")

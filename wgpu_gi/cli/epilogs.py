@@ -195,3 +195,25 @@ arguments or its scene, which will come again.
   slurm        a script for sbatch: an array of tasks
   opencue      a job specification for Cuebot; the variables SHOW and SHOT give show and shot
 """
+
+DATASET_EPILOG = """\
+examples:
+  wgpu-gi dataset scenes/dataset.toml -o data       200 frames of two built-in scenes
+  wgpu-gi dataset rooms.toml -o data --shard 3/8    one of eight machines that share a folder
+  wgpu-gi dataset rooms.toml -o try --set camera.frames=1
+
+CONFIG.toml, beside its files:
+  frames = 200                    also seed, size, gi, quality, exposure, settings = ["vpl.count=512"]
+  data = ["picture", "depth_z"]   also depth_ray normal albedo instance category direct indirect standard_error flow
+                                  occlusion objects amodal
+  [[scenes]]                      file, environment, time: each frame shows one of the scenes
+  [cameras]                       kind = "sphere", "room" or "path", and what its fields may be
+  [lights] [sky] [[objects]]      what varies, and objects that are put on floors
+  [motion]                        what moves until the second time: for flow and occlusion
+  [categories]                    box = ["*box*"]: patterns of names of nodes
+  [writers.folder]                also webdataset, coco, nerf
+python -m pydoc wgpu_gi.dataset.config has every field. Ranges are [least, most].
+
+A frame depends on seed and number alone: the same configuration gives the same bytes, in one run or in parts. Frames
+that exist are skipped, so the same command finishes a stopped run. Its dataset.json refuses another configuration.
+"""
