@@ -21,7 +21,7 @@ from ..sequence.blocks import BLOCK
 from ..sequence.files import FrameFiles
 from .budgets import check_budget
 from .certificates import pixels_of
-from .common import checked_buffers, settings_from
+from .common import checked_buffers, list_names, settings_from
 from .farm_arguments import MANAGERS, OWN, add_template_arguments
 from .frames import check_sequence, layers_of
 from .messages import Messages
@@ -37,6 +37,8 @@ SUBMIT = {
 
 def template(arguments: Namespace) -> int:
     """Run `wgpu-gi farm template` and return the exit code. Raises GiError for an error that the user can fix."""
+    if list_names(arguments):
+        return 0
     say = Messages(arguments.verbose, arguments.quiet)
     _check(arguments)
     frames, to = arguments.frames, arguments.to
