@@ -33,7 +33,7 @@ def dataset(arguments: Namespace) -> int:
 @contextmanager
 def _noting(say: Messages) -> Iterator[None]:
     """Print each GiWarning of the block as a note, once."""
-    told = set()
+    told: set[str] = set()
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
         if not issubclass(category, GiWarning):

@@ -207,7 +207,7 @@ CONFIG.toml, beside its files:
   data = ["picture", "depth_z"]   also depth_ray normal albedo instance category direct indirect standard_error flow
                                   occlusion objects amodal
   [[scenes]]                      file, environment, time: each frame shows one of the scenes
-  [cameras]                       kind = "sphere", "room" or "path", and what its fields may be
+  [cameras]                       kind = "sphere", "room" or "path", and its fields; of one scene: [scenes.cameras]
   [lights] [sky] [[objects]]      what varies, and objects that are put on floors
   [motion]                        what moves until the second time: for flow and occlusion
   [categories]                    box = ["*box*"]: patterns of names of nodes
