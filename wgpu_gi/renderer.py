@@ -33,6 +33,7 @@ from .scene.pose import Pose
 from .scene.rules import shown
 from .scene.scene import Scene
 from .settings import validate
+from .surface_tracer import checked_rays
 from .techniques.shared.sampling import CameraSettings
 from .upload.scene_upload import SceneUpload
 
@@ -409,10 +410,10 @@ class Renderer(KnownAttributes):
 
         All in world space, metres; a limit may be infinite. `scene`: None is the renderer's. A surface does not
         count if it lies in the last 0.01 % of the length, or if it is blended or thin, smooth glass that lets pass more
-        than half of the light. Raises GiError for a scene that cannot be rendered.
+        than half of the light. Raises GiError for rays that do not fit, and a scene that cannot be rendered.
         """
         self._check_values()
-        rays = [np.asarray(values, np.float64) for values in (starts, directions, limits)]
+        rays = checked_rays(starts, directions, limits)
         with self._alone():
             upload, seen, own = self._seen()
             if scene is not None and scene is not own:

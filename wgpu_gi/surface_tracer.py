@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import wgpu
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from .errors import GiError
 from .gpu.device import Device
 from .gpu.graph import Graph
 from .gpu.handles import Buffer
@@ -131,3 +132,17 @@ class SurfaceTracer:
         """Run the passes that these buffers need."""
         self.graph.compile(list(results))
         self.graph.run(force=True)
+
+
+def checked_rays(starts: ArrayLike, directions: ArrayLike, limits: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return rays in float64. Raises GiError unless they are (n, 3), (n, 3) and (n,) numbers, directions not zero."""
+    try:
+        begin, way, most = (np.asarray(values, np.float64) for values in (starts, directions, limits))
+    except (TypeError, ValueError):
+        raise GiError("rays are three arrays of numbers: starts (n, 3), directions (n, 3) and limits (n,)") from None
+    if begin.ndim != 2 or begin.shape[1] != 3 or way.shape != begin.shape or most.shape != begin.shape[:1]:
+        shapes = f"{begin.shape}, {way.shape} and {most.shape}"
+        raise GiError(f"rays have starts (n, 3), directions (n, 3) and limits (n,), not {shapes}")
+    if not np.isfinite(begin).all() or not np.isfinite(way).all() or not (most > 0).all() or not way.any(1).all():
+        raise GiError("rays start at finite points, in directions other than 0, with limits above 0")
+    return begin, way, most

@@ -6,6 +6,7 @@ from copy import copy
 
 import numpy as np
 import pytest
+from helpers.animated import SLIDE, WIDTH, animated_scene
 
 from wgpu_gi.camera import Camera
 from wgpu_gi.dataset.labels import frame_data
@@ -152,6 +153,53 @@ def test_parallel_rays():
     found = labelled(parts, parts, *views)
     np.testing.assert_allclose(found.flow, np.broadcast_to((-4.0, 0.0), found.flow.shape), atol=1e-5)
     np.testing.assert_array_equal(found.occlusion, ~inside(centres() + found.flow))
+
+
+def test_animation_between_two_times():
+    """The wall slides by 0.8 m a second; a picture of 50 degrees shows a metre at 4 m as 32 / (8 tan 25) pixels."""
+    scene = animated_scene()
+    with Renderer(scene, size=SIZE, camera=scene.cameras[0], settings=Settings(gi="none")) as renderer:
+        renderer.time = 0.25
+        found = frame_data(renderer, {"flow", "instance", "occlusion"}, second=(scene.at(0.5), scene.cameras[0]))
+    wall = found.instance == 2
+    assert wall.sum() > 20
+    across = WIDTH / SLIDE * 0.25 * SIZE[1] / (8 * np.tan(np.radians(25)))
+    np.testing.assert_allclose(found.flow[wall], np.broadcast_to((across, 0), found.flow[wall].shape), atol=1e-4)
+    np.testing.assert_allclose(found.flow[~wall], 0, atol=1e-6)
+    assert not found.occlusion[wall].any() and found.occlusion.any()
+
+
+def test_far_from_the_origin():
+    """At 100 km, float32 coordinates are 8 mm coarse, those of the flow are not."""
+    parts = [card((0, 0, -4), 40, 40, "wall"), card((0, 0, 0), 1, 0.5, "card")]
+    second = [copy(part) for part in parts]
+    for one, two in zip(parts, second, strict=True):
+        one.world_from_local, two.world_from_local = moved(x=1e5), moved(x=1e5)
+    parts[1].world_from_local, second[1].world_from_local = moved(x=1e5, z=-2), moved(x=1e5 + 0.25, z=-2)
+    found = labelled(parts, second, camera_at(moved(x=1e5)))
+    np.testing.assert_allclose(found.flow[..., 0], np.where(found.instance == 2, 2.0, 0.0), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "rays",
+    [
+        ([[0, 0, 0]], [[0, 0, 0]], [1]),
+        ([[0, 0, 0]], [[0, 0, 1]], [0]),
+        ([[0, 0, np.nan]], [[0, 0, 1]], [1]),
+        ([[0, 0]], [[0, 1]], [1]),
+        ([[0, 0, 0]], [[0, 0, 1]], [[1]]),
+        ("a", "b", "c"),
+    ],
+)
+def test_rays_that_are_none(rays):
+    with Renderer(Scene([card((0, 0, -2), 1, 1, "card")]), size=SIZE) as renderer, pytest.raises(GiError, match="rays"):
+        renderer.reaches(*rays)
+
+
+def test_rays_reach_their_limits():
+    with Renderer(Scene([card((0, 0, -2), 1, 1, "card")]), size=SIZE) as renderer:
+        starts, ways = np.zeros((4, 3)), np.array([[0, 0, -1], [0, 0, -0.5], [0, 0, -1], [0, 1, 0]])
+        assert renderer.reaches(starts, ways, [1.9, 4.1, np.inf, np.inf]).tolist() == [True, False, False, True]
 
 
 def test_nothing_moves_and_nothing_is_hidden():
