@@ -202,6 +202,24 @@ def test_rays_reach_their_limits():
         assert renderer.reaches(starts, ways, [1.9, 4.1, np.inf, np.inf]).tolist() == [True, False, False, True]
 
 
+def test_labels_do_not_depend_on_frames_before():
+    parts = [card((0, 0, -4), 40, 40, "wall"), card((0.23, 0.11, -2), 1, 0.5, "card")]
+    second = [parts[0], copy(parts[1])]
+    second[1].world_from_local = moved(x=0.3)
+    wanted = {"depth_ray", "normal", "instance", "flow", "occlusion", "amodal"}
+    with Renderer(Scene(parts), size=SIZE, camera=FRONT, settings=Settings(gi="none")) as renderer:
+        alone = frame_data(renderer, wanted, second=(Scene(second), FRONT))
+        renderer.release()
+        renderer.scene = Scene([card((0, 0, -3), 1, 1, "other"), *second])
+        frame_data(renderer, wanted, second=(Scene([card((1, 0, -3), 1, 1, "other"), *parts]), FRONT))
+        renderer.release()
+        renderer.scene = Scene(parts)
+        again = frame_data(renderer, wanted, second=(Scene(second), FRONT))
+    for name, array in alone.arrays().items():
+        np.testing.assert_array_equal(getattr(again, name), array)
+    assert again.objects == alone.objects
+
+
 def test_nothing_moves_and_nothing_is_hidden():
     rng = np.random.default_rng(3)
     parts = [card(rng.uniform((-1, -1, -6), (1, 1, -1)), *rng.uniform(0.3, 2, 2), f"{k}") for k in range(8)]
