@@ -245,6 +245,7 @@ def test_terminated_picture_is_saved_without_a_certificate(monkeypatch, capsys):
         assert "certificate" not in picture.text
 
 
+@pytest.mark.usefixtures("taking_interrupts")
 @pytest.mark.parametrize("step", ["read_pictures", "save_image"])
 def test_interrupted_picture_is_saved_however_often_it_is_interrupted(step, monkeypatch, capsys):
     own = getattr(cli_render, step)
