@@ -259,7 +259,123 @@ def test_two_commands_at_once_share_the_frames(cluster, folder, capsys):
     assert_same_files(folder / "one", folder / "f")
 
 
+def test_frames_that_another_command_rendered_meanwhile_are_left_alone(cluster, folder, capsys, monkeypatch):
+    """Also with --gather, whose workers do not see the files."""
+    assert main(["render", *SEQUENCE, "-o", "one/{frame}.npy"]) == 0
+
+    class Late(run.Claims):
+        def __enter__(self):
+            for frame in (1, 2):
+                Path(f"f/{frame}.npy").write_bytes(Path(f"one/{frame}.npy").read_bytes())
+            return super().__enter__()
+
+    monkeypatch.setattr(run, "Claims", Late)
+    assert farm(*SEQUENCE, "-o", "f/{frame}.npy", "--scheduler", cluster, "--gather") == 0
+    assert "4 new frames" in capsys.readouterr().out
+    assert_same_files(folder / "one", folder / "f")
+
+
+def test_two_commands_with_failed_frames_do_not_wait_for_each_other(cluster, folder, capsys, monkeypatch):
+    """Each tries what the other gives up, once."""
+    from wgpu_gi.sequence.claims import Claims, wait_for
+
+    add, deadline, taken = worker.FrameFiles.add, time.monotonic() + 120, []
+
+    def fail(self, frame, *arguments):
+        if frame == 4:
+            raise GiError("no such luck")
+        add(self, frame, *arguments)
+
+    def tell(*_others):
+        assert time.monotonic() < deadline
+
+    def wait_for_4():
+        taken.extend(wait_for(other, [4], lambda number: False, tell))
+        other.give_up([1, 4])
+
+    monkeypatch.setattr(worker.FrameFiles, "add", fail)
+    os.mkdir("f")
+    with Claims("f/job.json") as other:
+        other.take([1])
+        other_command = threading.Thread(target=_once_claimed, args=(other, 4, wait_for_4))
+        other_command.start()
+        assert farm(*SEQUENCE, "-o", "f/{frame}.npy", "--scheduler", cluster) == 1
+        other_command.join()
+    assert taken == [4] and "5 new frames" in capsys.readouterr().err
+    assert {path.name for path in Path("f").glob("*.npy")} == {f"{frame}.npy" for frame in (0, 1, 2, 3, 5)}
+
+
+def _once_claimed(claims, block, then):
+    """Call a function when another command claims a block."""
+    while not any(block in claim.blocks for claim in claims.others()):
+        time.sleep(0.001)
+    then()
+
+
 # ------------------------------------------------------------------------------------------------ Workers
+
+
+def test_workers_that_join_late_are_checked_too(cluster, folder, capsys, monkeypatch):
+    """Here the folder is no longer shared after the check; a frame that nobody finds must not count as done."""
+
+    def ask(*arguments):
+        found = checking.ask(*arguments)
+        (token,) = Path("f").glob(".*.token")
+        token.unlink()
+        return found
+
+    monkeypatch.setattr(run, "ask", ask)
+    assert farm(*SEQUENCE, "-o", "f/{frame}.npy", "--scheduler", cluster) == 1
+    told = capsys.readouterr().err
+    assert "0 new frames" in told and "no worker can go on" in told and "is not shared with the worker on" in told
+    assert os.listdir("f") == ["job.json"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"workers": "2"}, "workers must be a whole number from 1"),
+        ({"workers": -1}, "workers must be a whole number from 1"),
+        ({"workers": True}, "workers must be a whole number from 1"),
+        ({"threads": 1.5}, "threads must be a whole number from 1"),
+        ({"gather": 1}, "gather must be True or False"),
+        ({"client": "tcp://127.0.0.1:1"}, "client must be a distributed.Client"),
+    ],
+)
+def test_bad_values_from_python_are_one_sentence(options, message, folder):
+    client = options.pop("client", None)
+    with pytest.raises(GiError, match=message):
+        gi.farm.render(client, "cornell-point", "f/{frame}.npy", frames=range(2), **options)
+    assert os.listdir() == []
+
+
+def test_only_a_large_scene_is_kept_by_the_cluster():
+    """A small description goes with each chunk: a result may be lost with its worker, or have to be fetched again."""
+    work = worker.Work("name", None, "", "", None, {})
+
+    class Client:
+        def submit(self, task, work, pure):
+            return task, work
+
+    assert run._sent(Client(), work) is work
+    large = worker.Work("name", bytes(2 * run.SMALL), "", "", None, {})
+    assert run._sent(Client(), large)[1] is large
+
+
+@pytest.mark.slow
+def test_script_without_a_main_guard_is_one_sentence(folder):
+    script = folder / "script.py"
+    script.write_text(
+        "import wgpu_gi as gi\n"
+        "try:\n"
+        "    gi.farm.render(None, 'cornell-point', 'f/{frame}.npy', frames=range(2), workers=1, size=(32, 18))\n"
+        "except gi.GiError as error:\n"
+        "    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120, check=False)
+    assert "below if __name__ == '__main__'" in done.stdout and len(done.stdout.splitlines()) == 1, done.stdout
+    assert "Traceback" not in done.stderr, done.stderr
+    assert not Path("f").exists()
 
 
 def adapter(name: str, kind: str, backend: str = "Vulkan") -> AdapterInfo:
@@ -291,6 +407,7 @@ def test_lost_device_is_tried_once_more_then_the_process_ends(monkeypatch):
     exits, uses = [], []
     monkeypatch.setattr(worker, "_load", lambda work: worker._Loaded(work.name, None, None))
     monkeypatch.setattr(worker.os, "_exit", exits.append)
+    monkeypatch.setattr(worker, "_has_nanny", lambda: has_nanny)
 
     def use(state):
         uses.append(state)
@@ -299,13 +416,21 @@ def test_lost_device_is_tried_once_more_then_the_process_ends(monkeypatch):
         return "a picture"
 
     work = worker.Work("name", None, "", "", None, {})
-    lost = 2
+    lost, has_nanny = 2, True
     assert worker._with_new_device(work, use) == "a picture" and not exits
     uses.clear()
     lost = 3
     worker._with_new_device(work, use)
     assert exits == [worker.LOST_DEVICE]
     worker._kept.clear()
+    # A worker without a nanny may be the user's process.
+    uses.clear()
+    exits.clear()
+    lost, has_nanny = 3, False
+    monkeypatch.setattr(worker, "release", worker._kept.clear)
+    with pytest.raises(gi.errors.LostDevice):
+        worker._with_new_device(work, use)
+    assert not exits and not worker._kept
 
 
 def test_progress_is_a_line_and_a_table():

@@ -12,7 +12,7 @@ import os
 import pickle
 import secrets
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,8 +34,9 @@ from .schedule import Summary, run_chunks
 from .worker import Done, Findings, Work, code_digest, digest_of, find_out, render_blocks
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
+SMALL = 65536  # bytes of a description that is sent with each chunk
 Tick = Callable[[FarmProgress, str], None]  # receives the progress and what is done now, twice a second
 
 
@@ -103,22 +104,24 @@ def render_job(
     with _folder_of(files), _token_in(files, gather) as token:
         # Load the scene on every worker, and check the workers.
         work = make_work(job, scene, files, metadata, gather, token)
-        payload: dict[str, Any] = {"work": client.submit(_same, work, pure=False)}
+        payload: dict[str, Any] = {"work": _sent(client, work)}
         fit = check_workers(client, payload["work"], lambda: tick(progress, "loading the scene on the workers"))
         files.claim(command(timeline), timeline.cameras())
-    run = _Run(client, work, files, progress, tick, note, shards)
-    if all(map(files.exist, job.frames)):
-        return run.result(Summary(), start)
+        run = _Run(client, work, files, progress, tick, note, shards)
+        if all(map(files.exist, job.frames)):
+            return run.result(Summary(), start)
 
-    # Find out what all workers need to know; the first to measure the exposure has it kept.
-    progress.start = time.monotonic()
-    needs_exposure = not files.has_exposure()
-    found = ask(
-        client, fit, find_out, payload["work"], needs_exposure, lambda: tick(progress, "rendering the first frame")
-    )
-    exposure = files.exposure(lambda: found.exposure)
-    payload["findings"] = run.findings = Findings(found.has_history, exposure)
-    return run.result(run.render(payload), start)
+        # Find out what all workers need to know; the first to measure the exposure has it kept.
+        progress.start = time.monotonic()
+        needs_exposure = not files.has_exposure()
+        found = ask(
+            client, fit, find_out, payload["work"], needs_exposure, lambda: tick(progress, "rendering the first frame")
+        )
+        exposure = files.exposure(lambda: found.exposure)
+        payload["findings"] = run.findings = Findings(found.has_history, exposure)
+
+        # Render. The token stays, since each worker looks for it before each block: more may join at any time.
+        return run.result(run.render(payload), start)
 
 
 def make_work(
@@ -140,6 +143,15 @@ def _placed(source: Any) -> Any:
     if isinstance(source, str | Path) and os.path.isfile(source):
         return os.path.abspath(source)
     return source
+
+
+def _sent(client: Client, work: Work) -> Work | Future:
+    """Return what the tasks receive: a small description itself, else a result that the cluster keeps.
+
+    Dask drops copies of a result every few seconds, so workers fetch it again for each chunk, from one that may hang.
+    """
+    is_small = len(pickle.dumps(work)) <= SMALL
+    return work if is_small else client.submit(_same, work, pure=False)
 
 
 def _same(work: Work) -> Work:
@@ -209,11 +221,14 @@ class _Run:
         self.progress.total = sum(map(len, self.missing.values()))
         with Claims(self.files.job_file) as claims:
             summary = self._run_chunks(payload, list(self.missing), claims)
-            left = sorted(cast(set[int], summary.elsewhere))
-            self.progress.total -= sum(len(self.missing[number]) for number in left)
-            while summary.stopped is None and (free := wait_for(claims, left, self._is_done, self._tell)):
-                self.progress.total += sum(len(self.missing[number]) for number in free)
-                summary = _sum(summary, self._run_chunks(payload, free, claims))
+            left = cast(set[int], summary.elsewhere)
+            self.progress.total -= self._frame_count(left)
+            while summary.stopped is None and (free := wait_for(claims, sorted(left), self._is_done, self._tell)):
+                self.progress.total += self._frame_count(free)
+                more = self._run_chunks(payload, free, claims)
+                self.progress.total -= self._frame_count(cast(set[int], more.elsewhere))
+                left = left.difference(free) | cast(set[int], more.elsewhere)  # what failed is not tried again
+                summary = _sum(summary, more)
         return summary
 
     def _run_chunks(self, payload: Mapping[str, Any], numbers: list[int], claims: Claims) -> Summary:
@@ -224,10 +239,10 @@ class _Run:
                 numbers,
                 payload=dict(payload),
                 on_done=lambda number, done, worker, seconds: self._on_done(number, done, worker, claims),
-                on_failed=self._on_failed,
+                on_failed=lambda number, reason: self._on_failed(number, reason, claims),
                 on_tick=lambda: self.tick(self.progress, self.progress.line()),
                 seconds_of=lambda number: float(len(self.missing[number])),
-                admit=claims.take,
+                admit=lambda numbers: self._admit(numbers, claims),
             )
         except DiskFull as error:
             return Summary(stopped=str(error))  # on this machine, which gathers the pictures
@@ -241,11 +256,23 @@ class _Run:
         self.progress.add(worker, len(self.missing[number]), done.seconds)
         claims.drop([number])
 
-    def _on_failed(self, number: int, reason: str) -> None:
+    def _admit(self, numbers: list[int], claims: Claims) -> list[int]:
+        """Claim blocks; return those that no other command claims or has rendered."""
+        ours = claims.take(numbers)
+        done = set(filter(self._is_done, ours))
+        claims.drop(done)
+        return [number for number in ours if number not in done]
+
+    def _on_failed(self, number: int, reason: str, claims: Claims) -> None:
+        """Count the frames of a block as failed; leave it to other commands, which may wait for it."""
+        claims.give_up([number])
         for frame in self.missing[number]:
             if not self.files.exist(frame):
                 self.failed[frame] = reason
                 self.progress.failed += 1
+
+    def _frame_count(self, numbers: Iterable[int]) -> int:
+        return sum(len(self.missing[number]) for number in numbers)
 
     def _is_done(self, number: int) -> bool:
         return all(map(self.files.exist, self.missing[number]))

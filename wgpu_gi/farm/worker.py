@@ -94,13 +94,7 @@ def code_digest() -> str:
 
 def check(work: Work) -> str:
     """Load the job; return the name of the adapter. Raises UnfitWorker, or GiError without an adapter."""
-    if code_digest() != work.code_digest:
-        raise UnfitWorker(
-            f"wgpu_gi on the worker on {platform.node()} ({__version__}) is another than on this machine; install the"
-            " same on all"
-        )
-    if work.token is not None:
-        _check_token(*work.token)
+    _check_machine(work)
     with _loaded(work) as state:
         return state.renderer.adapter_name
 
@@ -116,8 +110,12 @@ def find_out(work: Work, needs_exposure: bool) -> Findings:
 
 
 def render_blocks(payload: dict[str, Any], numbers: list[int]) -> list[Done]:
-    """Render the missing frames of blocks; `payload` holds "work" and "findings"."""
+    """Render the missing frames of blocks; `payload` holds "work" and "findings".
+
+    Raises UnfitWorker, since a worker may have joined after the others were checked.
+    """
     work, findings = payload["work"], payload["findings"]
+    _check_machine(work)
     return [_with_new_device(work, partial(_block, work, findings, number)) for number in numbers]
 
 
@@ -151,6 +149,17 @@ def _contents(
 
 def _silent(_fraction: float, _what: str | None = None, /) -> None:
     """Report nothing."""
+
+
+def _check_machine(work: Work) -> None:
+    """Raise UnfitWorker if the code of this worker is not the client's, or the folder of the output is not shared."""
+    if code_digest() != work.code_digest:
+        raise UnfitWorker(
+            f"wgpu_gi on the worker on {platform.node()} ({__version__}) is another than on this machine; install the"
+            " same on all"
+        )
+    if work.token is not None:
+        _check_token(*work.token)
 
 
 def _check_token(file: str, text: str) -> None:
@@ -219,7 +228,10 @@ def _load(work: Work) -> _Loaded:
 
 
 def _with_new_device(work: Work, use: Callable[[_Loaded], Any]) -> Any:
-    """Use the loaded job; if the driver loses the device, load it anew, once. A second loss ends the process."""
+    """Use the loaded job; if the driver loses the device, load it anew, once. A second loss ends the process.
+
+    A process without a nanny raises LostDevice instead: nothing would start it again, and it may be the user's own.
+    """
     with _lock:
         try:
             with _loaded(work) as state:
@@ -233,4 +245,14 @@ def _with_new_device(work: Work, use: Callable[[_Loaded], Any]) -> Any:
             with _loaded(work) as state:
                 return use(state)
         except LostDevice:
+            if not _has_nanny():
+                release()
+                raise
             os._exit(LOST_DEVICE)  # the driver does not recover in this process; a nanny starts another
+
+
+def _has_nanny() -> bool:
+    """Tell whether a Dask nanny starts this worker again when its process ends."""
+    from distributed import get_worker
+
+    return get_worker().nanny is not None

@@ -76,8 +76,13 @@ class Claims:
         return free
 
     def drop(self, blocks: Iterable[int]) -> None:
-        """Stop claiming blocks that are done, or given up; others see it with the next claim."""
+        """Stop claiming blocks that are done; others see the pictures, and this with the next claim."""
         self._blocks -= set(blocks)
+
+    def give_up(self, blocks: Iterable[int]) -> None:
+        """Stop claiming blocks that cannot be rendered here, and tell others, who may wait for them."""
+        self.drop(blocks)
+        self._write()
 
     def others(self) -> list[Claim]:
         """Return the claims of other commands that run."""
