@@ -23,7 +23,7 @@ from ..sequence.files import FrameFiles
 from ..sequence.job import Job, Timeline, index_or_camera
 from ..sequence.source import SceneSource
 from ..version import __version__
-from .client import connected
+from .client import connected, require_dask
 from .progress import FarmProgress
 from .run import FarmResult, render_job
 from .worker import digest_of
@@ -76,6 +76,7 @@ def render(
     chosen = settings_of(settings, values, quality)
     names = (show,) if isinstance(show, str) else (*show,)
     _check(output, frames, fps, progress)
+    _check_workers(client, gather, workers, threads)
     _check_picture(names, layers, size, denoise, chosen.gi)
     files = FrameFiles(str(output), names, list(layers), chosen.transparent)
     path = _path_of(camera_path, turntable, camera)
@@ -137,6 +138,20 @@ def _check(output: object, frames: object, fps: object, progress: object) -> Non
         raise GiError(f"fps must be a whole number from 1 to 1000, not {shown(fps)}")
     if progress is not None and not callable(progress):
         raise GiError(f"progress must be a function of the fraction done, not {shown(progress)}")
+
+
+def _check_workers(client: object, gather: object, workers: object, threads: object) -> None:
+    """Raise GiError for a wrong client, and for numbers of workers and threads that make no sense."""
+    if client is not None:
+        if not isinstance(client, require_dask().Client) or client.asynchronous:  # type: ignore[attr-defined]
+            raise GiError(f"client must be a distributed.Client that is not asynchronous, or None, not {shown(client)}")
+        if workers is not None or threads is not None:
+            raise GiError("workers and threads are for processes on this machine; leave them out with a client")
+    if not isinstance(gather, bool):
+        raise GiError(f"gather must be True or False, not {shown(gather)}")
+    for name, number in (("workers", workers), ("threads", threads)):
+        if number is not None and (not is_whole(number) or number < 1):  # type: ignore[operator]
+            raise GiError(f"{name} must be a whole number from 1, not {shown(number)}")
 
 
 def _check_picture(names: Sequence[str], layers: Sequence[str], size: tuple[int, int], denoise: bool, gi: str) -> None:

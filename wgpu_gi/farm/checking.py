@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import GiError
 from ..version import __version__
-from .worker import check
+from .worker import Work, check
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -17,7 +17,7 @@ POLL = 0.5  # seconds between looks at the workers
 TRIES = 3  # workers that may end while they render the first frame
 
 
-def check_workers(client: Client, work: Future, tick: Callable[[], None]) -> list[str]:
+def check_workers(client: Client, work: Work | Future, tick: Callable[[], None]) -> list[str]:
     """Have every worker load the job; return the addresses of those that did. Raises GiError for one that cannot."""
     addresses = list(client.nthreads())
     pending = {address: _submit(client, address, check, work) for address in addresses}
@@ -37,7 +37,7 @@ def check_workers(client: Client, work: Future, tick: Callable[[], None]) -> lis
     return fit
 
 
-def ask(client: Client, workers: list[str], task: Callable[..., Any], work: Future, *arguments: Any) -> Any:
+def ask(client: Client, workers: list[str], task: Callable[..., Any], work: Work | Future, *arguments: Any) -> Any:
     """Return `task(work, *arguments)` by the first of the workers that can; the last argument is called meanwhile.
 
     Raises GiError for the user's errors, and if several workers end.
@@ -59,9 +59,10 @@ def _submit(client: Client, address: str, task: Callable[..., Any], *arguments: 
 
 def _ended(client: Client, pending: dict[str, Future]) -> list[str]:
     """Wait a moment; return the workers whose task has ended, or that have ended themselves."""
+    from distributed import TimeoutError as DaskTimeoutError  # of asyncio, which is another class in Python 3.10
     from distributed import wait
 
-    with client.as_current(), suppress(TimeoutError):
+    with client.as_current(), suppress(DaskTimeoutError):
         wait(list(pending.values()), timeout=POLL, return_when="FIRST_COMPLETED")
     if client.status != "running":
         raise GiError("the scheduler is gone; start it again, and then the same command")

@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import re
 import signal
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 CONNECT = 10.0  # seconds to wait for a scheduler, and then for its first worker
 SCHEMES, ENCRYPTED = ("tcp", "tls", "ws", "wss"), ("tls", "wss")
 LOCAL = "127.0.0.1"  # where a cluster on this machine listens: other machines have no access
+UNGUARDED = "a farm starts processes that import the main module: put the call below if __name__ == '__main__':"
 PACKAGES = ("python", "distributed")  # whose versions must be equal; of Python the first two numbers
 
 
@@ -123,7 +125,7 @@ def _wait_for_worker(client: Client, address: str) -> None:
     """Wait until a scheduler has a worker. Raises GiError if none comes."""
     try:
         client.wait_for_workers(1, timeout=CONNECT)
-    except TimeoutError:
+    except require_dask().TimeoutError:  # of asyncio, which is another class in Python 3.10
         raise GiError(
             f"the scheduler at {address} has no workers; start some with 'dask worker {address} --nthreads 1'"
         ) from None
@@ -132,10 +134,11 @@ def _wait_for_worker(client: Client, address: str) -> None:
 @contextmanager
 def _local_cluster(distributed: Any, workers: int | None, threads: int | None, adapter: str | None) -> Iterator[Any]:
     """Yield a cluster on this machine."""
-    if getattr(multiprocessing.current_process(), "_inheriting", False):
-        raise GiError(
-            "a farm starts processes that import the main module: put the call below if __name__ == '__main__':"
-        )
+    process = multiprocessing.current_process()
+    if getattr(process, "_inheriting", False):
+        if process.name.startswith("Dask"):
+            sys.exit(1)  # a worker of this very call, which then raises the error in the user's process
+        raise GiError(UNGUARDED)
     import dask
 
     environments = worker_environments(list_adapters(), _cores(), workers, threads, adapter)
@@ -154,8 +157,11 @@ def _local_cluster(distributed: Any, workers: int | None, threads: int | None, a
         for number, environment in enumerate(environments)
     }
     scheduler = {"cls": distributed.Scheduler, "options": {"host": LOCAL, "dashboard_address": f"{LOCAL}:0"}}
-    with _without_interrupts():
-        cluster = distributed.SpecCluster(workers=spec, scheduler=scheduler, silence_logs=logging.CRITICAL)
+    try:
+        with _without_interrupts():
+            cluster = distributed.SpecCluster(workers=spec, scheduler=scheduler, silence_logs=logging.CRITICAL)
+    except RuntimeError as error:
+        raise GiError(f"the worker processes do not start ({error}); {UNGUARDED}") from None
     # 15 s after a worker ends, Dask gives it up if it is away at that moment; but its nanny always starts it again.
     with dask.config.set({"distributed.deploy.lost-worker-timeout": "1000 days"}), cluster:
         yield cluster
