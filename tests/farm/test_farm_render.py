@@ -148,7 +148,6 @@ def assert_refused(arguments: list[str], message: str, capsys, monkeypatch) -> N
         (["--adapter", "voodoo"], "no adapter is called 'voodoo'"),
         (["--plan"], "--plan tells of one process"),
         (["--timings"], "--timings tells of one process"),
-        (["--tiles", "2"], "--tiles is for one large picture"),
         (["--time", "2s"], "--frames does not go with --time"),
         (["--certify"], "--certify states the error of one picture"),
         (["-o", "new/f.mp4"], "no video"),
@@ -357,9 +356,9 @@ def test_only_a_large_scene_is_kept_by_the_cluster():
         def submit(self, task, work, pure):
             return task, work
 
-    assert run._sent(Client(), work) is work
+    assert run.sent(Client(), work) is work
     large = worker.Work("name", bytes(2 * run.SMALL), "", "", None, {})
-    assert run._sent(Client(), large)[1] is large
+    assert run.sent(Client(), large)[1] is large
 
 
 @pytest.mark.slow
@@ -405,7 +404,7 @@ def test_threads_are_for_cpus():
 
 def test_lost_device_is_tried_once_more_then_the_process_ends(monkeypatch):
     exits, uses = [], []
-    monkeypatch.setattr(worker, "_load", lambda work: worker._Loaded(work.name, None, None))
+    monkeypatch.setattr(worker, "_load", lambda work: worker.Loaded(work.name, None, None))
     monkeypatch.setattr(worker.os, "_exit", exits.append)
     monkeypatch.setattr(worker, "_has_nanny", lambda: has_nanny)
 
@@ -417,10 +416,10 @@ def test_lost_device_is_tried_once_more_then_the_process_ends(monkeypatch):
 
     work = worker.Work("name", None, "", "", None, {})
     lost, has_nanny = 2, True
-    assert worker._with_new_device(work, use) == "a picture" and not exits
+    assert worker.with_new_device(work, use) == "a picture" and not exits
     uses.clear()
     lost = 3
-    worker._with_new_device(work, use)
+    worker.with_new_device(work, use)
     assert exits == [worker.LOST_DEVICE]
     worker._kept.clear()
     # A worker without a nanny may be the user's process.
@@ -429,7 +428,7 @@ def test_lost_device_is_tried_once_more_then_the_process_ends(monkeypatch):
     lost, has_nanny = 3, False
     monkeypatch.setattr(worker, "release", worker._kept.clear)
     with pytest.raises(gi.errors.LostDevice):
-        worker._with_new_device(work, use)
+        worker.with_new_device(work, use)
     assert not exits and not worker._kept
 
 

@@ -246,7 +246,7 @@ def test_terminated_picture_is_saved_without_a_certificate(monkeypatch, capsys):
 
 
 @pytest.mark.usefixtures("taking_interrupts")
-@pytest.mark.parametrize("step", ["read_pictures", "save_image"])
+@pytest.mark.parametrize("step", ["read_pictures", "save_layers"])
 def test_interrupted_picture_is_saved_however_often_it_is_interrupted(step, monkeypatch, capsys):
     own = getattr(cli_render, step)
 

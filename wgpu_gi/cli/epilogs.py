@@ -171,6 +171,7 @@ examples:
   wgpu-gi farm render scene.glb -o f/{frame:04d}.exr --frames 0:2400 --turntable
   wgpu-gi farm render scene.glb -o /shared/f/{frame:04d}.exr --frames 0:2400 --scheduler tcp://host:8786
   wgpu-gi farm render scene.glb -o f/{frame:04d}.exr --frames 0:2400 --scheduler tcp://host:8786 --gather
+  wgpu-gi farm render scene.glb -o large.exr --size 8192x8192 --gi path --farm-tiles
 
 It needs pip install distributed (Dask). Start `dask scheduler` on one machine, and on the others `dask worker
 tcp://HOST:8786 --nthreads 1`; where a CPU renders, set LP_NUM_THREADS=1 and add --nworkers with the number of cores. A
@@ -178,7 +179,8 @@ machine with several GPUs takes a worker for each, with WGPU_GI_ADAPTER=0, 1 ...
 
 Pictures are those of `wgpu-gi render --frames` on one machine, bit for bit, and so is the .json: both commands resume
 and share one another's frames. Frames of a worker that ends go to another. The same command again renders what is
-missing at the end. The exit code is 0, 1 if frames are missing, 2 if nothing could be rendered.
+missing at the end. --farm-tiles renders the tiles of one picture; they are sent here and, until it is written, kept in
+the folder OUTPUT.tiles. The exit code is 0, 1 if frames or tiles are missing, 2 if nothing could be rendered.
 """
 
 TEMPLATE_EPILOG = """\

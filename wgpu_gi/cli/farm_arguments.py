@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 
-from ..farm.defaults import THREADS
-from .argument_types import parse_count, parse_tasks
+from ..farm.defaults import FARM_TILE, THREADS
+from .argument_types import parse_count, parse_tasks, parse_tiles
 from .epilogs import FARM_RENDER_EPILOG, TEMPLATE_EPILOG
 from .picture_arguments import add_message_arguments, add_picture_arguments, add_render_arguments
 
@@ -28,8 +28,10 @@ def add_farm_commands(parser: ArgumentParser) -> None:
             allow_abbrev=False,
         )
 
-    sentence = "render a sequence by many processes, on this machine or by a Dask cluster"
-    add_farm_render_arguments(command("render", sentence, FARM_RENDER_EPILOG, "--frames A:B [OPTIONS] [SCENE]"))
+    sentence = "render a sequence, or a large picture, by many processes, on this machine or by a Dask cluster"
+    add_farm_render_arguments(
+        command("render", sentence, FARM_RENDER_EPILOG, "--frames A:B|--farm-tiles [OPTIONS] [SCENE]")
+    )
     sentence = "write a job for OpenJD, Slurm or OpenCue"
     add_template_arguments(command("template", sentence, TEMPLATE_EPILOG, "--for MANAGER [OPTIONS] [SCENE]"))
 
@@ -46,6 +48,16 @@ def add_farm_render_arguments(parser: ArgumentParser) -> None:
     )
     add("--threads", type=parse_count, metavar="N", help=f"cores of a process that renders on a CPU, default {THREADS}")
     add("--gather", action="store_true", help="send the pictures to this machine: no folder is shared with the workers")
+    add(
+        "--farm-tiles",
+        dest="tiles",
+        nargs="?",
+        const=FARM_TILE,
+        default=False,
+        type=parse_tiles,
+        metavar="N|WxH",
+        help="render one picture in N tiles, or in tiles of WxH pixels, default {}x{}; as --tiles".format(*FARM_TILE),
+    )
     add_picture_arguments(parser, size="640x360")
     add_render_arguments(parser)
     add_message_arguments(parser, "the names of failed frames")

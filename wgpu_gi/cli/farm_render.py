@@ -16,6 +16,7 @@ from ..sequence.shards import ALL
 from .budgets import check_budget
 from .certificates import pixels_of
 from .common import checked_buffers, list_names, metadata_of, noted_scene, settings_from
+from .farm_tiles import check_reports, render_tiled, workers_of
 from .frames import check_sequence, command_of, job_maker, layers_of
 from .messages import Messages
 
@@ -28,6 +29,8 @@ def render(arguments: Namespace) -> int:
     if list_names(arguments):
         return 0
     say = Messages(arguments.verbose, arguments.quiet)
+    if arguments.tiles is not False:
+        return render_tiled(arguments, say)
     # Check the arguments before any slow step.
     settings = settings_from(arguments)
     shown = checked_buffers(arguments.show or ["radiance"], settings.gi)
@@ -46,8 +49,7 @@ def render(arguments: Namespace) -> int:
     del metadata["adapter"]
 
     # Render.
-    options = {"workers": arguments.workers, "threads": arguments.threads, "adapter": arguments.adapter}
-    with say.board() as show, connected(arguments.scheduler, **options) as client:
+    with say.board() as show, connected(arguments.scheduler, **workers_of(arguments)) as client:
         say.detail(f"{client}")
         result = render_job(
             client,
@@ -79,14 +81,12 @@ def _tell(result: FarmResult, say: Messages) -> int:
 def _check(arguments: Namespace, shown: list[str], settings: Settings) -> None:
     """Raise GiError for arguments that a farm does not take, and for those that `render` would refuse."""
     if arguments.frames is None:
-        raise GiError("a farm renders several frames; add --frames, such as --frames 0:240")
+        raise GiError(
+            "add --frames, such as --frames 0:240, or --farm-tiles: a farm renders several frames, or parts of one"
+        )
     if is_video(arguments.output):
         raise GiError(f"-o {arguments.output}: a farm writes frames, such as f_{{frame:04d}}.png, and no video")
-    for flag, given in (("--plan", arguments.plan), ("--timings", arguments.timings)):
-        if given:
-            raise GiError(f"{flag} tells of one process; leave it out, or use wgpu-gi render")
-    if arguments.tiles is not False:
-        raise GiError("--tiles is for one large picture by one process; leave it out, or use wgpu-gi render")
+    check_reports(arguments)
     pixels_of(arguments, shown)
     check_budget(arguments)
     check_size(arguments.size)

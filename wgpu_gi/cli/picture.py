@@ -9,7 +9,10 @@ from ..budget.certificate import Certificate
 from ..budget.outcome import Outcome
 from ..budget.refine import render_within
 from ..budget.request import Budget
-from ..options import picture_count, technique_of
+from ..options import Settings, picture_count, technique_of
+from ..pictures.exposure import exposure_text
+from ..pictures.image import exposure_for, save_image
+from ..pictures.picture import Picture
 from ..renderer import Renderer
 from ..tiles import Tiled, TilePlan, render_tiles
 from .common import rendering
@@ -66,8 +69,23 @@ def content_of(renderer: Renderer, is_open: bool) -> str:
     settings, done = renderer.settings, renderer.finished
     samples = technique_of(settings.gi).averages_samples
     wanted = settings.spp if samples else picture_count(settings, renderer.scene)
-    count = str(done) if is_open or done >= wanted else f"{done} of {wanted}"
+    return counted(str(done) if is_open or done >= wanted else f"{done} of {wanted}", samples)
+
+
+def counted(count: str, samples: bool) -> str:
+    """Return a number of samples per pixel or of frames with its unit."""
     return f"{count} {'spp' if samples else 'frame' if count == '1' else 'frames'}"
+
+
+def save_layers(output: str, settings: Settings, layers: Mapping[str, Picture], metadata: dict[str, object]) -> str:
+    """Write the file of a picture, by name of its buffers; return its exposure in words with a comma, if it has one."""
+    first = next(iter(layers))
+    exposure, told = exposure_for(output, settings.exposure, first, layers[first]), ""
+    if exposure is not None:
+        metadata["exposure"] = exposure_text(exposure, settings.exposure is None)
+        told = f"exposure {metadata['exposure']}, "
+    save_image(output, layers, exposure=exposure, metadata=metadata)
+    return told
 
 
 def texts_of(

@@ -10,8 +10,7 @@ from ..budget.request import Budget
 from ..buffers import buffers_of, views_of
 from ..errors import GiError
 from ..options import Settings, check_size
-from ..pictures.exposure import exposure_text
-from ..pictures.image import check_output, exposure_for, save_image
+from ..pictures.image import check_output
 from ..pictures.picture import Picture
 from ..renderer import Renderer
 from ..rendering import check_denoise, read_pictures, with_alpha
@@ -21,7 +20,7 @@ from .certificates import certificate_of, pixels_of
 from .common import checked_buffers, list_names, metadata_of, renderer_from, settings_from
 from .interrupt import exit_code, ignored
 from .messages import Messages
-from .picture import Made, content_of, make, texts_of
+from .picture import Made, content_of, make, save_layers, texts_of
 
 
 def render(arguments: Namespace) -> int:
@@ -94,12 +93,7 @@ def _save(
     # Write the file.
     metadata = metadata_of(arguments, settings, renderer.adapter_name)
     metadata |= texts_of(made, budget, arguments.quality, content, certificate)
-    exposure = exposure_for(arguments.output, settings.exposure, shown[0], layers[shown[0]])
-    told = ""
-    if exposure is not None:
-        metadata["exposure"] = exposure_text(exposure, settings.exposure is None)
-        told = f"exposure {metadata['exposure']}, "
-    save_image(arguments.output, layers, exposure=exposure, metadata=metadata)
+    told = save_layers(arguments.output, settings, layers, metadata)
 
     # Print the reports and the result.
     if arguments.plan:
@@ -141,7 +135,7 @@ def plan_of(arguments: Namespace, settings: Settings) -> TilePlan | None:
     }
     for flag, given in whole.items():
         if given:
-            raise GiError(f"{flag} does not go with --tiles; leave one of them out")
+            raise GiError(f"{flag} does not go with tiles; leave one of them out")
     return tile_plan(arguments.size, settings, arguments.tiles)
 
 

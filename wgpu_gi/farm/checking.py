@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import GiError
 from ..version import __version__
-from .worker import Work, check
+from .worker import SentJob, check
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -17,7 +17,7 @@ POLL = 0.5  # seconds between looks at the workers
 TRIES = 3  # workers that may end while they render the first frame
 
 
-def check_workers(client: Client, work: Work | Future, tick: Callable[[], None]) -> list[str]:
+def check_workers(client: Client, work: SentJob | Future, tick: Callable[[], None]) -> list[str]:
     """Have every worker load the job; return the addresses of those that did. Raises GiError for one that cannot."""
     addresses = list(client.nthreads())
     pending = {address: _submit(client, address, check, work) for address in addresses}
@@ -37,7 +37,7 @@ def check_workers(client: Client, work: Work | Future, tick: Callable[[], None])
     return fit
 
 
-def ask(client: Client, workers: list[str], task: Callable[..., Any], work: Work | Future, *arguments: Any) -> Any:
+def ask(client: Client, workers: list[str], task: Callable[..., Any], work: SentJob | Future, *arguments: Any) -> Any:
     """Return `task(work, *arguments)` by the first of the workers that can; the last argument is called meanwhile.
 
     Raises GiError for the user's errors, and if several workers end.

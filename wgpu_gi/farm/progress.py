@@ -9,7 +9,6 @@ from typing import NamedTuple
 from ..pictures.tables import Table
 
 WINDOW = 60.0  # seconds over which the rate is measured: it follows workers that come and go
-HEAD = ("worker", "frames", "frames/s", "busy", "last")
 
 
 class WorkerRow(NamedTuple):
@@ -51,18 +50,18 @@ class FarmProgress:
         """The part of the frames that is done or has failed."""
         return (self.done + self.failed) / max(self.total, 1)
 
-    def line(self) -> str:
-        """Return the progress in a line."""
+    def line(self, what: str = "frames") -> str:
+        """Return the progress in a line; `what` is counted."""
         rate = self.rate
-        parts = [f"{self.done} of {self.total} frames"]
+        parts = [f"{self.done} of {self.total} {what}"]
         if rate:
-            parts += [f"{rate:.3g} frames/s", f"{_clock((self.total - self.done - self.failed) / rate)} left"]
+            parts += [f"{rate:.3g} {what}/s", f"{_clock((self.total - self.done - self.failed) / rate)} left"]
         workers = len(self.rows)
         parts.append(f"{workers} {'worker' if workers == 1 else 'workers'}")
         return ", ".join(parts + ([f"{self.failed} failed"] if self.failed else []))
 
-    def table(self) -> Table:
-        """Return a row per worker: frames, frames per second, share of the time in which it worked, last frame."""
+    def table(self, what: str = "frames") -> Table:
+        """Return a row per worker: frames (or `what` is counted), their rate, share of the time in work, last one."""
         now = time.monotonic()
         past = max(now - self.start, 1e-3)
         cells = [
@@ -75,11 +74,12 @@ class FarmProgress:
             )
             for row in sorted(self.rows.values())
         ]
-        widths = [max(map(len, column)) for column in zip(HEAD, *cells, strict=True)]
+        head = ("worker", what, f"{what}/s", "busy", "last")
+        widths = [max(map(len, column)) for column in zip(head, *cells, strict=True)]
         lines = [
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in (HEAD, *cells)
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in (head, *cells)
         ]
-        return Table("\n".join(line.rstrip() for line in lines), HEAD, cells)
+        return Table("\n".join(line.rstrip() for line in lines), head, cells)
 
 
 def _clock(seconds: float) -> str:

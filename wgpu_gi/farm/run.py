@@ -31,7 +31,7 @@ from .checking import ask, check_workers
 from .client import check_versions
 from .progress import FarmProgress
 from .schedule import Summary, run_chunks
-from .worker import Done, Findings, Work, code_digest, digest_of, find_out, render_blocks
+from .worker import Done, Findings, SentJob, Work, code_digest, digest_of, find_out, render_blocks
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -104,7 +104,7 @@ def render_job(
     with _folder_of(files), _token_in(files, gather) as token:
         # Load the scene on every worker, and check the workers.
         work = make_work(job, scene, files, metadata, gather, token)
-        payload: dict[str, Any] = {"work": _sent(client, work)}
+        payload: dict[str, Any] = {"work": sent(client, work)}
         fit = check_workers(client, payload["work"], lambda: tick(progress, "loading the scene on the workers"))
         files.claim(command(timeline), timeline.cameras())
         run = _Run(client, work, files, progress, tick, note, shards)
@@ -129,13 +129,18 @@ def make_work(
 ) -> Work:
     """Return the description that is sent to the workers: with absolute paths, since they run in other folders."""
     existing = frozenset(filter(files.exist, job.frames)) if gather else frozenset()
+    placed = files.moved_to(os.path.abspath(Path(files.output).parent))
+    return Work(*sent_job(job, scene), placed, metadata, gather, existing, token=token)
+
+
+def sent_job(job: Job, scene: Scene) -> tuple[str, Job, str, str]:
+    """Return the first fields of `SentJob` for a job whose scene is loaded here."""
     source = replace(job.source, scene=_placed(job.source.scene), environment=_placed(job.source.environment))
     sent = replace(job, source=source)
     scene_digest = digest_of(scene)
     bare = replace(sent, source=replace(source, scene="", environment=None))
     name = hashlib.blake2b(scene_digest.encode() + pickle.dumps(bare), digest_size=16).hexdigest()
-    placed = files.moved_to(os.path.abspath(Path(files.output).parent))
-    return Work(name, sent, scene_digest, code_digest(), placed, metadata, gather, existing, token)
+    return name, sent, scene_digest, code_digest()
 
 
 def _placed(source: Any) -> Any:
@@ -145,7 +150,7 @@ def _placed(source: Any) -> Any:
     return source
 
 
-def _sent(client: Client, work: Work) -> Work | Future:
+def sent(client: Client, work: SentJob) -> SentJob | Future:
     """Return what the tasks receive: a small description itself, else a result that the cluster keeps.
 
     Dask drops copies of a result every few seconds, so workers fetch it again for each chunk, from one that may hang.
@@ -154,7 +159,7 @@ def _sent(client: Client, work: Work) -> Work | Future:
     return work if is_small else client.submit(_same, work, pure=False)
 
 
-def _same(work: Work) -> Work:
+def _same(work: SentJob) -> SentJob:
     """Return the work: as the result of a task, the cluster keeps it, and makes it again if its worker ends."""
     return work
 

@@ -35,23 +35,33 @@ LOST_DEVICE = 70  # exit code of a worker that has lost its device twice (EX_SOF
 
 
 @dataclass(frozen=True)
-class Work:
-    """What is to be rendered and where to, the same for all workers.
+class SentJob:
+    """A job as it is sent to the workers, the same for all.
 
-    `scene_digest` is that of the client's scene, see `digest_of`, `code_digest` that of its wgpu_gi. With `gather`, the
-    files of a frame are returned instead of written, and `existing` are the frames whose files the client has. `token`
-    is a file in the folder of the output, and what it holds. `name` is a digest of all that a picture depends on.
+    `name` is a digest of all that a picture depends on. `scene_digest` is that of the client's scene, see `digest_of`,
+    `code_digest` that of its wgpu_gi. `token` is a file in the folder of the output, and what it holds; None if the
+    workers need not see that folder.
     """
 
     name: str
     job: Job
     scene_digest: str
     code_digest: str
+    token: tuple[str, str] | None = field(default=None, kw_only=True)
+
+
+@dataclass(frozen=True)
+class Work(SentJob):
+    """The frames to render, and where to.
+
+    With `gather`, the files of a frame are returned instead of written, and `existing` are the frames whose files the
+    client has.
+    """
+
     files: FrameFiles
     metadata: dict[str, object]
     gather: bool = False
     existing: frozenset[int] = field(default_factory=frozenset)
-    token: tuple[str, str] | None = None
 
     def exists(self, frame: int) -> bool:
         """Tell whether the files of a frame exist."""
@@ -92,9 +102,9 @@ def code_digest() -> str:
 # -------------------------------------------------------------------------------------- Tasks
 
 
-def check(work: Work) -> str:
+def check(work: SentJob) -> str:
     """Load the job; return the name of the adapter. Raises UnfitWorker, or GiError without an adapter."""
-    _check_machine(work)
+    check_machine(work)
     with _loaded(work) as state:
         return state.renderer.adapter_name
 
@@ -102,11 +112,11 @@ def check(work: Work) -> str:
 def find_out(work: Work, needs_exposure: bool) -> Findings:
     """Find out what all workers need to know; renders the first frame."""
 
-    def answer(state: _Loaded) -> Findings:
+    def answer(state: Loaded) -> Findings:
         exposure = state.sequence.exposure(work.files.output, _silent) if needs_exposure else None
         return Findings(state.sequence.has_history(), exposure)
 
-    return _with_new_device(work, answer)
+    return with_new_device(work, answer)
 
 
 def render_blocks(payload: dict[str, Any], numbers: list[int]) -> list[Done]:
@@ -115,11 +125,11 @@ def render_blocks(payload: dict[str, Any], numbers: list[int]) -> list[Done]:
     Raises UnfitWorker, since a worker may have joined after the others were checked.
     """
     work, findings = payload["work"], payload["findings"]
-    _check_machine(work)
-    return [_with_new_device(work, partial(_block, work, findings, number)) for number in numbers]
+    check_machine(work)
+    return [with_new_device(work, partial(_block, work, findings, number)) for number in numbers]
 
 
-def _block(work: Work, findings: Findings, number: int, state: _Loaded) -> Done:
+def _block(work: Work, findings: Findings, number: int, state: Loaded) -> Done:
     """Render the missing frames of a block and write them, or keep the contents of their files."""
     start, frames, files = time.perf_counter(), [], {}
     block = block_of(work.job.frames, findings.has_history, number)
@@ -151,7 +161,7 @@ def _silent(_fraction: float, _what: str | None = None, /) -> None:
     """Report nothing."""
 
 
-def _check_machine(work: Work) -> None:
+def check_machine(work: SentJob) -> None:
     """Raise UnfitWorker if the code of this worker is not the client's, or the folder of the output is not shared."""
     if code_digest() != work.code_digest:
         raise UnfitWorker(
@@ -181,7 +191,7 @@ def _check_token(file: str, text: str) -> None:
 # -------------------------------------------------------------------------------------- The job that is kept
 
 
-class _Loaded(NamedTuple):
+class Loaded(NamedTuple):
     """A job with its scene on the GPU."""
 
     name: str
@@ -190,11 +200,11 @@ class _Loaded(NamedTuple):
 
 
 _lock = threading.RLock()
-_kept: list[_Loaded] = []  # one at most
+_kept: list[Loaded] = []  # one at most
 
 
 @contextmanager
-def _loaded(work: Work) -> Iterator[_Loaded]:
+def _loaded(work: SentJob) -> Iterator[Loaded]:
     """Yield the job of the work, alone; load it if it is not the one that is kept."""
     with _lock:
         if not _kept or _kept[0].name != work.name:
@@ -210,7 +220,7 @@ def release() -> None:
             _kept.pop().renderer.close()
 
 
-def _load(work: Work) -> _Loaded:
+def _load(work: SentJob) -> Loaded:
     """Load the scene and open the adapter. Raises UnfitWorker if the scene is not the client's."""
     job, source = work.job, work.job.source.scene
     where = f"{source if isinstance(source, str) else 'the scene'} on the worker on {platform.node()}"
@@ -224,10 +234,10 @@ def _load(work: Work) -> _Loaded:
             " versions of optional packages"
         )
     renderer = job.renderer(scene)
-    return _Loaded(work.name, renderer, JobRenderer(job, renderer, Timeline(job, scene)))
+    return Loaded(work.name, renderer, JobRenderer(job, renderer, Timeline(job, scene)))
 
 
-def _with_new_device(work: Work, use: Callable[[_Loaded], Any]) -> Any:
+def with_new_device(work: SentJob, use: Callable[[Loaded], Any]) -> Any:
     """Use the loaded job; if the driver loses the device, load it anew, once. A second loss ends the process.
 
     A process without a nanny raises LostDevice instead: nothing would start it again, and it may be the user's own.
