@@ -77,6 +77,18 @@ def test_cameras_in_a_room_reach_all_of_it(room):
     assert {(x > 3, z > 4) for x, _, z in places} == {(a, b) for a in (False, True) for b in (False, True)}
 
 
+def test_the_roof_of_a_room_is_no_floor_but_a_wall_about_a_court_is():
+    low, high = ROOM[0] - 0.5, ROOM[1] + 0.5
+    floor, roof = np.array([low, [6.5, 0, 8.5]]), np.array([[-0.5, 3, -0.5], high])
+    wall = np.array([low, [0, 3.5, 8.5]])
+    room, court = (
+        Surroundings.of(gi.Scene([box(part) for part in parts])) for parts in ([floor, wall, roof], [floor, wall])
+    )
+    assert room.spaces(-0.25, 4) == [] and np.allclose(room.spaces(3, 4), [(0, 3)], atol=room.sight.side)
+    assert np.allclose(court.spaces(-0.25, 4)[0][0], 3.5, atol=court.sight.side)
+    assert np.allclose(court.spaces(3, 4)[0][0], 0, atol=court.sight.side)
+
+
 def test_directions_on_a_sphere_are_uniform_between_elevations():
     body = Surroundings.of(gi.Scene([box(np.array([[-1, -1, -1], [1, 1, 1.0]]))]))
     cameras = SphereCameras(distance=(4, 6), elevation_deg=(-30, 60), roll_deg=(10, 10))

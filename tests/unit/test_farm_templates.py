@@ -143,7 +143,7 @@ def test_template_goes_to_standard_output(capsys):
         ("--for slurm --frames 0:9 -o {frame}.png --program '", "--program"),
         ("--for slurm --frames 0:9 -o {frame}.png --set vpl.cuont=3", "vpl.count"),
         ("--for slurm --frames 0:9 -o {frame}.png --light moon", "moon"),
-        ("--for slurm --frames 0:9 -o {frame}.png --gi none --tiles", "--tiles"),
+        ("--for slurm --frames 0:9 -o {frame}.png --gi none --tiles", "does not go with tiles"),
         ("--for slurm --frames 0:9 -o {frame}.png --time 2s", "--time"),
         ("--for slurm --frames 0:9 -o {frame}.png --env a\x01b.hdr", "control characters"),
         ("--for opencue --frames 0:200000 -o {frame}.png --tasks 150000", "100000"),

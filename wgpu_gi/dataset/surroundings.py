@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -27,6 +28,7 @@ TWO_SIDED = 0.4  # as for automatic cameras: a cube may hold both sides of a thi
 # camera that looks at a target may stand outside, see the backs of some walls, and much background.
 FACING, SHOWN = 0.7, 0.3
 FACING_OUTSIDE, SHOWN_OUTSIDE = 0.5, 0.1
+COVERED = 0.2  # least height of a space that is a room, share of the scene's: as for automatic cameras
 FREE_WAY = 0.25  # least share of the way to its target that a camera has before it
 
 
@@ -55,16 +57,30 @@ class Surroundings:
         """Return floor and height of the spaces on the vertical line through (x, z), metres.
 
         These are the spaces below something, without those less than half as high as the highest, such as below a
-        table; if there is none, the one above all.
+        table. If there is none, it is the one above all, but not above the roof of rooms.
         """
-        bodies = self.sight.heights(x, z)
-        covered = [(top, under - top) for (_, top), (under, _) in pairwise(bodies)]
+        covered, top = self._covered(x, z)
         low, high = self.sight.bounds[:, 1]
-        open_space = [(top, max(high - top, 0.1 * (high - low))) for _, top in bodies[-1:]]
         highest = max((height for _, height in covered), default=0.0)
-        if highest < 0.2 * (high - low):  # of the scene: as for automatic cameras
-            return open_space
-        return [space for space in covered if space[1] >= 0.5 * highest]
+        if highest >= COVERED * (high - low):
+            return [space for space in covered if space[1] >= 0.5 * highest]
+        if top is None or (self._has_roof and top > (low + high) / 2):
+            return []
+        return [(top, max(high - top, 0.1 * (high - low)))]
+
+    def _covered(self, x: float, z: float) -> tuple[list[tuple[float, float]], float | None]:
+        """Return floor and height of the spaces below something, and the top of all, None if there is nothing."""
+        bodies = self.sight.heights(x, z)
+        return [(top, under - top) for (_, top), (under, _) in pairwise(bodies)], bodies[-1][1] if bodies else None
+
+    @cached_property
+    def _has_roof(self) -> bool:
+        """Whether half of the scene lies below a roof: of 23 scenes, 77 to 100 % of rooms, 0.4 to 6 % of open places."""
+        low, high = self.sight.bounds
+        xs, zs = (low[axis] + (high - low)[axis] * (np.arange(16) + 0.5) / 16 for axis in (0, 2))
+        columns = [self._covered(float(x), float(z))[0] for x in xs for z in zs]
+        roofed = [any(height >= COVERED * (high - low)[1] for _, height in column) for column in columns]
+        return sum(roofed) >= len(roofed) / 2
 
     def fault(
         self, camera: Camera, aspect: float, clearance: float, view: float, target: Array | None = None
