@@ -77,16 +77,24 @@ def test_cameras_in_a_room_reach_all_of_it(room):
     assert {(x > 3, z > 4) for x, _, z in places} == {(a, b) for a in (False, True) for b in (False, True)}
 
 
-def test_the_roof_of_a_room_is_no_floor_but_a_wall_about_a_court_is():
-    low, high = ROOM[0] - 0.5, ROOM[1] + 0.5
-    floor, roof = np.array([low, [6.5, 0, 8.5]]), np.array([[-0.5, 3, -0.5], high])
-    wall = np.array([low, [0, 3.5, 8.5]])
-    room, court = (
-        Surroundings.of(gi.Scene([box(part) for part in parts])) for parts in ([floor, wall, roof], [floor, wall])
-    )
-    assert room.spaces(-0.25, 4) == [] and np.allclose(room.spaces(3, 4), [(0, 3)], atol=room.sight.side)
-    assert np.allclose(court.spaces(-0.25, 4)[0][0], 3.5, atol=court.sight.side)
-    assert np.allclose(court.spaces(3, 4)[0][0], 0, atol=court.sight.side)
+def test_the_roof_of_a_room_is_no_floor_but_the_top_of_a_wall_in_the_open_is():
+    """Where a column runs within a wall, the only space is above it."""
+    room = Surroundings.of(gi.Scene([box(ROOM, inwards=True)]))
+    ground, wall = np.array([[0, -1, 0], [6, 0, 8.0]]), np.array([[0, 0, 0], [6, 3, 0.01]])
+    court = Surroundings.of(gi.Scene([box(ground), box(wall)]))
+    cube = room.sight.side
+    assert room.spaces(3, 0.001) == [] and np.allclose(room.spaces(3, 4), [(0, 3, False)], atol=cube)
+    assert np.allclose(court.spaces(3, 0.001)[0].floor, 3, atol=cube)
+    assert np.allclose(court.spaces(3, 4)[0].floor, 0, atol=cube) and court.spaces(3, 4)[0].is_open
+
+
+def test_cameras_stay_below_the_ceiling_above_a_cabinet():
+    cabinet = np.array([[0, 0, 0], [6, 1.5, 4.0]])
+    surroundings = Surroundings.of(gi.Scene([box(ROOM, inwards=True), box(cabinet)]))
+    random = np.random.default_rng(2)
+    cameras = RoomCameras(height=(1.0, 2.5), clearance=0.05, view=0.1)
+    heights = [draw_camera(cameras, surroundings, random, 1.5)[0].position[1] for _ in range(60)]
+    assert 1.0 - surroundings.sight.side < min(heights) and max(heights) < 3.0
 
 
 def test_directions_on_a_sphere_are_uniform_between_elevations():

@@ -150,7 +150,11 @@ def draw_camera(
         if isinstance(cameras, SphereCameras):
             camera, target = _on_sphere(cameras, surroundings, random)
         elif isinstance(cameras, RoomCameras):
-            camera, target, height = _in_room(cameras, surroundings, random)
+            standing = _in_room(cameras, surroundings, random)
+            if standing is None:
+                found["had no room above a floor"] += 1
+                continue
+            camera, target, height = standing
             clearance, view = ROOM_CLEARANCE * height, ROOM_VIEW * height
         else:
             camera, target = _on_path(cameras, random, share)
@@ -188,16 +192,22 @@ def _on_sphere(cameras: SphereCameras, surroundings: Surroundings, random: np.ra
 
 def _in_room(
     cameras: RoomCameras, surroundings: Surroundings, random: np.random.Generator
-) -> tuple[Camera, Array, float]:
-    """Return a camera above a floor, a point in the middle of its view, and its height above the floor."""
+) -> tuple[Camera, Array, float] | None:
+    """Return a camera above a floor, a point in the middle of its view, and its height above the floor.
+
+    None where there is no floor, or not enough height above it.
+    """
     low, high = surroundings.sight.bounds
     x, _, z = random.uniform(low, high)
     spaces = surroundings.spaces(float(x), float(z))
-    # Draw as much for places without a floor: the camera then stands below the scene, where the checks refuse it.
-    floor, room = spaces[random.integers(len(spaces))] if spaces else (2 * low[1] - high[1], 0.0)
-    usual = EYE_HEIGHT if PEOPLE_SIZED[0] <= room <= PEOPLE_SIZED[1] else EYE_SHARE * room
+    if not spaces:
+        return None
+    space = spaces[random.integers(len(spaces))]
+    usual = EYE_HEIGHT if PEOPLE_SIZED[0] <= space.height <= PEOPLE_SIZED[1] else EYE_SHARE * space.height
     height = random.uniform(*(cameras.height or (0.8 * usual, 1.2 * usual)))
-    position = np.array([x, floor + height, z])
+    if height >= space.height and not space.is_open:
+        return None
+    position = np.array([x, space.floor + height, z])
     forward = _direction(random, cameras.azimuth_deg, cameras.elevation_deg)
     target = position + surroundings.size / 10 * forward
     camera = _looking(position, target, random.uniform(*cameras.yfov_deg), random.uniform(*cameras.roll_deg))
