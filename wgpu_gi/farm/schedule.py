@@ -260,11 +260,12 @@ class _Running:
 
     def _double_slow(self) -> None:
         """Start slow chunks a second time, by workers for which nothing waits."""
-        if not self.idle or not self.cluster.is_connected:
+        idle = [worker for worker in self.idle if worker in self.fit]
+        if not idle or not self.cluster.is_connected:
             return
         slow = [chunk for chunk in self.in_flight.values() if self._is_slow(chunk)]
         doubled = {item for chunk in self.in_flight.values() if chunk not in slow for item in chunk.items}
-        for chunk, worker in zip(sorted(slow, key=lambda chunk: chunk.since), list(self.idle), strict=False):
+        for chunk, worker in zip(sorted(slow, key=lambda chunk: chunk.since), idle, strict=False):
             left = tuple(item for item in reversed(chunk.items) if item in self.unsettled and item not in doubled)
             doubled.update(left)
             if left:

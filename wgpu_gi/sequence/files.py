@@ -85,12 +85,16 @@ class FrameFiles:
 
     def exposure(self, measure: Callable[[], float | None]) -> float | None:
         """Return the exposure of the sequence from the .json; if it has none, measure it and write it there."""
-        job = self._read()
-        assert job is not None
-        if "exposure" not in job:
-            job["exposure"] = measure()
-            self._write(job)
-        exposure: float | None = job["exposure"]
+        if not self.has_exposure():
+            measured = measure()
+            # Another command may have measured it meanwhile, on another adapter: all frames get the first that is kept.
+            job = self._read() or {}
+            if "exposure" in job:
+                measured = job["exposure"]
+            else:
+                self._write({**job, "exposure": measured})
+            return measured
+        exposure: float | None = (self._read() or {})["exposure"]
         return exposure
 
     def _read(self) -> dict[str, Any] | None:
