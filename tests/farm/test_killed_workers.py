@@ -66,8 +66,8 @@ def test_no_frame_is_lost_when_workers_are_killed(name, tmp_path):
             killer.join()
     assert farm.is_complete, farm.sentence()
     assert killed and 1 <= farm.deaths <= len(killed)
-    # What is repeated at most: the chunks of the dead, each a third of a half of the frames.
-    assert 1 <= farm.repeated <= len(killed) * count / 6
+    # The chunk of a dead worker, at most a third of half the frames, may be given out again, be slow, and start twice.
+    assert 1 <= farm.repeated <= len(killed) * count / 3
     assert "started again" in farm.sentence()
     assert_same_files(tmp_path / "one", tmp_path / "farm")
 

@@ -122,8 +122,8 @@ def _noted(plan: Plan, case: Case, size: tuple[int, int]) -> Iterator[None]:
         yield
         return
     note = plan.folder / "running.txt"
-    note.write_text(command_of(case, size, plan.source or ["--kinds", case.kind]) + "\n", encoding="utf-8")
     try:
+        note.write_text(command_of(case, size, plan.source or ["--kinds", case.kind]) + "\n", encoding="utf-8")
         yield
     finally:
         note.unlink(missing_ok=True)
