@@ -22,26 +22,11 @@ from wgpu_gi.farm import checking, client, run, worker
 from wgpu_gi.gpu.device import AdapterInfo
 
 distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.usefixtures("folder")
 
 TINY = ["--size", "32x18", "--set", "camera.frames=2", "--gi", "none"]
 SEQUENCE = ["cornell-point", "--frames", "0:6", "--turntable", *TINY]
 WALK = ["walk", "--frames", "0:5", "--fps", "7", "--layers", "motion,depth", "--size", "32x18", "--gi", "none"]
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    worker.release()
-    yield tmp_path
-    worker.release()
-
-
-@pytest.fixture(scope="module")
-def cluster():
-    """A scheduler and two workers in this process, as others start them on other machines."""
-    options = {"dashboard_address": "127.0.0.1:0", "memory_limit": 0, "silence_logs": 50}
-    with distributed.LocalCluster(2, threads_per_worker=1, processes=False, protocol="tcp://", **options) as found:
-        yield found.scheduler_address
 
 
 def assert_same_files(one: Path, other: Path) -> None:
@@ -447,7 +432,7 @@ def test_progress_is_a_line_and_a_table():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="sends a signal to a group of processes")
+@pytest.mark.skipif(os.name != "posix", reason="only POSIX sends Ctrl-C to a group of processes")
 def test_ctrl_c_ends_all_processes_without_a_traceback(folder):
     """The terminal sends it to the workers, too. The complete frames stay, and the same command goes on."""
     command = ["farm", "render", "cornell", "-o", "f/{frame}.npy", "--frames", "0:500", "--turntable", *TINY]

@@ -6,26 +6,12 @@ import pytest
 
 from wgpu_gi.__main__ import main
 from wgpu_gi.errors import GiError
-from wgpu_gi.farm import picture, worker
+from wgpu_gi.farm import picture
 
-distributed = pytest.importorskip("distributed")
+pytest.importorskip("distributed")
+pytestmark = pytest.mark.usefixtures("folder")
 
 STILL = ["cornell-point", "--size", "32x18", "--set", "camera.frames=2", "--gi", "none", "--show", "radiance"]
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    worker.release()
-    yield tmp_path
-    worker.release()
-
-
-@pytest.fixture(scope="module")
-def cluster():
-    options = {"dashboard_address": "127.0.0.1:0", "memory_limit": 0, "silence_logs": 50}
-    with distributed.LocalCluster(2, threads_per_worker=1, processes=False, protocol="tcp://", **options) as found:
-        yield found.scheduler_address
 
 
 def farm(*arguments: str) -> int:

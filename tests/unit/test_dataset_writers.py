@@ -40,7 +40,7 @@ def tree(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="the script forks")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are killed after os.fork, which this system lacks")
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 9))])
 def test_bytes_are_those_of_an_undisturbed_run_after_any_kills(tmp_path, seed):
     assert killed_writers.write(tmp_path / "whole", list(range(killed_writers.FRAMES))) == 0

@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 
-NEAR = 0.01  # metres; OpenGL's depth is the only thing that depends on it
-ORTHOGRAPHIC_FAR = 10_000.0  # metres; likewise
+# Distances of the clipping planes, metres: only the depth of `opengl_clip_from_view` depends on them.
+NEAR = 0.01
+ORTHOGRAPHIC_FAR = 10_000.0  # of an orthographic camera; that of a perspective camera is infinite
 FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])  # between OpenCV's axes and OpenGL's
 
 
